@@ -12,12 +12,10 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.methods import KINECT_SKIRT
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 GAMMAS = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # 1/m
 BOX = SearchBox(KINECT_SKIRT.minimum, KINECT_SKIRT.maximum, KINECT_SKIRT.interval)

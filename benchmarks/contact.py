@@ -22,7 +22,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+
+from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -35,7 +36,6 @@ from fit.recordings.recording import prepare
 from formats.garment import Garment
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
-Floats = NDArray[np.float64]
 SIDE, DENSITY = 0.3, 0.2  # m and kg/m^2 of the folded sheet
 THICKNESSES = (0.0, 0.002, 0.004, 0.005, 0.006, 0.008)  # m
 FINE = 0.02  # m between the samples of the finer count

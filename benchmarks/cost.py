@@ -25,7 +25,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -36,7 +37,6 @@ from fit.cloth.support import Clamp, clamps
 from fit.recordings.recording import prepare
 from tests.fit.scenes import material, take_of
 
-Floats = NDArray[np.float64]
 SIDE = 0.4  # m
 ELEMENTS = (4, 8, 16, 33)  # along a side: 13 x 13, 25 x 25, 49 x 49 and 100 x 100 vertices
 STEPS = 2000  # of every size, so that each runs for as long as its step allows and packing the arrays counts little

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+
+from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -30,7 +31,6 @@ from fit.observer.residuals import Observer
 from fit.recordings.recording import Recording, prepare
 from fit.recordings.smoothing import smoothing_spline
 
-Floats = NDArray[np.float64]
 SEED = 77
 TRAINING = 3  # takes of a case
 

@@ -29,7 +29,6 @@ from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace as changed
-from numpy.typing import NDArray
 
 from fit.effects import find_effects
 from fit.recordings.camera_findings import describe_camera
@@ -40,7 +39,6 @@ from fit.recordings.smoothing import best_cut_off
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.take import Take
 
-Floats = NDArray[np.float64]
 LATE, TILT, DEPTH, BORDER = 0.06, np.radians(2.0), 0.015, 0.01  # s, rad, share, m
 TYPICAL_OF = {  # what a figure counts in: the typical size of an effect
     "latency": "time_offset", "publish_time": "frame_timing", "held_edge": "attachment_offset",

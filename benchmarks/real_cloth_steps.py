@@ -25,7 +25,6 @@ from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
@@ -37,10 +36,10 @@ from fit.recordings.camera import CameraSteps
 from fit.recordings.grids import grid_of
 from fit.recordings.recording import Recording, prepare
 from fit.report.residual_picture import draw_residuals
+from formats.arrays import Floats
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.take import Take
 
-Floats = NDArray[np.float64]
 FITTED = ("range30_rep1", "range60_rep4", "range90_rep2", "range120_rep1")  # one of each size of swing
 DRAWN = "range90_rep3"  # the held-out take of the pictures
 SPACING = 0.033  # m, a ninth of the cloth: the diagnosis' own mesh

@@ -15,7 +15,6 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.cases import Truth, draw_truth, make_takes, rounds
 from fit.blind.foreign.engines import OWN_GENERATOR
@@ -26,8 +25,8 @@ from fit.gap.fitting import Task, fit
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
 NEARLY = 1.05  # times the cost from the truth: the same valley
 IN_BASE = {e.name for e in LIBRARY if e.in_base in {p.name for p in SI.parameters}}
 

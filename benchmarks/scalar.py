@@ -33,6 +33,8 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Floats
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit import runtime
@@ -43,7 +45,6 @@ from fit.cloth.simulator import Simulator
 from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 SOURCE = Path(__file__).parent / "scalar" / "rollout.c"

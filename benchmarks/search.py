@@ -25,6 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from formats.arrays import Floats
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit.cloth.effect import Effect
@@ -41,8 +43,6 @@ from fit.search.choice import OBSERVED, RESTARTED_CHAINS, SEARCHES
 from fit.search.intervals import PRIOR_SD
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
-
-Floats = NDArray[np.float64]
 
 SEEDS_FROM = 100  # below are those that the searches were developed on
 NOISE = 2e-3  # m a coordinate, between the 1.9 and 2.9 mm measured of a depth camera at rest

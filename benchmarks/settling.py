@@ -20,7 +20,6 @@ import argparse
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
@@ -28,9 +27,8 @@ from fit.cloth.support import SETTLE_TIME
 from fit.effects.clip_slack import ClipSlack
 from fit.methods.physical_units import SI
 from fit.recordings.recording import prepare
+from formats.arrays import Floats
 from tests.fit.scenes import hung, sheet, take_of
-
-Floats = NDArray[np.float64]
 
 DENSITY = 0.2  # kg/m^2
 SIZES = (0.30, 0.45)  # m

@@ -17,7 +17,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -31,7 +32,6 @@ from fit.methods import KINECT_SKIRT
 from fit.recordings.recording import Recording, prepare
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
-Floats = NDArray[np.float64]
 REPEATS = 5
 VISCOSITIES = (1e-3, 3e-3)  # s: the effect's typical size, and its largest
 

@@ -45,14 +45,13 @@ from fit.methods import distance as objective
 from fit.methods.mocap_swatch import NODE_SPACING
 from fit.recordings.recording import Recording, prepare
 from formats.archive import read_take
+from formats.arrays import Floats
 from formats.descriptions import load_garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import load_fit_result
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 from formats.take import Take
-
-Floats = NDArray[np.float64]
 
 TIME = np.arange(FRAMES) / FPS
 COMPARED = ("swing", "other")  # the motions that the tables are of

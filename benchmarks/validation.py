@@ -25,9 +25,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, curve_fit
 from scipy.special import jn_zeros
+
+from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -51,7 +52,6 @@ FRAME = 1 / 60
 AWAY = np.array([0.0, 1.5, 0.0])  # m from the origin
 CARD = 0.01  # N m, bending stiffness of card
 LIMP = {"bending_stiffness": 1e-9, "bending_damping_time": 0.0, "membrane_damping_time": 0.0}
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,10 @@ from fit.cloth.simulator import Simulator
 from fit.cloth.support import GRAVITY, Clamp, Supporting, clamps
 from fit.effects.air_drag import AIR_DENSITY, AirDrag
 from fit.recordings.recording import Curve, prepare
+from formats.arrays import Floats
 from formats.garment import Garment
 from tests.fit.scenes import material, sheet, take_of
 
-Floats = NDArray[np.float64]
 Held = Callable[[Floats], NDArray[np.bool_]]
 DENSITY = 0.2  # kg/m^2
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # frame of a sheet in the plane of x and z

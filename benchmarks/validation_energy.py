@@ -11,19 +11,18 @@ precision heats the cloth, by 1e-7 to 3e-7 W here; the swing has 1.8e-3 J.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import GRAVITY
 from fit.recordings.recording import prepare
+from formats.arrays import Floats
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2  # m, m, kg/m^2: the sheet of `validation.py` too
 STRETCH, SHEAR = 2000.0, 100.0  # N/m
 NUDGE, HERTZ = 0.01, 0.89  # m, 1/s: of the hanger, at about the first swing
 RATE, MEAN_OVER, SECONDS = 2000, 0.9, 10.0
-Floats = NDArray[np.float64]
 
 
 def energy_drift(resolution: Resolution, damping: float = 0.0) -> float:

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from capture.depth.surface import OUTLIER_SD, pixel_sd
 from capture.hanger.marker_detection import diagonal_crossing, quad_side
 from capture.hanger.marker_plates import PlatePlacer
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 REACH = 1.1  # of the marker's side, from its centre: plates with a quiet zone of one bit end at 0.6 to 0.7
 WHOLE_ROWS = 0.5  # of the marker's side: fewer rows with two ends are no outline

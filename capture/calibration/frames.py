@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from capture.errors import CalibrationError
 from capture.hanger.marker_detection import MarkerDetector
 from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 STILL_PIXELS = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
 FEWEST_STILL_FRAMES = 15  # frames, half a second: less can be the turning point of a swing

@@ -25,14 +25,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import BASELINE, DISPARITY_STEPS
 from capture.hanger.marker_plates import MARKER_CENTRE_SD
+from formats.arrays import Floats
 from formats.hanger import hanger_frame
 from formats.rig import Rig, Sensor
-
-Floats = NDArray[np.float64]
 
 MOUNTING_SD = 1e-3  # m, a printed marker stuck by eye to a plumb line or held by a clip at its black edge
 DISTANCE_SD = 0.5e-3  # m, a distance read off a ruler with millimetres

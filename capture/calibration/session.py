@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.calibration.depth_offset import plate_offset
 from capture.calibration.frames import StillFrames, watch
@@ -33,10 +32,9 @@ from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing
 from capture.hanger.marker_plates import PlatePlacer
 from capture.hanger.seen_otherwise import seen_otherwise
 from firmware_host.depth_sensor import DepthSensor
+from formats.arrays import Floats
 from formats.descriptions import DEPTH_SCALES
 from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
-
-Floats = NDArray[np.float64]
 
 SHORTEST_LINE = 0.1  # m between a plumb line's markers: below, gravity is known to two degrees at best
 GRAVITY_BY_EYE = np.radians(2.0)  # rad, of a rig whose gravity was never measured

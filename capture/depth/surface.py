@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)

@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 
 from capture.depth.surface import LATERAL_SD
 from capture.garment.silhouette import Silhouette
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 HARRIS_BLOCK = 5  # double px, structure tensor window: ragged edges average out, a panel's corner does not
 HARRIS_K = 0.04  # Harris and Stephens' usual constant

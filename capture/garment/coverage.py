@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from capture.garment.geodesic import geodesic_distances
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 from formats.rig import Sensor
 
-Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 INNER_RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m

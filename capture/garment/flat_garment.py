@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
 from capture.garment.geodesic import farthest_place, geodesic_distances
+from formats.arrays import Floats
 from formats.garment import Garment
-
-Floats = NDArray[np.float64]
 
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
 CENTRE = 4  # the role of the centre, after the four corners

@@ -27,11 +27,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.garment.slant import Slant
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits beyond which it says nothing more
 PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m

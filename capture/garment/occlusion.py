@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 from formats.rig import Sensor
-
-Floats = NDArray[np.float64]
 
 FARTHEST, MORE = 0.25, 0.03  # m: missing cloth that is looked for, and what its measure may be short of
 DEEPER = 1.5  # of that, in depth: the fold need not lie where it is looked for

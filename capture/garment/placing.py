@@ -13,13 +13,11 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import CorrelationMeter, fit_surface
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 from formats.rig import Sensor
-
-Floats = NDArray[np.float64]
 
 PATCH_RADIUS = 14  # px around a point whose cloth tells its depth: 39 mm at 1.6 m, flat to 1 mm
 MIXED_RIM = 2  # px at the silhouette's edge whose depth may be mixed

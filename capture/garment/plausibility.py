@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 HARDEST_WHIP = 60.0  # m/s^2, a free corner turning round at the end of a hard swing
 FASTEST_POINT = 6.0  # m/s, the hem in the hardest swing by hand

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.garment.corners import CornerFinder, PanelCorners, ShirtCorners
+from formats.arrays import Floats
 from formats.surface import SurfaceScan
-
-Floats = NDArray[np.float64]
 
 WELL_KNOWN = 8e-3  # m, the error that is wanted of a corner
 FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": PanelCorners, "t-shirt": ShirtCorners}

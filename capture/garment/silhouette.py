@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 CROP_BORDER = 12  # px kept around the garment: what lies there says whether it ends or goes on behind something
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)

@@ -15,13 +15,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import fit_surface
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 from formats.rig import Sensor
-
-Floats = NDArray[np.float64]
 
 AROUND = 0.05  # m: of 20, 30, 35, 40, 50 and 70 mm the best on development cloths left out
 SPREAD = 0.06  # m, how far steep cloth reaches in depth from the middle of these

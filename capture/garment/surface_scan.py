@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
+from formats.arrays import Floats
 from formats.rig import Sensor
 from formats.surface import SurfaceScan
-
-Floats = NDArray[np.float64]
 
 SMOOTHING = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
 FEWEST_CLOTH = 0.04  # of the pixels that are averaged: a right corner whose rim is left out fills a tenth

@@ -25,11 +25,11 @@ from capture.garment.sight import FINDERS, GarmentSight, GarmentTracker, frame_q
 from capture.garment.silhouette import Silhouette, Window, cut_out
 from capture.garment.slant import UPRIGHT, rim_slant
 from capture.garment.surface_scan import scan_surface
+from formats.arrays import Floats
 from formats.garment import Garment
 from formats.rig import Rig, Sensor
 from formats.surface import SurfaceScan
 
-Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 REACH_FACTOR = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.rig import Hanger, Sensor
-
-Floats = NDArray[np.float64]
 
 LEAST_CHROMA = 22.0  # of L*a*b*: paper and skin in shade have less, stickers of a colour with a name have 40 and more
 HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no dot falls between two

@@ -23,9 +23,8 @@ from capture.errors import UntrackableError
 from capture.hanger.colour_dot_search import Dot, find_pair
 from capture.hanger.fiducial_tracker import LONGEST_GUESS, HangerSight, ImageTrack, check_distance, hanger_and_sensor
 from capture.hanger.marker_plates import PlatePlacer
+from formats.arrays import Floats
 from formats.rig import Calibration, Rig
-
-Floats = NDArray[np.float64]
 
 AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its centre by a tenth of its diameter
 LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the piece that is the dot

@@ -20,9 +20,8 @@ from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing, q
 from capture.hanger.marker_following import LONGEST_FOLLOWED, Followed, Keepsake, follow, keep
 from capture.hanger.marker_plates import PlatePlacer
 from capture.hanger.pose import PlateSlope, hanger_pitch
+from formats.arrays import Floats
 from formats.rig import Calibration, Hanger, Rig, Sensor
-
-Floats = NDArray[np.float64]
 
 HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window must allow for
 LONGEST_GUESS = 0.3  # s, after this long a loss the whole picture is searched

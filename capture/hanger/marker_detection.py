@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is seen to a pixel
 WANTED_SIDE = 64.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px

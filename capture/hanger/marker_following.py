@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.hanger.marker_detection import quad_side
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 LONGEST_FOLLOWED = 0.5  # s since the id was read; in it a hand turns a hanger by some degrees, which a picture survives

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from capture.depth.surface import CorrelationMeter, fit_surface, pixel_sd
 from capture.hanger.marker_detection import quad_side
 from capture.hanger.pose import PlateSlope, plate_slope
+from formats.arrays import Floats
 from formats.rig import Sensor
-
-Floats = NDArray[np.float64]
 
 MARKER_CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
 CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at either side

@@ -22,13 +22,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import SurfaceDepth, pixel_sd
+from formats.arrays import Floats
 from formats.hanger import hanger_frame
 from formats.rig import Rig, Sensor
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from capture.hanger.fiducial_tracker import HangerSight
 from firmware_host.depth_sensor import SensorFrame
+from formats.arrays import Floats
 from formats.rig import Hanger, Sensor
 from formats.take import FrameState
-
-Floats = NDArray[np.float64]
 
 FEWEST_DEPTH = 0.01  # of the pixels that must have depth
 NEAREST, FARTHEST = 0.8, 3.5  # m, see above

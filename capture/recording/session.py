@@ -24,11 +24,11 @@ from capture.recording.tally import Tally
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter, read_take
+from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
 from formats.rig import Hanger, Rig
 
-Floats = NDArray[np.float64]
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
 Announce = Callable[[float, Condition], None]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.scale import DepthScale, depth_rig
 from capture.garment.sight import GarmentSight, nothing_found
@@ -14,14 +13,13 @@ from capture.hanger.choice import hanger_tracker
 from capture.hanger.fiducial_tracker import HangerSight, hanger_and_sensor, nothing_seen
 from capture.recording.frame_faults import HangerWatch, is_garment_covered, picture_faults
 from firmware_host.depth_sensor import SensorFrame
+from formats.arrays import Floats
 from formats.blocks import Frame
 from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.rig import Calibration, Rig
 from formats.surface import SurfaceScan
 from formats.take import FrameState
-
-Floats = NDArray[np.float64]
 
 
 class Tracked(NamedTuple):

@@ -20,13 +20,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.pattern import lay
+from formats.arrays import Floats
 from formats.garment import Garment
-
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.80665  # m/s^2 along +y
 AIR_DENSITY = 1.204  # kg/m^3 at 20 degC

@@ -14,9 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.rig import Sensor
-
-Floats = NDArray[np.float64]
 
 LATERAL_PX = 0.8
 BASELINE = 0.075  # m

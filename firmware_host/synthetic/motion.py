@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 START, RAMP = 1.0, 0.5  # s
 STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s

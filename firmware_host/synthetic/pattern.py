@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
+from formats.arrays import Floats
 from formats.garment import Garment
-
-Floats = NDArray[np.float64]
 
 SHIRT_CORNERS = 10  # shoulder, shoulder, sleeve hem (2), underarm, body hem (2), underarm, sleeve hem (2)
 SLEEVE_COLUMNS = 7  # cells across a sleeve

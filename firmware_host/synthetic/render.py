@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from firmware_host.synthetic.pattern import Pattern
 from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
 from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty

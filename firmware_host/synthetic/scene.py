@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Calibration, Hanger, Rig, Sensor
-
-Floats = NDArray[np.float64]
 
 # PS1080 at VGA: OpenNI's factory focal length.
 CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)

@@ -31,10 +31,9 @@ from numpy.typing import NDArray
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.swatch import TO_SENSOR
+from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
 from formats.outputs import check_stem, output_folder, refuse_to_replace, write_bytes
-
-Floats = NDArray[np.float64]
 
 SIDE, GRID = 0.3, 8  # m, and points along it, as in the recordings
 NODES_ALONG = 9  # of the cloth along its side

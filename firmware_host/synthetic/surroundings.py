@@ -12,11 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.synthetic.scene import CAMERA
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 WALL_BEHIND = 1.0  # m behind the hanger, as in the plain scene
 FLOOR_BELOW = 1.1  # m below the sensor

@@ -15,17 +15,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from formats.arrays import Floats
 from formats.descriptions import dump_description
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import output_folder, refuse_to_replace, write_bytes, write_text
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
-
-Floats = NDArray[np.float64]
 
 FPS, FRAMES = 120.0, 500  # section 2
 CELLS_BETWEEN_MARKERS = 3  # of the cloth's grid between two markers

@@ -25,9 +25,9 @@ from firmware_host.synthetic.render import Renderer, View
 from firmware_host.synthetic.scene import CAMERA, FPS, HANGER_REST, Placement, demo_garment, place
 from firmware_host.synthetic.surroundings import Panel, Surroundings
 from firmware_host.synthetic.visibility import PointSight, point_sight
+from formats.arrays import Floats
 from formats.garment import Garment
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}

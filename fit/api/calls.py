@@ -1,7 +1,7 @@
 """The six calls of the Python interface: load, fit, diagnose, simulate, report, export.
 
-Each call does the work of the command of its name. Both use the same code, the same defaults and one thread of linear
-algebra. So the numbers are the command's to the last digit.
+A call that has a command of its name does the work of that command. Both use the same code, defaults and one thread of
+linear algebra. So the numbers are the command's to the last digit.
 """
 
 from __future__ import annotations

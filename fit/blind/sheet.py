@@ -40,7 +40,6 @@ class Sheet:
     - `area` [m^2], (faces,)
     - `node_area` [m^2], (nodes,)
     - `hinges`, (hinges, 4): edge ends, opposite corners
-    - `hinge_faces`, (hinges, 2)
     - `hinge_cotangents`, (hinges, 4)
     - `hinge_area` [m^2], (hinges,): A0 + A1
     - `hinge_across`, (hinges, 2): unit vector square to the edge
@@ -56,7 +55,6 @@ class Sheet:
     area: Floats
     node_area: Floats
     hinges: Integers
-    hinge_faces: Integers
     hinge_cotangents: Floats
     hinge_area: Floats
     hinge_across: Floats
@@ -114,7 +112,7 @@ def _sheet_of(width: float, height: float, rest: Floats, triangles: NDArray[np.i
     length[bottom[1:]] += gaps / 2
     return Sheet(
         width=width, height=height, rest=rest, triangles=triangles.astype(np.int32), inverse=inverse, area=area,
-        node_area=node_area, hinges=hinges, hinge_faces=faces, hinge_cotangents=cotangents,
+        node_area=node_area, hinges=hinges, hinge_cotangents=cotangents,
         hinge_area=area[faces].sum(1), hinge_across=np.stack([-along[:, 1], along[:, 0]], 1),
         held=np.flatnonzero(np.isclose(rest[:, 1], 0.0)).astype(np.int32), bottom_length=length,
     )  # fmt: skip

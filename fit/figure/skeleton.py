@@ -28,12 +28,6 @@ UPPER_ARM, FOREARM, HAND = 0.186, 0.146, 0.108
 STANDARD_HEIGHT = 1.70  # m
 
 SIDES = ("left", "right")
-JOINTS = (
-    "pelvis", "chest", "neck", "head",
-    *(f"{side}_{part}" for side in SIDES for part in (
-        "hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist", "finger",
-    )),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

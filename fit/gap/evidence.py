@@ -18,12 +18,13 @@ from fit.gap.closure import (
     solver_draws,
 )
 from fit.gap.correlation import FREE_DIRECTIONS
-from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
+from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.floor import NOISE_REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.observer.residuals import Observer
+from fit.search.intervals import AT_BOUND, NORMAL_90
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Figure, Gate
 
@@ -35,7 +36,6 @@ LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
 STUDENT_95 = 2.92  # of t with two degrees of freedom, 95 % one-sided: of the mean of three replicas of the noise
 # One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
-AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
@@ -134,7 +134,7 @@ def per_millimetre(observer: Observer, signature: Signature) -> float:
 
 def wrong_by_mesh(numerics_mm: float, size_per_millimetre: float) -> float:
     """Half of the 90 % interval of what mesh and solver, wrong by so many mm, add to a size, in its own unit."""
-    return NORMAL_95 * numerics_mm * size_per_millimetre / float(np.sqrt(FREE_DIRECTIONS))
+    return NORMAL_90 * numerics_mm * size_per_millimetre / float(np.sqrt(FREE_DIRECTIONS))
 
 
 def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -> tuple[float, tuple[float, float]]:
@@ -232,7 +232,7 @@ class Evidence:
         """
         wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
         size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
-        law = NORMAL_95 * self.observer.library[effect].law_spread * size if any_law else 0.0
+        law = NORMAL_90 * self.observer.library[effect].law_spread * size if any_law else 0.0
         half = float(np.hypot((high - low) / 2, law))
         return size, (size - half, size + half)
 

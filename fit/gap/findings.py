@@ -7,13 +7,14 @@ import numpy as np
 from fit.cloth.effect import Effect, size_of
 from fit.gap.detectable import smallest_detectable
 from fit.gap.evidence import STUDENT_95, Evidence, is_at_bound
-from fit.gap.fitting import NORMAL_95, Fitted
+from fit.gap.fitting import Fitted
 from fit.gap.floor import Floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
+from fit.search.intervals import NORMAL_90
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.fit_records import FitParameter
 
@@ -119,7 +120,7 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
     """Describe the fitted base parameters with 90 % intervals."""
     described = []
     for k, parameter in enumerate(model.parameters):
-        value, spread = float(fitted.vector[k]), NORMAL_95 * float(fitted.deviation[k])
+        value, spread = float(fitted.vector[k]), NORMAL_90 * float(fitted.deviation[k])
         low, high = (
             (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
         )

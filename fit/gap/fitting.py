@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.effect import size_of
 from fit.observer.residuals import Observer
+from fit.search.intervals import NORMAL_90
 from fit.search.least_squares import (
     BoundedSpace,
     LeastSquaresResult,
@@ -34,7 +35,6 @@ from formats.arrays import Floats
 
 PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
-NORMAL_95 = 1.645  # two-sided 90 %
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
 CANDIDATE_LANES = 12  # candidates that cost hardly more than one
 FEWEST_RUNGS, MOST_RUNGS = 3, 4  # steps that one fit tries at once
@@ -223,11 +223,11 @@ def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float
     amplitude = fitted.amplitudes[observer.columns[effect]]
     deviation = fitted.deviation[place : place + len(amplitude)] * observer.library[effect].typical
     if len(amplitude) == 1:
-        middle, half = float(amplitude[0]), NORMAL_95 * float(deviation[0])
+        middle, half = float(amplitude[0]), NORMAL_90 * float(deviation[0])
         return middle, (middle - half, middle + half)
     # A component cannot be known worse than its prior, and one that is hardly known must not drown the others.
     spread = np.minimum(deviation, np.abs(amplitude))
     length = size_of(amplitude)
     middle = float(np.sqrt(max(float((amplitude**2 - spread**2).sum()), 0.0)))
-    half = NORMAL_95 * float(np.sqrt(((amplitude / max(length, 1e-12) * deviation) ** 2).sum()))
+    half = NORMAL_90 * float(np.sqrt(((amplitude / max(length, 1e-12) * deviation) ** 2).sum()))
     return middle, (middle - half, middle + half)

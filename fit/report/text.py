@@ -11,11 +11,6 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MISSING = "–"
 
 
-def escaped(text: object) -> Markup:
-    """Return any text as HTML shows it literally."""
-    return escape(text)
-
-
 def words(name: str) -> Markup:
     """Return an identifier as escaped words."""
     return escape(name.replace("_", " "))

@@ -38,7 +38,7 @@ SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
 AT_BOUND = 0.01  # of the box: a parameter nearer to its bound was stopped by it
 FEWEST_BLOCKS = 3
-NORMAL_90 = 1.645
+NORMAL_90 = 1.645  # standard deviations: within so many of its mean lie 90 % of a normal distribution
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ import re
 import resource
 import signal
 import subprocess
-import time
 
 import numpy as np
 import pytest
@@ -119,12 +118,11 @@ def test_a_disk_that_hangs_is_named_within_five_seconds_and_the_take_is_ended_no
     appliance.wait_for("armed")
     appliance.ask("start")
     appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-    begun = time.monotonic()
     flag.touch()
     told = appliance.wait_until(lambda told: told["faults"], "a fault")
     behind = float(re.search(r"not finished writing for (\d\.\d) s", told["faults"][0]["sentence"])[1])
     assert told["faults"][0]["name"] == "disk_slow"
-    assert behind <= 5.0 < time.monotonic() - begun + 5.0
+    assert behind <= 5.0
     assert told["state"] in ("recording", "saving")
     flag.unlink()
     told = appliance.wait_until(lambda told: told["takes"] == 1 and not told["faults"], "mended")

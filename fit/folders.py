@@ -52,7 +52,7 @@ def alone(folder: Path, command: str) -> Iterator[None]:
         except BlockingIOError as error:
             raise FitError(
                 f"another `hangtime {command}` writes here", where=folder,
-                advice="wait until it has ended, or give another folder with --out",
+                advice="wait until it has ended, or name another folder",
             ) from error  # fmt: skip
         except OSError:  # a network's file system locks no folders
             pass

@@ -131,12 +131,12 @@ def _refusal(answer: Answer, where: str, *, writing: bool) -> ServerError:
         )
     if status in (408, 425, 429, 503) or code == "SlowDown":
         return fault(
-            f"the server asks to wait ({answer.words})", kind="passing", advice="nothing; sync tries again by itself"
+            f"the server asks to wait ({answer.words})", kind="passing", advice="nothing; the sync service tries again"
         )
     if status >= 500:
         return fault(
             f"the server fails ({answer.words})", kind="passing",
-            advice="sync tries again by itself; if it lasts, look into the server's log",
+            advice="the sync service tries again; if it lasts, look into the server's log",
         )  # fmt: skip
     if status in (301, 307, 308):
         return fault(
@@ -151,7 +151,7 @@ def _refusal(answer: Answer, where: str, *, writing: bool) -> ServerError:
 
 
 def _no_answer(error: Exception, text: str, where: str) -> ServerError:
-    fault, again = partial(ServerError, where=where), "sync tries again by itself"
+    fault, again = partial(ServerError, where=where), "try again; the sync service does so by itself"
     if "dns error" in text:
         return fault(
             "the server's name cannot be found", kind="passing",
@@ -215,5 +215,5 @@ def _folder_fault(error: OSError, where: str) -> ServerError:
         )  # fmt: skip
     return ServerError(
         f"the server's folder fails ({reason})", where=where, kind="passing",
-        advice="sync tries again by itself; if it lasts, check that disk",
+        advice="the sync service tries again; if it lasts, check that disk",
     )  # fmt: skip

@@ -100,10 +100,9 @@ def make_command(
     from fit.blind.foreign.engines import find_generator
     from fit.blind.making import make_real_set, make_set
     from fit.blind.real import real_plants
-    from fit.folders import make_folder
+    from fit.folders import alone, make_folder
 
     engine = find_generator(generator)
-    make_folder(folder, "manifest.json")
     numbers: dict[Kind, int] = {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns}
     given = {"noise": noise, "away": missing, "rate": rate}
     sensor = {name: value for name, value in given.items() if value is not None}
@@ -113,7 +112,8 @@ def make_command(
             where="--real",
             advice="leave out --generator, --side, --noise, --missing and --rate, or --real",
         )
-    with counting("making", "finished cases are kept") as show:
+    make_folder(folder, "manifest.json")
+    with alone(folder, "blind make"), counting("making", "finished cases are kept") as show:
         if real is not None:
             manifest = make_real_set(folder, real, numbers, real_plants(effect), seed, progress=show)
         else:

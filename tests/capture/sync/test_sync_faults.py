@@ -21,9 +21,9 @@ SAID = {
     "skewed": ("the server refuses the clock of this device (403 RequestTimeTooSkewed", "to a time server"),
     "busy": ("the server asks to wait (503 SlowDown", "nothing"),
     "full": ("the server is full (507 InsufficientStorage: The disk is full)", "make room on the server"),
-    "reset before": ("the connection to the server broke", "tries again by itself"),
-    "reset in request": ("the connection to the server broke", "tries again by itself"),
-    "answer lost": ("the connection to the server broke", "tries again by itself"),
+    "reset before": ("the connection to the server broke", "the sync service does so by itself"),
+    "reset in request": ("the connection to the server broke", "the sync service does so by itself"),
+    "answer lost": ("the connection to the server broke", "the sync service does so by itself"),
     "silent": ("the server does not answer in time", "a slow one needs a longer timeout_s"),
 }  # fmt: skip
 

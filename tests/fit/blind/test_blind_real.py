@@ -192,6 +192,9 @@ def test_effects_and_folders_that_do_not_serve_are_refused(tmp_path):
     refused = hangtime_blind("make", tmp_path / "set", "--real", tmp_path, "--nulls", 1, "--generator", "mujoco")
     assert refused.returncode == 2
     assert "real takes are not simulated; leave out --generator" in refused.stderr
+    too_few = hangtime_blind("make", tmp_path / "set", "--real", tmp_path, "--nulls", 1)
+    assert (too_few.returncode, too_few.stdout) == (2, "")
+    assert not (tmp_path / "set").exists()
 
 
 def answered(folder, answers, share=1.0):

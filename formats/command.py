@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import platform
 import re
@@ -15,7 +14,7 @@ from typer.main import get_command
 
 from formats import help_pages, telling
 from formats.completion import choose_shell
-from formats.errors import HangtimeError
+from formats.errors import HangtimeError, of_system
 from formats.interrupts import hold_while_importing, remember_interruptions
 from formats.terminal import say, take_streams
 
@@ -24,11 +23,6 @@ from formats.terminal import say, take_streams
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 INTERRUPTED, CUT_OFF = 130, 141  # exit codes of a shell for what SIGINT and SIGPIPE end
-UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES}
-MAKE_ROOM = (
-    "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
-    "`batch` go on from it"
-)
 PACKAGES = {
     "cv2": "opencv-python-headless",
     "usb": "pyusb",
@@ -111,12 +105,9 @@ def main() -> None:
             raise
         _refuse(HangtimeError(f"{library} is not installed", advice=_how_to_get(library)))
     except OSError as error:
-        if error.errno not in UNWRITABLE and error.filename is None:
+        if (spoken := of_system(error)) is None:
             raise
-        what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
-        where = error.filename or "output"  # what stdout raises names nothing
-        advice = MAKE_ROOM if error.errno in UNWRITABLE else "check the path"
-        _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=advice))
+        _refuse(spoken)
     except BaseException as error:
         if type(error).__name__ != PANIC:
             raise

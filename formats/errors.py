@@ -14,7 +14,15 @@ HangtimeError                 says what, where, and what to do next; the command
 
 from __future__ import annotations
 
+import errno
+
 from formats.plain_text import plain
+
+UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES}
+MAKE_ROOM = (
+    "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
+    "`batch` go on from it"
+)
 
 
 class HangtimeError(Exception):
@@ -54,3 +62,13 @@ class AddressError(HangtimeError):
 
 class ResultError(HangtimeError):
     """A fit result or diagnosis that does not match its published schema."""
+
+
+def of_system(error: OSError) -> HangtimeError | None:
+    """Return what to tell of an error of the system; nothing where nobody can act on it."""
+    if error.errno not in UNWRITABLE and error.filename is None:
+        return None
+    what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
+    where = error.filename or "output"  # what stdout raises names nothing
+    advice = MAKE_ROOM if error.errno in UNWRITABLE else "check the path"
+    return HangtimeError(f"{what} ({error.strerror})", where=where, advice=advice)

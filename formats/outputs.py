@@ -103,6 +103,20 @@ def output_folder(folder: Path) -> Iterator[None]:
         raise
 
 
+def make_parent(path: Path) -> None:
+    """Make the folder of a file to be written, with those above it that are missing.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    try:
+        make_folders(path.parent)
+    except OSError as error:
+        raise OutputError(
+            f"cannot be made ({error.strerror})", where=path.parent, advice="choose another folder"
+        ) from error
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text whole or not at all.
 
@@ -141,12 +155,7 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
         check_rig(description, path)
     else:
         check_garment(description, path)
-    try:
-        make_folders(path.parent)
-    except OSError as error:
-        raise OutputError(
-            f"cannot be made ({error.strerror})", where=path.parent, advice="choose another folder"
-        ) from error
+    make_parent(path)
     if path.exists():
         with contextlib.suppress(DescriptionError):
             if (load_rig(path) if isinstance(description, Rig) else load_garment(path)) == description:

@@ -30,7 +30,12 @@ def schema_of(record: type[FitResult] | type[Diagnosis]) -> dict[str, Any]:
 
 
 def save_fit_result(path: Path, result: FitResult) -> None:
-    """Write a fit result; the file appears whole or not at all."""
+    """Write a fit result; the file appears whole or not at all, and its folder is made if absent.
+
+    Raises:
+        ResultError: a number in it is not finite.
+        OSError: it cannot be written.
+    """
     _save(path, result)
 
 
@@ -62,7 +67,7 @@ def diagnosis_from(raw: bytes, where: object) -> Diagnosis:
 
 
 def save_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
-    """Write a diagnosis; the file appears whole or not at all."""
+    """Write a diagnosis; raises as `save_fit_result` does."""
     _save(path, diagnosis)
 
 

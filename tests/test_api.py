@@ -7,6 +7,7 @@ import csv
 import dataclasses
 import io
 import json
+import math
 import re
 import subprocess
 import sys
@@ -18,6 +19,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import hangtime
+from fit.api.arguments import PlanOptions
+from fit.identification.request import Plan
 from formats.archive import write_take
 from formats.results import load_diagnosis, load_fit_result
 from tests.fit.scenes import material, sheet, simulate_take, swing
@@ -163,10 +166,21 @@ def test_a_loaded_result_cannot_draw_takes_that_it_does_not_hold(fitted, tmp_pat
 
 
 def test_a_loaded_fit_is_simulated_with_its_own_method_and_effects(takes, fitted, tmp_path):
+    """And on its own mesh, unless another is asked for."""
     loaded = hangtime.load(fitted.save(tmp_path / "fit.json"))
-    simulation = hangtime.simulate(takes / "swing.mcap", loaded, spacing=QUICK["spacing"])
-    assert simulation.values == fitted.values
+    simulation = hangtime.simulate(takes / "swing.mcap", loaded)
+    assert (simulation.values, simulation.remarks) == (fitted.values, ())
     assert simulation.error.mean_m == fitted.result.error.held_out_after.mean_m
+    finer = hangtime.simulate(takes / "swing.mcap", loaded, spacing=0.05)
+    assert finer.error == hangtime.simulate(takes / "swing.mcap", fitted, spacing=0.05).error != simulation.error
+
+
+def test_an_old_fit_is_simulated_on_the_usual_mesh_and_says_so(takes, fitted):
+    """Results did not always hold the spacing of their mesh."""
+    old = hangtime.FitOutcome(result=msgspec.structs.replace(fitted.result, spacing=None))
+    simulation = hangtime.simulate(takes / "swing.mcap", old)
+    assert simulation.error == hangtime.simulate(takes / "swing.mcap", old, spacing=0.05).error
+    assert "does not say its mesh spacing. The simulation has the method's own, 0.05 m." in str(simulation)
 
 
 @pytest.mark.parametrize(
@@ -181,11 +195,109 @@ def test_a_loaded_fit_is_simulated_with_its_own_method_and_effects(takes, fitted
         (lambda take: hangtime.diagnose(take, add="drag"), "there is no effect named 'drag'"),
         (lambda take: hangtime.diagnose([]), "no take was given; name at least one"),
         (lambda take: hangtime.simulate([]), "no take was given; name at least one"),
+        (lambda take: hangtime.load(None), "^path: is None; give the path of a file"),
+        (lambda take: hangtime.load(7), "^path: is of the kind int; give the path of a file"),
+        (lambda take: hangtime.load("a\0b"), r"^path: 'a\\x00b' is the name of no file; give the path of a file"),
+        (lambda take: hangtime.fit(""), "^takes: '' is the name of no file; give a take or the path of one"),
+        (lambda take: hangtime.fit(take, progress=None), "^progress: cannot be called; give a function"),
+        (lambda take: hangtime.diagnose(take, progress=7), "^progress: cannot be called; give a function"),
+        (lambda take: hangtime.fit(None), "^takes: is None; give a take, the path of one, or a list of them"),
+        (lambda take: hangtime.fit([take, 7]), "^takes: is of the kind int; give a take or the path of one"),
+        (lambda take: hangtime.fit({7: take}), "^takes: is of the kind int; give a take or the path of one"),
+        (lambda take: hangtime.fit(take, held_out=7), "^held_out: is of the kind int; give a take"),
+        (lambda take: hangtime.fit(take, held_out_motion=[7]), "^held_out_motion: is of the kind int; give a list"),
+        (lambda take: hangtime.fit(take, iterations="7"), "^iterations: iterations is '7'; give a whole number"),
+        (lambda take: hangtime.fit(take, iterations=True), "^iterations: iterations is True; give a whole number"),
+        (lambda take: hangtime.fit(take, spacing="0.1"), "^spacing: is of the kind str; give a number"),
+        (lambda take: hangtime.fit(take, spacing=-1), "^spacing: the mesh spacing is -1 m; give metres"),
+        (lambda take: hangtime.fit(take, gamma="x"), "^gamma: is of the kind str; give a number"),
+        (lambda take: hangtime.fit(take, gamma=0), "^gamma: gamma is 0; give a number above 0"),
+        (lambda take: hangtime.fit(take, method=7), "^method: is of the kind int; give a text"),
+        (lambda take: hangtime.fit(take, search=None), "^search: is None; give a text"),
+        (lambda take: hangtime.fit(take, fabric=7), "^fabric: is of the kind int; give a text"),
+        (lambda take: hangtime.fit(take, effects=None), "^effects: is None; give a text or a list of texts"),
+        (lambda take: hangtime.fit(take, bounds="x=1:2"), "^bounds: there is no parameter named 'x'"),
+        (lambda take: hangtime.fit(take, bounds=[("velocity", 1, 2)]), "^bounds: .* tuple; give NAME=LOW:HIGH, one"),
+        (lambda take: hangtime.fit(take, effects=["shear_stiffness"]), "^effects: .*; bounds .*=LOW:HIGH narrows it"),
+        (lambda take: hangtime.fit(take, checkpoint=7), "^checkpoint: is of the kind int; give the path"),
+        (lambda take: hangtime.fit(take, checkpoint=f"{take}/kept.json"), r"swing\.mcap: cannot be made or written"),
+        (lambda take: hangtime.diagnose(take, checkpoint=f"{take}/kept"), r"swing\.mcap/kept: cannot be used"),
+        (lambda take: hangtime.diagnose(take, seed=-3), "^seed: seed is -3; give a whole number from 0 on"),
+        (lambda take: hangtime.diagnose(take, spacing=0), "^spacing: the mesh spacing is 0 m; give metres"),
+        (lambda take: hangtime.diagnose(take, without=7), "^without: is of the kind int; give a text or a list"),
+        (lambda take: hangtime.diagnose(take, add=["hem"], without="hem"), "^without: hem is to be added and left out"),
+        (lambda take: hangtime.diagnose(take, model=7), "^model: is of the kind int; give a text"),
+        (lambda take: hangtime.diagnose(take, by="votes"), "^by: votes decides nothing; choose one of"),
+        (
+            lambda take: hangtime.simulate(take, "fit.json"),
+            "^parameters: .* str; give values by name, or a fit",
+        ),
+        (lambda take: hangtime.simulate(take, {7: 1.0}), "^parameters: there is no parameter named 7; known"),
+        (lambda take: hangtime.simulate(take, {"velocity_damping": "a"}), "^velocity_damping: is of the kind str"),
+        (lambda take: hangtime.simulate(take, {"velocity_damping": math.nan}), "= nan is outside its range"),
+        (lambda take: hangtime.report(hangtime.load(take), "r.html"), "^outcome: is of the kind Take; give what `fit`"),
+        (lambda take: hangtime.export(take, "csv", "a.csv"), "is not a FitResult"),
+        (lambda take: hangtime.export(None, "csv", "a.csv"), "^outcome: is None; give the path of a file"),
     ],
 )
 def test_a_careless_call_is_refused_with_what_to_do(takes, call, sentence):
     with pytest.raises(hangtime.HangtimeError, match=sentence):
         call(takes / "swing.mcap")
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda fit, take: hangtime.report(fit, None), "^path: is None; give the path of a file"),
+        (lambda fit, take: hangtime.report(fit, take / "r.html"), r"swing\.mcap: cannot be made"),
+        (lambda fit, take: fit.save(None), "^path: is None; give the path of a file"),
+        (lambda fit, take: fit.save(take / "fit.json"), r"swing\.mcap: cannot be used"),
+        (lambda fit, take: fit.save(take.parent), "cannot be used"),
+        (lambda fit, take: fit.to_csv(take / "a.csv"), r"swing\.mcap: cannot be made"),
+        (lambda fit, take: hangtime.export(fit, 7, "a"), "^to: is of the kind int; give a text"),
+        (lambda fit, take: hangtime.export(fit, "usd", "a.usdc", take=[take, take]), "^take: is of the kind list"),
+        (lambda fit, take: hangtime.export(fit, "usd", "a.usdc"), "^take: a fit alone holds no motion"),
+        (
+            lambda fit, take: hangtime.export(fit, "usd-physics", "a.usda", thickness="1"),
+            "^thickness: .* give metres",
+        ),
+        (lambda fit, take: hangtime.export(fit, "newton", "a.json", spacing="1"), "^spacing: .* str; give a number"),
+        (
+            lambda fit, take: hangtime.export(fit, "table", "a.txt", spacing=0.1),
+            "^spacing: .*; leave it out",
+        ),
+    ],
+)
+def test_a_careless_use_of_a_fit_is_refused_with_what_to_do(takes, fitted, call, sentence):
+    with pytest.raises(hangtime.HangtimeError, match=sentence):
+        call(fitted, takes / "swing.mcap")
+
+
+def test_the_command_names_the_option_where_python_names_the_argument(takes, tmp_path):
+    words = ("fit", str(takes / "swing.mcap"), "--bounds", "x=1:2", "--out", str(tmp_path / "out"))
+    done = subprocess.run([sys.executable, "-m", "hangtime", *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "--bounds: there is no parameter named 'x'" in done.stderr
+
+
+def test_every_option_of_a_plan_is_an_argument():
+    assert list(PlanOptions.__annotations__) == [field.name for field in dataclasses.fields(Plan)]
+
+
+def test_a_fit_keeps_its_search_and_its_numbers_in_folders_that_it_makes(takes, fitted, tmp_path):
+    """And a result is read again whatever its name is."""
+    kept = tmp_path / "search/kept.json"
+    hangtime.fit(takes / "gentle.mcap", checkpoint=kept, **{**QUICK, "iterations": 1, "spacing": 0.2})
+    assert kept.exists()
+    fitted.to_csv(tmp_path / "tables/fit.csv")
+    assert (tmp_path / "tables/fit.csv").read_text() == fitted.to_csv()
+    assert hangtime.load(fitted.save(tmp_path / "results/noext")).result == fitted.result
+
+
+def test_a_fit_that_is_refused_leaves_no_folder_for_its_search(takes, tmp_path):
+    with pytest.raises(hangtime.HangtimeError, match="this take is given twice"):
+        hangtime.fit([takes / "gentle.mcap"] * 2, checkpoint=tmp_path / "search/kept.json", **QUICK)
+    assert not (tmp_path / "search").exists()
 
 
 def test_a_file_that_is_no_result_is_named(tmp_path):

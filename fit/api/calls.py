@@ -6,34 +6,50 @@ linear algebra. So the numbers are the command's to the last digit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
+from fit.api.arguments import (
+    PlanOptions,
+    arguments_named,
+    check_call,
+    check_kind,
+    check_text,
+    checked,
+    names_of,
+    number_of,
+    path_of,
+)
 from fit.api.results import DiagnosisOutcome, FitOutcome, SimulatedTake, Simulation
 from fit.errors import FitError
 from formats.archive import read_take
 from formats.errors import ResultError
+from formats.outputs import make_parent, output_folder
 from formats.plausible import check_plausible_take
 from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
 if TYPE_CHECKING:
     from fit.cloth.effect import Effect
-    from fit.identification.request import PlanOptions
+    from fit.identification.request import Request
 
 OneTake = Take | Path | str
 Takes = OneTake | Sequence[OneTake]
 
 
+@arguments_named()
 def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
     """Return the take of an archive (`.mcap`), or the result that a `fit.json` or `diagnosis.json` holds.
 
     Raises:
         HangtimeError: the file cannot be read, or is neither.
     """
-    path = Path(path)
-    if path.suffix != ".json":
+    path = path_of(path, "path")
+    if not _is_json(path):
         return read_take(path)
     try:
         return FitOutcome(result=load_fit_result(path))
@@ -44,6 +60,7 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
             raise no_fit from None
 
 
+@arguments_named()
 def fit(
     takes: Takes,
     *,
@@ -59,7 +76,7 @@ def fit(
     - `takes`, `held_out`: takes or paths of archives, one or several
     - `held_out_motion`: kinds of motion to judge on, one or several
     - `anyway`: accept sizes, weights and times that no cloth, hanger or camera has
-    - `checkpoint`: file from which an interrupted search continues
+    - `checkpoint`: file from which an interrupted search continues; its folder is made if absent
     - `progress`: called with steps done, steps in all and the least error so far
 
     The options are those of the command, with the same meanings and defaults (`fit.identification.request.Plan`):
@@ -69,16 +86,18 @@ def fit(
         FitError: the request or the takes cannot be fitted.
     """
     from fit.identification.calibrate import calibrate
-    from fit.identification.request import plan_of
+    from fit.identification.request import Plan
 
+    check_call(progress, "progress")
+    request = Plan(**checked(options)).request()
+    file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
-    request = plan_of(options).request()
-    result = calibrate(
-        training, testing, request, checkpoint=Path(checkpoint) if checkpoint is not None else None, progress=progress
-    )
+    with output_folder(file.parent) if file is not None else contextlib.nullcontext():
+        result = calibrate(training, testing, request, checkpoint=file, progress=progress)
     return FitOutcome(result=result, training=tuple(training), held_out=tuple(testing), request=request)
 
 
+@arguments_named()
 def diagnose(
     takes: Takes,
     *,
@@ -110,21 +129,29 @@ def diagnose(
     from fit.cloth.model import Resolution
     from fit.gap.diagnosis import deciding
     from fit.gap.diagnosis import diagnose as find_gap
-    from fit.identification.request import each
+    from fit.identification.request import check_count
     from fit.methods import base_model_of, find_method
 
+    for name, text in {"model": model, "by": by}.items():
+        if text is not None or name == "by":
+            check_text(text, name)
+    check_call(progress, "progress")
+    check_count(seed, "seed", least=0)
+    mesh = number_of(spacing, "spacing")
+    resolution = Resolution(spacing=mesh) if mesh is not None else None
+    folder = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
     if not training:
         raise FitError("no take was given", advice="name at least one take archive")
-    add, without = each(add), each(without)
+    add, without = names_of(add, "add"), names_of(without, "without")
     library = library_of(add, without)
     findings = find_gap(
         training, testing,
         effects=library,
         model=find_method(model) if model else base_model_of(training[0].garment),
         added=tuple(add),
-        checkpoint=Path(checkpoint) if checkpoint is not None else None,
-        resolution=Resolution(spacing=spacing) if spacing is not None else None,
+        checkpoint=folder,
+        resolution=resolution,
         seed=seed,
         by=deciding(by),
         progress=progress,
@@ -135,6 +162,7 @@ def diagnose(
     )  # fmt: skip
 
 
+@arguments_named()
 def simulate(
     takes: Takes,
     parameters: FitOutcome | Mapping[str, float] | None = None,
@@ -144,8 +172,8 @@ def simulate(
 ) -> Simulation:
     """Simulate the cloth of takes from their first shape on, driven by the recorded hanger.
 
-    - `parameters`: a fit, or values by name over the method's initial ones. A fit brings its method, effects, engine
-      and values, and its mesh unless it was loaded from a file, which holds no spacing
+    - `parameters`: a fit, or values by name over the method's initial ones. A fit brings its method, effects, engine,
+      mesh and values
     - `anyway` and options: as for `fit`; method, effects, spacing, fabric and engine count here
 
     Raises:
@@ -154,30 +182,16 @@ def simulate(
     import numpy as np
 
     from fit.identification.calibrate import Model
-    from fit.identification.request import plan_of
     from fit.recordings.recording import prepare_together
     from fit.runtime import one_thread_of_algebra
 
     read, _ = sorted_out(takes, anyway=anyway)
     if not read:
         raise FitError("no take was given", where="simulate", advice="name at least one take archive")
-    own = parameters.request if isinstance(parameters, FitOutcome) else None
-    if isinstance(parameters, FitOutcome) and own is None:
-        options = {**parameters.options, **options}
-    request = own if own is not None and not options else plan_of(options).request()
-    given = parameters.values if isinstance(parameters, FitOutcome) else dict(parameters or {})
-    if unknown := sorted(given.keys() - {p.name for p in request.parameters}):
-        raise FitError(
-            f"there is no parameter named {unknown[0]!r}", where="simulate",
-            advice=f"known parameters: {', '.join(p.name for p in request.parameters)}",
-        )  # fmt: skip
-    values = {p.name: float(given.get(p.name, p.initial)) for p in request.parameters}
-    for p in request.parameters:
-        if not p.minimum <= values[p.name] <= p.maximum:
-            raise FitError(
-                f"{p.name} = {values[p.name]:g} is outside its range", where="simulate",
-                advice=f"stay within {p.minimum:g} to {p.maximum:g} {p.unit}",
-            )  # fmt: skip
+    if parameters is not None and not isinstance(parameters, FitOutcome):
+        check_kind(parameters, "parameters", Mapping, "values by name, or a fit, as `fit` and `load` return it")
+    request, remarks = _request_of(parameters, options)
+    values = _values(parameters.values if isinstance(parameters, FitOutcome) else parameters or {}, request)
     with one_thread_of_algebra():
         recordings, _ = prepare_together(read)
         model = Model(recordings, request, is_fitted=False)
@@ -191,21 +205,30 @@ def simulate(
         )
         for r, p in zip(recordings, points, strict=True)
     )  # fmt: skip
-    return Simulation(takes=shown, values=values, error=whole, by_take=tuple(by_take))
+    return Simulation(takes=shown, values=values, error=whole, by_take=tuple(by_take), remarks=remarks)
 
 
+@arguments_named()
 def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: FitOutcome | None = None) -> Path:
     """Write the report of a fit or a diagnosis as one HTML file, and return its path.
 
     fit: shown in the report of a diagnosis, where it is of the same takes.
 
     Raises:
-        FitError: the outcome was loaded from a file and holds no takes, or the report cannot be written.
+        FitError: the outcome was loaded from a file and holds no takes, or the fit beside it is of other takes.
+        OutputError: the report cannot be written.
     """
+    from fit.recordings.selection import is_of
     from fit.report.gather import write_diagnosis_report, write_fit_report
     from fit.runtime import one_thread_of_algebra
 
-    path, training, testing = Path(path), list(outcome.training), list(outcome.held_out)
+    check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "what `fit` or `diagnose` returned")
+    path, training, testing = path_of(path, "path"), list(outcome.training), list(outcome.held_out)
+    if fit is not None:
+        check_kind(fit, "fit", FitOutcome, "what `fit` returned")
+        if training and not is_of(fit.result, training):
+            raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")
+    make_parent(path)
     with one_thread_of_algebra():
         if isinstance(outcome, FitOutcome) and outcome.request is not None:
             return write_fit_report(path, outcome.result, training, testing, outcome.request)
@@ -218,6 +241,7 @@ def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: Fit
     )  # fmt: skip
 
 
+@arguments_named()
 def export(
     outcome: FitOutcome | Path | str,
     to: str,
@@ -244,10 +268,13 @@ def export(
     from fit.export.kinds import export as write
     from fit.folders import read_fit
 
-    result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(Path(outcome))[0]
-    whose = _each(take)[0] if take is not None else None
-    order = Order(result=result, take=whose, thickness=thickness, spacing=spacing)
-    return write(order, to, Path(path), overwrite=overwrite)
+    check_text(to, "to")
+    check_kind(thickness, "thickness", Real, "metres, as in 0.0005")
+    mesh, file = number_of(spacing, "spacing"), path_of(path, "path")
+    result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(path_of(outcome, "outcome"))[0]
+    whose = _take(take, "take") if take is not None else None
+    order = Order(result=result, take=whose, thickness=float(thickness), spacing=mesh)
+    return write(order, to, file, overwrite=overwrite)
 
 
 def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
@@ -274,17 +301,80 @@ def sorted_out(
     Raises:
         HangtimeError: an archive cannot be read, a take is implausible, or no take moves in a kind to be held out.
     """
-    from fit.identification.request import each
     from fit.recordings.selection import split_by_motion
 
-    every, judged = _each(takes), _each(held_out)
+    kinds = names_of(held_out_motion, "held_out_motion")
+    every, judged = _each(takes, "takes"), _each(held_out, "held_out")
     if not anyway:
         for take in every + judged:
             check_plausible_take(take, take.take_id, offers_anyway=True)
-    training, moving = split_by_motion(every, each(held_out_motion))
+    training, moving = split_by_motion(every, kinds)
     return training, moving + judged
 
 
-def _each(takes: Takes) -> list[Take]:
-    every = [takes] if isinstance(takes, Take | Path | str) else list(takes)
-    return [take if isinstance(take, Take) else read_take(Path(take)) for take in every]
+def _is_json(path: Path) -> bool:
+    """Return whether a file is named or begins as JSON does; results may have any name."""
+    if path.suffix == ".json":
+        return True
+    with contextlib.suppress(OSError):  # whoever reads it says why it cannot be read
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(64).lstrip().startswith(b"{")
+    return False
+
+
+def _request_of(
+    parameters: FitOutcome | Mapping[str, float] | None, options: PlanOptions
+) -> tuple[Request, tuple[str, ...]]:
+    """Return what is to be simulated, and remarks on what nobody told."""
+    from fit.identification.request import Plan
+
+    if not isinstance(parameters, FitOutcome):
+        return Plan(**checked(options)).request(), ()
+    if parameters.request is not None and not options:
+        return parameters.request, ()
+    request = Plan(**checked({**parameters.options, **options})).request()
+    if parameters.result.spacing is not None or options.get("spacing") is not None:
+        return request, ()
+    return request, (
+        f"The fit's file does not say its mesh spacing. The simulation has the method's own, "
+        f"{request.resolution.spacing:g} m.",
+    )
+
+
+def _values(given: Mapping[str, float], request: Request) -> dict[str, float]:
+    """Return a value for each parameter, its initial one where none is given.
+
+    Raises:
+        FitError: an unknown name, or a value that is no number or outside its range.
+    """
+    names = [p.name for p in request.parameters]
+    if unknown := [name for name in given if name not in names]:
+        raise FitError(
+            f"there is no parameter named {unknown[0]!r}", where="parameters",
+            advice=f"known parameters: {', '.join(names)}",
+        )  # fmt: skip
+    values = {}
+    for p in request.parameters:
+        value = given.get(p.name, p.initial)
+        check_kind(value, p.name, Real, f"a number of {p.unit}")
+        values[p.name] = float(value)
+        if not p.minimum <= values[p.name] <= p.maximum:
+            raise FitError(
+                f"{p.name} = {values[p.name]:g} is outside its range", where="parameters",
+                advice=f"stay within {p.minimum:g} to {p.maximum:g} {p.unit}",
+            )  # fmt: skip
+    return values
+
+
+def _each(takes: Takes, name: str) -> list[Take]:
+    if isinstance(takes, Take | PathLike | str):
+        return [_take(takes, name)]
+    check_kind(takes, name, Iterable, "a take, the path of one, or a list of them")
+    return [_take(take, name) for take in takes]
+
+
+def _take(take: OneTake, name: str) -> Take:
+    if isinstance(take, Take):
+        return take
+    return read_take(path_of(take, name, "a take or the path of one"))

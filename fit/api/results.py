@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from fit.api.arguments import PlanOptions, arguments_named, path_of
 from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables
 from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import ErrorFigure, FitResult
-from formats.outputs import write_text
+from formats.outputs import make_parent, write_text
 from formats.results import save_diagnosis, save_fit_result
 from formats.rows import csv_text
 from formats.take import Take
 
 if TYPE_CHECKING:
     from fit.gap.diagnosis import Findings
-    from fit.identification.request import PlanOptions, Request
+    from fit.identification.request import Request
 
 
 class _Shown:
@@ -58,9 +59,10 @@ class FitOutcome(_Shown):
 
     @property
     def options(self) -> PlanOptions:
-        """The options of `simulate` that the result tells; it does not hold the spacing of its mesh."""
+        """The options of `simulate` that the result tells."""
         names = sorted({name.split(".")[0] for name in self.result.effects})
-        return {"method": self.result.method, "effects": names, "engine": self.result.engine}
+        told: PlanOptions = {"method": self.result.method, "effects": names, "engine": self.result.engine}
+        return told if self.result.spacing is None else {**told, "spacing": self.result.spacing}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the whole result as plain Python values, as `fit.json` holds them."""
@@ -83,7 +85,8 @@ class FitOutcome(_Shown):
 
     def save(self, path: Path | str) -> Path:
         """Write the result as `fit.json` is written: whole or not at all."""
-        save_fit_result(Path(path), self.result)
+        with arguments_named():
+            save_fit_result(path_of(path, "path"), self.result)
         return Path(path)
 
     def _tables(self) -> list[Table]:
@@ -126,7 +129,8 @@ class DiagnosisOutcome(_Shown):
 
     def save(self, path: Path | str) -> Path:
         """Write the diagnosis as `diagnosis.json` is written: whole or not at all."""
-        save_diagnosis(Path(path), self.result)
+        with arguments_named():
+            save_diagnosis(path_of(path, "path"), self.result)
         return Path(path)
 
     def _tables(self) -> list[Table]:
@@ -150,12 +154,16 @@ class SimulatedTake:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Simulation(_Shown):
-    """Takes simulated with one set of parameters, and the distance to what was recorded."""
+    """Takes simulated with one set of parameters, and the distance to what was recorded.
+
+    remarks: sentences on what nobody told, such as the mesh of an old fit
+    """
 
     takes: tuple[SimulatedTake, ...]
     values: dict[str, float]
     error: ErrorFigure = field(repr=False)
     by_take: tuple[ErrorFigure, ...] = field(repr=False)
+    remarks: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return parameters and errors as plain Python values."""
@@ -181,12 +189,15 @@ class Simulation(_Shown):
         values = tuple((name, f"{value:.4g}") for name, value in self.values.items())
         return [
             Table(heads=("take", "mean error", "largest"), rows=(*rows, error_row("all", self.error))),
-            Table(heads=("parameter", "value"), rows=values, right=(1,)),
+            Table(heads=("parameter", "value"), rows=values, right=(1,), remarks=self.remarks),
         ]
 
 
 def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None) -> str:
     text = csv_text(heads, rows)
     if path is not None:
-        write_text(Path(path), text)
+        with arguments_named():
+            file = path_of(path, "path")
+            make_parent(file)
+            write_text(file, text)
     return text

@@ -34,6 +34,16 @@ MOST_MESH_NODES = 250_000  # a second of motion of so many takes a minute or mor
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
+def check_spacing(spacing: float | None) -> None:
+    """Refuse what is no distance; None is the default.
+
+    Raises:
+        FitError: the spacing is not above 0, or not finite.
+    """
+    if spacing is not None and not 0 < spacing < np.inf:
+        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
+
+
 @dataclass(frozen=True)
 class ClothMesh:
     """A flat garment as nodes, three to an element and direction.

@@ -16,7 +16,7 @@ from fit.cloth.effect import Effect, columns_of
 from fit.cloth.kernel_arguments import membrane_bundle, stencil_bundle
 from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.material import REFERENCE_CURVATURE, RELAXATION_TIME
-from fit.cloth.mesh import build_mesh
+from fit.cloth.mesh import build_mesh, check_spacing
 from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.errors import FitError
@@ -46,10 +46,13 @@ class Rollouts:
 
 @dataclass(frozen=True, kw_only=True)
 class Resolution:
-    """Mesh spacing [m] and the step as a share of the stable one."""
+    """Mesh spacing [m] and the step as a share of the stable one; a FitError refuses a spacing that is no distance."""
 
     spacing: float = 0.05
     step_share: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_spacing(self.spacing)
 
 
 @dataclass(frozen=True, eq=False)

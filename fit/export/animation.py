@@ -9,13 +9,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from fit.cloth.launch import Progress
+from fit.cloth.mesh import check_spacing
 from fit.errors import FitError
 from fit.export import caches
 from fit.export.about import remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
 from fit.export.moving import Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
-from fit.export.sheet import SWATCH_SPACING, check_spacing
+from fit.export.sheet import SWATCH_SPACING
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.export.worn import FigureOrder, sewn, worn
 from fit.recordings.recording import prepare

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fit.cloth.mesh import check_spacing
 from fit.errors import FitError
 from fit.export import caches, presets, tables
 from fit.export.alembic import alembic
@@ -17,7 +18,7 @@ from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import Moving, moving_cloth
 from fit.export.parquet import parquet
-from fit.export.sheet import EXPORTED_SIDE, SWATCH_SPACING, Sheet, check_spacing, check_strip, garment_sheet, strip
+from fit.export.sheet import EXPORTED_SIDE, SWATCH_SPACING, Sheet, check_strip, garment_sheet, strip
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method

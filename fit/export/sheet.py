@@ -47,16 +47,6 @@ class Sheet:
         return shared
 
 
-def check_spacing(spacing: float | None) -> None:
-    """Refuse what is no distance; None is the default.
-
-    Raises:
-        FitError: the spacing is not above 0, or not finite.
-    """
-    if spacing is not None and not 0 < spacing < np.inf:
-        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
-
-
 def check_strip(width: float, height: float, spacing: float) -> None:
     """Refuse a grid that does not fit a rectangle, or has too many nodes.
 

@@ -353,6 +353,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         held_out_ids=[r.take_id for r in judge.recordings] if judge else [],
         method=request.method.name,
         engine=request.engine,
+        spacing=request.resolution.spacing,
         take_contents=contents,
         search=request.search,
         seed=request.seed,

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TypedDict
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -115,39 +113,6 @@ class Plan:
         )  # fmt: skip
 
 
-class PlanOptions(TypedDict, total=False):
-    """The fields of a `Plan`, as keyword arguments of `hangtime.fit` and `hangtime.simulate`."""
-
-    method: str
-    effects: Sequence[str]
-    bounds: Sequence[str]
-    search: str
-    iterations: int
-    gamma: float | None
-    spacing: float | None
-    seed: int
-    fabric: str | None
-    engine: str
-
-
-def plan_of(options: PlanOptions) -> Plan:
-    """Return the plan of these options, defaults where they say nothing.
-
-    Raises:
-        FitError: there is no such option.
-    """
-    known = [f.name for f in fields(Plan)]
-    if unknown := sorted(options.keys() - set(known)):
-        raise FitError(f"there is no option named {unknown[0]!r}", advice=f"known options: {', '.join(known)}")
-    listed = {"effects": tuple(each(options.get("effects", ()))), "bounds": tuple(each(options.get("bounds", ())))}
-    return Plan(**{**options, **listed})  # type: ignore[arg-type]
-
-
-def each(names: str | Sequence[str]) -> list[str]:
-    """Return names as a list: one text is one name, and not its letters."""
-    return [names] if isinstance(names, str) else list(names)
-
-
 def request_of(
     method: Parameterisation,
     effects: list[str],
@@ -168,8 +133,8 @@ def request_of(
             malformed, given twice, of no parameter or
             beyond its range.
     """
-    _check_count(iterations, "iterations", least=1)
-    _check_count(seed, "seed", least=0)
+    check_count(iterations, "iterations", least=1)
+    check_count(seed, "seed", least=0)
     if check_search(search) in OBSERVED and engine != OWN_ENGINE:
         raise FitError(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
@@ -194,7 +159,6 @@ def request_of(
     find_engine(engine)
     _check_effects(method, request.effects)
     _check_gamma(request.settings.gamma)
-    _check_spacing(spacing)
     known = {p.name: p for p in request.parameters}
     read = tuple(_read_bounds(text, known) for text in bounds or [])
     names = [name for name, _, _ in read]
@@ -216,14 +180,14 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
             )
 
 
-def _check_count(number: int, name: str, *, least: int) -> None:
-    if not isinstance(number, int | np.integer) or number < least:
+def check_count(number: int, name: str, *, least: int) -> None:
+    """Refuse a number that counts nothing.
+
+    Raises:
+        FitError: it is no whole number, or below the least.
+    """
+    if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < least:
         raise FitError(f"{name} is {number!r}", where=f"--{name}", advice=f"give a whole number from {least} on")
-
-
-def _check_spacing(spacing: float) -> None:
-    if not (math.isfinite(spacing) and spacing > 0.0):
-        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
 
 
 def _check_gamma(gamma: float) -> None:

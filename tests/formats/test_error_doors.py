@@ -12,7 +12,7 @@ import pytest
 from formats import command, store_address
 from formats.archive import write_take
 from formats.descriptions import check_garment, check_rig, dump_description
-from formats.errors import DescriptionError, HangtimeError, TakeError
+from formats.errors import MAKE_ROOM, DescriptionError, HangtimeError, TakeError
 from formats.importers.c3d_file import LARGEST_C3D
 from formats.importers.marker_lines import LARGEST_TEXT
 from formats.importers.marker_tracks import write_marker_csv
@@ -278,7 +278,7 @@ def _fails_with(error):
          "'.[batch]'"),
         (ModuleNotFoundError(name="mcap"), "mcap is not installed; in Hangtime's checkout: scripts/setup"),
         (OSError(errno.ENOSPC, "No space left on device"), "output: cannot be written (No space left on device); "
-         f"{command.MAKE_ROOM}"),
+         f"{MAKE_ROOM}"),
         (OSError(errno.EISDIR, "Is a directory", "a"), "a: cannot be used (Is a directory); check the path"),
     ],
 )  # fmt: skip

@@ -1,0 +1,155 @@
+"""Check the arguments of the calls, and let errors name them instead of the command line's options."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator, Sequence
+from numbers import Real
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypedDict
+
+from fit.errors import FitError
+from formats.errors import HangtimeError, of_system
+
+# Options of the command line, and the arguments that do the same, where the names differ in more than the hyphens.
+RENAMED = {
+    "anyway": "anyway=True", "effect": "effects", "out": "checkpoint", "overwrite": "overwrite=True",
+}  # fmt: skip
+SAME = {
+    "add", "bounds", "by", "checkpoint", "engine", "fabric", "fit", "gamma", "held-out", "held-out-motion",
+    "iterations", "method", "model", "search", "seed", "spacing", "take", "thickness", "to", "without",
+}  # fmt: skip
+OPTION = re.compile(r"`[^`]*`|--([a-z]+(?:-[a-z]+)*)")  # commands between backticks stay commands
+
+
+class PlanOptions(TypedDict, total=False):
+    """The fields of a `Plan`, as keyword arguments of `hangtime.fit` and `hangtime.simulate`."""
+
+    method: str
+    effects: Sequence[str]
+    bounds: Sequence[str]
+    search: str
+    iterations: int
+    gamma: float | None
+    spacing: float | None
+    seed: int
+    fabric: str | None
+    engine: str
+
+
+def checked(options: PlanOptions) -> dict[str, Any]:
+    """Return the options, lists of names as tuples.
+
+    Raises:
+        FitError: there is no such option, or one is of another kind.
+    """
+    known = tuple(PlanOptions.__annotations__)
+    if unknown := [name for name in options if name not in known]:
+        raise FitError(f"there is no option named {unknown[0]!r}", advice=f"known options: {', '.join(known)}")
+    given: dict[str, Any] = dict(options)
+    for name in given.keys() & {"effects", "bounds"}:
+        given[name] = tuple(names_of(given[name], name))
+    for name in given.keys() & {"method", "search", "engine"}:
+        check_text(given[name], name)
+    if given.get("fabric") is not None:
+        check_text(given["fabric"], "fabric")
+    for name in given.keys() & {"gamma", "spacing"}:
+        given[name] = number_of(given[name], name)
+    return given
+
+
+def names_of(names: str | Sequence[str], name: str) -> list[str]:
+    """Return names as a list: one text is one name, and not its letters.
+
+    Raises:
+        FitError: they are no texts.
+    """
+    if isinstance(names, str):
+        return [names]
+    check_kind(names, name, (list, tuple, set, frozenset), "a text or a list of texts")
+    for one in names:
+        check_kind(one, name, str, "NAME=LOW:HIGH, one text a parameter" if name == "bounds" else "a list of texts")
+    return list(names)
+
+
+def number_of(value: float | None, name: str) -> float | None:
+    """Return a number as a plain one; None is the default.
+
+    Raises:
+        FitError: it is no number.
+    """
+    if value is None:
+        return None
+    check_kind(value, name, Real, "a number")
+    return float(value)
+
+
+def path_of(path: Path | str, name: str, wanted: str = "the path of a file") -> Path:
+    """Return the path of a file or folder.
+
+    Raises:
+        FitError: it is none, or has no name.
+    """
+    check_kind(path, name, (str, PathLike), wanted)
+    if not Path(path).name or "\0" in str(path):
+        raise FitError(f"{str(path)!r} is the name of no file", where=name, advice=f"give {wanted}")
+    return Path(path)
+
+
+def check_call(value: object, name: str) -> None:
+    """Refuse what cannot be called.
+
+    Raises:
+        FitError: names the argument.
+    """
+    if not callable(value):
+        raise FitError("cannot be called", where=name, advice="give a function, or leave it out")
+
+
+def check_text(value: object, name: str) -> None:
+    """Refuse what is no text, as `check_kind` does."""
+    check_kind(value, name, str, "a text")
+
+
+def check_kind(value: object, name: str, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse an argument of another kind; True and False are no numbers.
+
+    Raises:
+        FitError: names the argument, its kind and the one that is wanted.
+    """
+    if isinstance(value, bool) or not isinstance(value, kinds):
+        kind = "None" if value is None else f"of the kind {type(value).__name__}"
+        raise FitError(f"is {kind}", where=name, advice=f"give {wanted}")
+
+
+@contextlib.contextmanager
+def arguments_named() -> Iterator[None]:
+    """Let errors of the work inside name arguments, as a Python caller knows them, and files that the system refuses.
+
+    Raises:
+        HangtimeError: in the place of an error of the system that names a file.
+    """
+    try:
+        yield
+    except OSError as error:
+        if (spoken := of_system(error)) is None:
+            raise
+        raise spoken from error
+    except HangtimeError as error:
+        where = as_argument(error.where) if isinstance(error.where, str) else error.where
+        HangtimeError.__init__(error, as_argument(error.what), where=where, advice=as_argument(error.advice))
+        raise
+
+
+def as_argument(text: str) -> str:
+    """Return a text with arguments in the place of the options that it names."""
+
+    def renamed(found: re.Match[str]) -> str:
+        option = found[1]
+        if option in SAME:
+            return option.replace("-", "_")
+        return RENAMED.get(option, found[0]) if option else found[0]
+
+    return OPTION.sub(renamed, text)

@@ -77,6 +77,7 @@ def test_an_unknown_fabric_or_motion_is_refused(tmp_path):
         make_swatch_take(tmp_path, fabric="silk", motion="jump")
 
 
+@pytest.mark.slow
 def test_a_made_take_is_imported_whole(tmp_path):
     """81 markers, 500 frames, 120 a second."""
     csv, truth, garment = make_swatch_take(tmp_path, fabric="polyester-rayon")

@@ -119,6 +119,7 @@ def test_leaving_early_stops_the_thread():
     assert "frames" not in {thread.name for thread in threading.enumerate()}
 
 
+@pytest.mark.slow
 def test_a_short_recording_stays_below_110_megabytes_and_accounts_for_every_frame():
     """Five seconds. A machine that is busy with other things may lose frames, but the take tells of them.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from formats.archive import verify_take
 from tests.capture.appliance.real_daemon import needs_openni
 from tests.capture.appliance.virtual_appliance import ROOT, VirtualAppliance, draw_recording
@@ -16,6 +18,7 @@ def hangtime(*words):
     return hangtime_here(*words, folder=ROOT)
 
 
+@pytest.mark.slow
 def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in_the_way(tmp_path):
     """One take by the button; the server's place is first a file, then a folder; the daemon tells of both."""
     recording, server = tmp_path / "swing.oni", tmp_path / "server"

@@ -120,6 +120,7 @@ def test_the_file_of_keys_is_made_as_printed_and_nobody_else_may_read_it(home):
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.slow
 def test_a_night_with_takes_that_do_not_fit_is_a_success_and_a_crash_is_not(home):
     """The command's own status for it, from a folder with one damaged take; Python's status of a crash is 1."""
     unit = RawConfigParser(strict=False)

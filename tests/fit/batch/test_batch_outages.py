@@ -114,9 +114,8 @@ def test_a_network_that_is_lost_while_takes_are_looked_at_is_no_fault_of_theirs(
         survey(Listed("s3://takes"), open_store(str(tmp_path)), Plan())
 
 
-@pytest.mark.parametrize(
-    "is_back", [pytest.param(True, marks=pytest.mark.slow, id="back"), pytest.param(False, id="gone")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("is_back", [pytest.param(True, id="back"), pytest.param(False, id="gone")])
 def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is_back):
     """Takes in a bucket, results in a folder; the server goes before a worker has read its take."""
     root, port = tmp_path / "s3", free_port()

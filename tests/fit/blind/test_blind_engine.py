@@ -81,6 +81,7 @@ def test_a_cantilever_sags_by_q_l4_over_8_b():
     assert sag == pytest.approx(free**4 / 8, rel=0.03)
 
 
+@pytest.mark.slow
 def test_energy_neither_grows_nor_leaks():
     """Without damping, kinetic plus potential energy of a swinging sheet stays within 2 % of the swing's energy."""
     cloth = Cloth(width=0.2, height=0.3, damping=0.0)

@@ -138,6 +138,7 @@ def put_on():
     return sewn, figure, mesh, support, support.start(np.zeros((1, 12)))[0]
 
 
+@pytest.mark.slow
 def test_a_t_shirt_begins_round_the_body_and_hardly_strained(put_on):
     """The body's own curves are no flat pattern: a twentieth of the sides is strained by more than a tenth."""
     _, figure, mesh, _, start = put_on

@@ -193,6 +193,7 @@ def test_trials_end_with_noise_or_with_two_that_agree():
     assert is_settled([2000.0, 1500.0, 1507.0], 1045.0)
 
 
+@pytest.mark.slow
 def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops_short(swung):
     """Descents of one iteration and of two stop at different costs; finer differences lead both to the same one.
 

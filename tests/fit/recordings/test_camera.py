@@ -126,6 +126,7 @@ def test_advice_on_a_description_is_to_make_the_take_again_and_is_given_once():
     assert wrong.sentence not in camera_clause([wrong], f"No diagnosis: {wrong.sentence}")
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_silhouette_that_slides_as_recordings_do(tmp_path):
     """From 2.2 % on; and one whose outline is never lost is no fault, for it is a silhouette as well."""
     made = hangtime_here("sensor", "synthesise-silhouette", ".", folder=tmp_path)

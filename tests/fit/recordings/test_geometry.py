@@ -67,6 +67,7 @@ def test_points_named_upside_down_are_refused():
 
 
 @pytest.mark.shared_data
+@pytest.mark.slow
 def test_all_real_swung_cloth_passes():
     """Sixteen takes whose corners are 26 mm off in the median: poor, but possible."""
     files = sorted((SHARED_DATA / "swung-cloth").glob("*.npz"))

@@ -34,11 +34,12 @@ from fit.blind.scoring import LOOKS
 from fit.effects import LIBRARY
 from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.detectable import mesh_share
-from fit.gap.diagnosis import fine_enough, ready
+from fit.gap.diagnosis import fine_enough
 from fit.gap.fitting import Task, fit
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.methods import SI
 from fit.observer.residuals import Observer
+from fit.recordings.ready import ready
 from fit.runtime import one_thread_of_algebra
 from formats.archive import read_take
 from formats.arrays import Floats

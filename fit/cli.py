@@ -152,6 +152,7 @@ def fit_command(
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
+    from fit.recordings.ready import ready
     from fit.report.again import plot_of
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
@@ -165,6 +166,7 @@ def fit_command(
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
     ).request()  # fmt: skip
     training, testing = _read(takes, held_out, held_out_motion, anyway)
+    prepared = ready(training, testing)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(request.search)
     checkpoint = out / "fit.partial.json"
@@ -181,11 +183,11 @@ def fit_command(
 
     try:
         with alone(out, "fit"):
-            result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
+            result = calibrate(training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show)
             progress.end()
-            aside = set_aside_other_takes(out / "fit.json", training)
+            aside = set_aside_other_takes(out / "fit.json", prepared)
             save_fit_result(out / "fit.json", result)
-            report = write_fit_report(out / "report.html", result, training, testing, request, command_line())
+            report = write_fit_report(out / "report.html", result, prepared, request, training[0], command_line())
             checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
     except KeyboardInterrupt:
         progress.end()
@@ -294,10 +296,10 @@ def diagnose_command(
     from fit.effects import find_effects
     from fit.errors import INCONCLUSIVE, FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
-    from fit.gap.diagnosis import deciding, diagnose, ready
+    from fit.gap.diagnosis import deciding, diagnose
     from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
-    from fit.recordings.selection import is_of
+    from fit.recordings.ready import ready
     from fit.report.again import plot_of
     from fit.report.gather import draw_left, write_diagnosis_report
     from fit.report.origin import command_line
@@ -306,22 +308,22 @@ def diagnose_command(
     if arrows is not None or plot is not None:
         import PIL  # noqa: F401 - before the work, not after it
     training, testing = _read(takes, held_out, held_out_motion, anyway)
+    base = find_method(model) if model else base_model_of(training[0].garment)
+    library = library_of(add, without)
+    decided = deciding(by)
     fitted = load_fit_result(fit_file) if fit_file else None
-    if fitted is not None and not is_of(fitted, training):
+    prepared = ready(training, testing)
+    if fitted is not None and not prepared.are_of(fitted):
         raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
-        fitted = beside if is_of(beside, training) else None
+        fitted = beside if prepared.are_of(beside) else None
     struck = {name for effect in find_effects(without) for name in parameter_names(effect)}
     if fitted is not None and (kept := struck & fitted.effects.keys()):
         raise FitError(
             f"the fit keeps {min(kept)} in its model, which the library is to lack", where="--without",
             advice="leave out --without, or diagnose into another --out",
         )  # fmt: skip
-    base = find_method(model) if model else base_model_of(training[0].garment)
-    library = library_of(add, without)
-    decided = deciding(by)
-    prepared = ready(training, testing)
     for gate in data_gates(prepared.training, prepared.held_out):
         if not gate.passed:  # the verdict will say so too, but not before everything is simulated
             say(f"No effect will be named: {gate.sentence[0].lower()}{gate.sentence[1:]}")
@@ -346,9 +348,9 @@ def diagnose_command(
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
-            aside = set_aside_other_takes(out / "diagnosis.json", training)
+            aside = set_aside_other_takes(out / "diagnosis.json", prepared)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-            report = write_diagnosis_report(out / "report.html", findings, fitted, (training, testing), command_line())
+            report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:
                 draw_left(arrows, findings)
             # Not before the report, which may fail too.

@@ -10,11 +10,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.recordings.selection import is_of
+from fit.recordings.ready import Ready
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitResult
 from formats.results import load_diagnosis, load_fit_result
-from formats.take import Take
 from formats.whole_files import make_writable
 
 
@@ -66,7 +65,7 @@ def alone(folder: Path, command: str) -> Iterator[None]:
         os.close(handle)
 
 
-def set_aside_other_takes(path: Path, training: list[Take]) -> str:
+def set_aside_other_takes(path: Path, takes: Ready) -> str:
     """Give a fit (`fit.json`) or a diagnosis of other takes, and its report, a number; return a sentence that says so.
 
     Nothing is returned where there is none, or one of these takes, which the new one replaces.
@@ -78,7 +77,7 @@ def set_aside_other_takes(path: Path, training: list[Take]) -> str:
     except ResultError as error:
         whose = f"is not known to be of these takes ({error.what})"
     else:
-        if is_of(kept, training):
+        if takes.are_of(kept):
             return ""
         whose = f"is of other takes ({', '.join(kept.take_ids)})"
     both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))

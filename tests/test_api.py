@@ -20,7 +20,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import hangtime
 from fit.api.arguments import PlanOptions
+from fit.cli import fit_command
 from fit.identification.request import Plan
+from fit.recordings import recording, selection
 from formats.archive import write_take
 from formats.results import load_diagnosis, load_fit_result
 from tests.fit.scenes import material, sheet, simulate_take, swing
@@ -59,6 +61,29 @@ def fitted(takes):
 def without_time(result):
     """A result but for when it was made and how long it took."""
     return msgspec.structs.replace(result, created="", **({"seconds": 0.0} if hasattr(result, "seconds") else {}))
+
+
+def noting(names, call):
+    """The call, which notes the name of each take that it is given."""
+    return lambda take: names.append(take.take_id) or call(take)
+
+
+def test_a_fit_and_its_report_hash_and_prepare_each_take_once(takes, fitted, tmp_path, monkeypatch):
+    """Also where the folder holds a fit of other takes, which the command compares with these."""
+    counts = {"content_of": [], "prepare": []}
+    for module, name in ((selection, "content_of"), (recording, "prepare")):
+        own = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda take, own=own, name=name: counts[name].append(take.take_id) or own(take)
+        )
+    fitted.save(tmp_path / "fit.json")
+    options = {"iterations": 1, "search": "annealing", "spacing": 0.2}
+    fit_command([takes / "mixed.mcap"], [takes / "swing.mcap"], out=tmp_path, **options)
+    assert counts == {"content_of": ["mixed", "swing"], "prepare": ["mixed", "swing"]}
+    assert (tmp_path / "fit.1.json").exists()
+    outcome = hangtime.fit(takes / "gentle.mcap", **options)
+    hangtime.report(outcome, tmp_path / "again.html")
+    assert counts == {"content_of": ["mixed", "swing", "gentle"], "prepare": ["mixed", "swing", "gentle"]}
 
 
 def test_a_fit_is_the_commands_to_the_last_digit(takes, fitted, tmp_path):

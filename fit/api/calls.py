@@ -87,14 +87,18 @@ def fit(
     """
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
+    from fit.recordings.ready import ready
 
     check_call(progress, "progress")
     request = Plan(**checked(options)).request()
     file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
     with output_folder(file.parent) if file is not None else contextlib.nullcontext():
-        result = calibrate(training, testing, request, checkpoint=file, progress=progress)
-    return FitOutcome(result=result, training=tuple(training), held_out=tuple(testing), request=request)
+        prepared = ready(training, testing)
+        result = calibrate(training, testing, request, prepared=prepared, checkpoint=file, progress=progress)
+    return FitOutcome(
+        result=result, training=tuple(training), held_out=tuple(testing), request=request, prepared=prepared
+    )
 
 
 @arguments_named()
@@ -218,23 +222,22 @@ def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: Fit
         FitError: the outcome was loaded from a file and holds no takes, or the fit beside it is of other takes.
         OutputError: the report cannot be written.
     """
-    from fit.recordings.selection import is_of
     from fit.report.gather import write_diagnosis_report, write_fit_report
     from fit.runtime import one_thread_of_algebra
 
     check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "what `fit` or `diagnose` returned")
-    path, training, testing = path_of(path, "path"), list(outcome.training), list(outcome.held_out)
+    path, first = path_of(path, "path"), outcome.training[0] if outcome.training else None
     if fit is not None:
         check_kind(fit, "fit", FitOutcome, "what `fit` returned")
-        if training and not is_of(fit.result, training):
-            raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")
-    make_parent(path)
     with one_thread_of_algebra():
-        if isinstance(outcome, FitOutcome) and outcome.request is not None:
-            return write_fit_report(path, outcome.result, training, testing, outcome.request)
+        if isinstance(outcome, FitOutcome) and outcome.request is not None and outcome.prepared is not None:
+            make_parent(path)
+            return write_fit_report(path, outcome.result, outcome.prepared, outcome.request, first)
         if isinstance(outcome, DiagnosisOutcome) and outcome.findings is not None:
-            shown = fit.result if fit is not None else None
-            return write_diagnosis_report(path, outcome.findings, shown, (training, testing))
+            if fit is not None and not outcome.findings.takes.are_of(fit.result):
+                raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")
+            make_parent(path)
+            return write_diagnosis_report(path, outcome.findings, fit.result if fit is not None else None, first)
     raise FitError(
         "a result that was loaded from a file holds no takes to draw", where=path,
         advice="fit or diagnose the takes again, then write the report",

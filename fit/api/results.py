@@ -23,6 +23,7 @@ from formats.take import Take
 if TYPE_CHECKING:
     from fit.gap.diagnosis import Findings
     from fit.identification.request import Request
+    from fit.recordings.ready import Ready
 
 
 class _Shown:
@@ -44,13 +45,15 @@ class _Shown:
 class FitOutcome(_Shown):
     """A fit: the result as `hangtime fit` writes it, and the takes and the request that it is of.
 
-    training, held_out and request are absent where the result was loaded from a file
+    training, held_out, request and prepared, the takes ready for simulation, are absent where the result was loaded
+    from a file
     """
 
     result: FitResult
     training: tuple[Take, ...] = ()
     held_out: tuple[Take, ...] = ()
     request: Request | None = None
+    prepared: Ready | None = None
 
     @cached_property
     def values(self) -> dict[str, float]:

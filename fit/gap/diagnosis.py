@@ -34,10 +34,9 @@ from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import camera_clause, describe_camera
-from fit.recordings.geometry import check_geometry
 from fit.recordings.intact import describe_missing
-from fit.recordings.recording import Recording, prepare_together
-from fit.recordings.selection import check_together
+from fit.recordings.ready import Ready, ready
+from fit.recordings.recording import Recording
 from fit.runtime import one_thread_of_algebra
 from formats.diagnosis_records import Cost, Diagnosis
 from formats.take import Take
@@ -47,16 +46,6 @@ Deciding = Literal["rules", "evidence"]
 
 CELLS_ACROSS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
-
-
-@dataclass(frozen=True)
-class Ready:
-    """Takes ready for simulation, those to fit to and those to judge on, and the digests of their contents."""
-
-    training: list[Recording]
-    held_out: list[Recording]
-    contents: list[str]
-    held_out_contents: list[str]
 
 
 @dataclass(frozen=True)
@@ -209,20 +198,6 @@ def deciding(name: str) -> Deciding:
         if name == known:
             return known  # type: ignore[no-any-return]
     raise FitError(f"{name} decides nothing", where="--by", advice=f"choose one of: {', '.join(get_args(Deciding))}")
-
-
-def ready(training: list[Take], held_out: list[Take]) -> Ready:
-    """Return takes ready for simulation, those to fit to and those to judge on.
-
-    Raises:
-        FitError: no take, takes of different garments, one that is given twice, or one whose points cannot belong to
-            its garment.
-    """
-    contents = check_together(training, held_out)
-    train, test = prepare_together(training, held_out)
-    for recording in train + test:
-        check_geometry(recording)
-    return Ready(train, test, contents[: len(train)], contents[len(train) :])
 
 
 def fine_enough(recording: Recording) -> Resolution:

@@ -38,8 +38,9 @@ from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.intact import describe_missing
-from fit.recordings.recording import Recording, prepare_together
-from fit.recordings.selection import check_together, content_of_garment
+from fit.recordings.ready import Ready, ready
+from fit.recordings.recording import Recording
+from fit.recordings.selection import content_of_garment
 from fit.runtime import one_thread_of_algebra
 from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
 from fit.search.intervals import Intervals, check_blocks, draw_intervals
@@ -175,10 +176,13 @@ def calibrate(
     held_out: list[Take],
     request: Request,
     *,
+    prepared: Ready | None = None,
     checkpoint: Path | None = None,
     progress: Progress = lambda done, total, best: None,
 ) -> FitResult:
     """Fit the request's parameters to the training takes and report errors before and after.
+
+    prepared: the result of `ready` for these takes, if the caller has it already
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end. The next call
     continues from this file. Remove the file once the result is kept. Least squares saves every finished look and
@@ -189,18 +193,18 @@ def calibrate(
             search that cannot be continued.
         BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
     """
-    contents = check_together(training, held_out)[: len(training)]
-    train, test = prepare_together(training, held_out)
+    takes = prepared or ready(training, held_out)
+    train, test = takes.training, takes.held_out
     check_blocks(np.concatenate(blocks_of(train)))  # before anything is simulated
     model = Model(train, request)
-    saved = SavedSearch(checkpoint, _key(contents, model))
+    saved = SavedSearch(checkpoint, _key(takes.contents, model))
     saved.read()  # one that cannot be continued is refused before anything is simulated
     judge = Model(test, request, is_fitted=False) if test else None
     if judge is not None:
         _ = judge.error_before  # a take that blows up is refused before the search
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, saved, progress)
-    result = _result(model, judge, found, contents=contents, seconds=saved.seconds)
+    result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
         result, notes=[*result.notes, *describe_missing([*training, *held_out])], camera=describe_camera(train + test)
     )

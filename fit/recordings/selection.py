@@ -9,8 +9,6 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
-from formats.diagnosis_records import Diagnosis
-from formats.fit_records import FitResult
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
@@ -28,13 +26,6 @@ def content_of(take: Take) -> str:
 def content_of_garment(garment: Garment) -> str:
     """Return the sha256, in hexadecimal, of a garment's description."""
     return hashlib.sha256(msgspec.json.encode(garment)).hexdigest()
-
-
-def is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
-    """Return whether a result is of these takes; by their names alone where it is so old that it says no more."""
-    if not result.take_contents:
-        return result.take_ids == [take.take_id for take in takes]
-    return result.take_contents == [content_of(take) for take in takes]
 
 
 def check_together(training: list[Take], held_out: list[Take]) -> list[str]:

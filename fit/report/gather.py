@@ -16,7 +16,8 @@ from fit.gap.diagnosis import Findings
 from fit.identification.request import Request
 from fit.methods import find_method
 from fit.observer.residuals import has_static
-from fit.recordings.recording import Recording, prepare_together
+from fit.recordings.ready import Ready
+from fit.recordings.recording import Recording
 from fit.report.kept import created_of, load_motions, save_motions
 from fit.report.motion import ReportMotion, Run
 from fit.report.origin import Origin, origin_of
@@ -27,18 +28,19 @@ from formats.take import Take
 
 
 def write_fit_report(
-    path: Path, result: FitResult, training: list[Take], held_out: list[Take], request: Request, command: str = ""
+    path: Path, result: FitResult, prepared: Ready, request: Request, first: Take | None = None, command: str = ""
 ) -> Path:
     """Write the report of a fit and return its path; its motion is kept beside it.
 
-    command: that made the fit, as the page is to show it
+    - first: of the takes, for what the page says about garment and sensor
+    - command: that made the fit, as the page is to show it
     """
     initial = np.array([p.initial for p in result.parameters])
     fitted = np.array([p.fitted for p in result.parameters])
     count = len(request.method.parameters)
     names, vectors = ("before", "after"), np.stack([initial, fitted])
     motions = []
-    for recording, is_held_out in _both(*prepare_together(training, held_out)):
+    for recording, is_held_out in _both(prepared):
         if request.engine != OWN_ENGINE:
             motions.append(_motion_of_engine(recording, is_held_out, request, vectors))
             continue
@@ -48,7 +50,7 @@ def write_fit_report(
         done = simulator.run(materials, vectors[:, count:], shapes=True)
         triangles = simulator.mesh.triangles
         motions.append(_motion(recording, is_held_out, triangles, _runs(names, done.points, done.shapes)))
-    origin = origin_of(training, held_out, command)
+    origin = origin_of(prepared, first, command)
     return _written(path, result, None, motions, origin)
 
 
@@ -56,7 +58,7 @@ def write_diagnosis_report(
     path: Path,
     findings: Findings,
     fitted: FitResult | None,
-    takes: tuple[Sequence[Take], Sequence[Take]] = ((), ()),
+    first: Take | None = None,
     command: str = "",
 ) -> Path:
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
@@ -64,13 +66,13 @@ def write_diagnosis_report(
     Cloth moves under the pull of the diagnosis. `base` is the fitted base model, and `with_effect` the same refitted
     with the effect that the verdict names. `fit` is the fit with its effects, where one of our own engine exists.
 
-    - takes: fitted to, and held out
+    - first: of the takes, for what the page says about garment and sensor
     - command: that made the diagnosis, as the page is to show it
     """
     motions = []
     off = amplitudes_of(findings.effects)
     best = findings.best if findings.diagnosis.named else None
-    for recording, is_held_out in _both(findings.takes.training, findings.takes.held_out):
+    for recording, is_held_out in _both(findings.takes):
         simulator = Simulator(recording, findings.effects, resolution=findings.resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [findings.model.to_materials(findings.base.vector[None], density)], [off], ["base"]
@@ -89,7 +91,7 @@ def write_diagnosis_report(
         done = simulator.run(np.concatenate(rows), np.array(amplitudes), observer_hz=pull, shapes=True)
         runs = _runs(tuple(names), done.points, done.shapes)
         motions.append(_motion(recording, is_held_out, simulator.mesh.triangles, runs, pull))
-    origin = origin_of(takes[0], takes[1], command, findings.takes.contents, findings.takes.held_out_contents)
+    origin = origin_of(findings.takes, first, command)
     return _written(path, fitted, findings, motions, origin)
 
 
@@ -122,9 +124,9 @@ def draw_left(path: Path, findings: Findings) -> None:
     draw_residuals(recording, done.points[0], path, f"{recording.take_id}, {' and '.join(best.active) or 'base model'}")
 
 
-def _both(training: list[Recording], held_out: list[Recording]) -> list[tuple[Recording, bool]]:
+def _both(takes: Ready) -> list[tuple[Recording, bool]]:
     """Held-out takes first: their errors are the ones that count."""
-    return [(r, True) for r in held_out] + [(r, False) for r in training]
+    return [(r, True) for r in takes.held_out] + [(r, False) for r in takes.training]
 
 
 def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:

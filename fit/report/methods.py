@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fit.report.charts import Curve, error_chart
-from fit.report.tables import row_of, table
+from fit.report.tables import Row, row_of, table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, interval, number, percent, unit_of
 from formats.fit_records import Combination, FitResult, ObjectiveFigure
@@ -61,7 +61,7 @@ def _error_table(fit: FitResult) -> Markup:
 TRIVIAL_NAMES = {"vertical": "a hanging board instead", "pendulum": "a pendulum of two numbers instead"}
 
 
-def _error_row(name: str, before: float, after: float) -> Markup:
+def _error_row(name: str, before: float, after: float) -> Row:
     return row_of(name, (number(1e3 * before), number(1e3 * after), percent(1 - after / before)))
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Sequence
 from importlib.metadata import version
 
 import msgspec
 import numpy as np
 
 from fit.provenance import physics_version
-from fit.recordings.selection import content_of
+from fit.recordings.ready import Ready
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.take import Take
@@ -37,28 +36,22 @@ def command_line() -> str:
     return os.fsencode(shlex.join(["hangtime", *sys.argv[1:]])).decode("utf-8", "backslashreplace")
 
 
-def origin_of(
-    training: Sequence[Take],
-    held_out: Sequence[Take],
-    command: str = "",
-    contents: Sequence[str] | None = None,
-    held_out_contents: Sequence[str] | None = None,
-) -> Origin:
+def origin_of(takes: Ready, first: Take | None = None, command: str = "") -> Origin:
     """Return the origin of a result of these takes.
 
-    contents, held_out_contents: sha256 of what they hold, where known; they are computed otherwise
+    first: of the takes, whose garment and sensor are told
     """
     facts = [("Hangtime", version("hangtime")), ("simulation and libraries", f"sha256 {physics_version()}")]
     if command:
         facts.insert(1, ("command", command))
-    if training:
-        facts += [("garment", _garment(training[0].garment)), ("mass", f"{1e3 * training[0].garment.mass_kg:g} g")]
-        facts.append(("sensor", _sensor(training[0].rig, training[0].source)))
-        facts.append(("calibration", _calibration(training[0].rig)))
-    rows = []
-    for part, takes, known in (("fitted to", training, contents), ("held out", held_out, held_out_contents)):
-        for number, take in enumerate(takes):
-            rows.append((take.take_id, part, known[number] if known else content_of(take)))
+    if first is not None:
+        facts += [("garment", _garment(first.garment)), ("mass", f"{1e3 * first.garment.mass_kg:g} g")]
+        facts.append(("sensor", _sensor(first.rig, first.source)))
+        facts.append(("calibration", _calibration(first.rig)))
+    fitted_to = zip(takes.training, takes.contents, strict=True)
+    held_out = zip(takes.held_out, takes.held_out_contents, strict=True)
+    rows = [(recording.take_id, "fitted to", content) for recording, content in fitted_to]
+    rows += [(recording.take_id, "held out", content) for recording, content in held_out]
     return Origin(facts=facts, takes=rows)
 
 

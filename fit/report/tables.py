@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from fit.report.effects import meaning_of, sentence_of, sketch_of
-from fit.report.templating import NOTHING, piece
+from fit.report.templating import piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
 from formats.diagnosis_records import EffectFinding, place_of
 from formats.fit_records import FitParameter
@@ -30,24 +31,29 @@ def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> Mark
     return table("Effects of the library", heads, rows, numeric=range(1, 6))
 
 
-def table(label: str, heads: Sequence[str], rows: Sequence[Markup], numeric: Sequence[int] | range) -> Markup:
-    """Return a table with these column heads and ready rows; `numeric` columns are set right."""
-    return piece("parts.html", "table", label, heads, NOTHING.join(_labelled(row, heads) for row in rows), numeric)
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of a table: its name, a cell for every further column, and the class that marks it."""
+
+    name: str
+    cells: Sequence[str]
+    mark: str = ""
 
 
-def _labelled(row: Markup, heads: Sequence[str]) -> Markup:
-    """Return a row whose cells name their columns, for screens too narrow for a table."""
-    first, *cells = str(row).split("<td")
-    named = (f'<td data-head="{escape(head)}"{cell}' for head, cell in zip(heads[1:], cells, strict=True))
-    return Markup(first + "".join(named))
+def table(label: str, heads: Sequence[str], rows: Sequence[Row], numeric: Sequence[int] | range) -> Markup:
+    """Return a table with these column heads; `numeric` columns are set right.
+
+    Cells name their columns, for screens too narrow for a table.
+    """
+    return piece("parts.html", "table", label, heads, rows, numeric)
 
 
-def row_of(name: str, cells: Sequence[str]) -> Markup:
-    """Return a row of numbers; an identifier is shown as words."""
-    return piece("parts.html", "row", words(name) if name.isidentifier() else name, cells)
+def row_of(name: str, cells: Sequence[str]) -> Row:
+    """Return a row; an identifier is shown as words."""
+    return Row(name=words(name) if name.isidentifier() else name, cells=cells)
 
 
-def _parameter_row(row: FitParameter, meaning: str) -> Markup:
+def _parameter_row(row: FitParameter, meaning: str) -> Row:
     ends = (
         (row.interval_low, row.interval_high)
         if row.interval_low is not None and row.interval_high is not None
@@ -71,22 +77,30 @@ def _parameter_row(row: FitParameter, meaning: str) -> Markup:
     if ends is not None:
         left, right = place(ends[0]), place(ends[1])
         within = (left, max(right - left, 0))
-    return piece("tables.html", "parameter", {
-        "name": words(row.name), "initial": number(row.initial), "fitted": number(row.fitted),
-        "is_identified": row.is_identified is not False, "missing": MISSING, "unit": unit_of(row.unit),
-        "interval": interval(ends) or MISSING, "has_interval": bool(interval(ends)), "within": within,
-        "begins": place(row.initial),
+    unit, spread, is_known = unit_of(row.unit), interval(ends), row.is_identified is not False
+    span = piece("tables.html", "span", {
+        "is_identified": is_known, "unit": unit, "within": within, "begins": place(row.initial),
         "ends": place(row.fitted), "minimum": number(row.minimum), "maximum": number(row.maximum), "is_log": is_log,
-        "remark": f"{about}." if about else "",
     })  # fmt: skip
+    return Row(
+        name=words(row.name),
+        cells=(
+            number(row.initial) + unit,
+            piece("tables.html", "bold", number(row.fitted), unit) if is_known else MISSING,
+            spread + unit if spread else MISSING,
+            span,
+            piece("tables.html", "remark", f"{about}." if about else ""),
+        ),
+    )
 
 
-def _effect_row(effect: EffectFinding, is_named: bool) -> Markup:
+def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     name, unit = words(effect.id), unit_of(effect.unit)
     about = {"sketch": sketch_of(effect.id), "sentence": sentence_of(effect.id)}
     if not effect.tested:
         about["remark"] = effect.note or "not tested"
-        return piece("tables.html", "untested", name, about, is_named, MISSING)
+        head = piece("tables.html", "effect", name, about, is_named)
+        return Row(name=head, cells=(MISSING,) * 5, mark="is-untested")
     twin = f"Not told apart from {effect.group.replace('_', ' ')}. " if effect.group not in ("", effect.id) else ""
     absorbed = ""
     if effect.absorbed is not None and effect.absorbed > 0.5:
@@ -94,12 +108,18 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Markup:
     place = f"Acts {place_of(effect.regions)}. " if is_named and effect.regions else ""
     least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
     closure = effect.closure
-    return piece("tables.html", "effect", {
-        "name": name, "about": {**about, "remark": place + twin + absorbed + effect.note}, "is_named": is_named,
-        "probability": percent(effect.probability),
-        "amplitude": number(effect.amplitude), "unit": unit, "spread": interval(effect.amplitude_interval),
-        "meaning": meaning_of(effect.id, effect.amplitude),
-        "closure": percent(closure.value) if closure is not None else MISSING,
-        "closure_ends": interval(closure.interval, 100, 2) if closure is not None else "",
-        "p_value": probability(effect.p_value), "least": least,
-    })  # fmt: skip
+    about["remark"] = place + twin + absorbed + effect.note
+    spread, meaning = interval(effect.amplitude_interval), meaning_of(effect.id, effect.amplitude)
+    closed = percent(closure.value) if closure is not None else MISSING
+    ends = interval(closure.interval, 100, 2) if closure is not None else ""
+    return Row(
+        name=piece("tables.html", "effect", name, about, is_named),
+        cells=(
+            percent(effect.probability),
+            piece("tables.html", "amplitude", number(effect.amplitude), unit, spread, meaning),
+            piece("tables.html", "closure", closed, ends),
+            probability(effect.p_value),
+            least,
+        ),
+        mark="is-named" if is_named else "",
+    )

@@ -12,7 +12,7 @@ import pytest
 from fit.errors import FitError
 from fit.gap import edge_driven, next_experiment
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.diagnosis import _key, ready
+from fit.gap.diagnosis import _key
 from fit.gap.edge_driven import driven_by_edge, held_by_edge
 from fit.gap.fitting import Problem
 from fit.gap.floor import Floor, row_off_mm
@@ -21,6 +21,7 @@ from fit.gap.next_experiment import JACOBIAN_STEP, MENU, _imagined
 from fit.gap.rounds import Rounds
 from fit.methods import SI
 from fit.provenance import physics_version
+from fit.recordings.ready import ready
 from fit.recordings.selection import content_of
 from tests.fit.gap.linear_takes import LinearTakes
 from tests.fit.gap.test_diagnosis_parts import a_take

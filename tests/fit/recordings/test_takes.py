@@ -16,7 +16,8 @@ from fit.gap.diagnosis import diagnose
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import SI
-from fit.recordings.selection import check_together, content_of, is_of
+from fit.recordings.ready import ready
+from fit.recordings.selection import check_together, content_of
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
@@ -103,11 +104,11 @@ def test_a_diagnosis_does_not_go_on_with_another_recording_of_the_same_name(tmp_
 
 def test_a_fit_is_of_takes_by_what_they_hold_and_an_old_one_by_their_names():
     result = calibrate([a_take()], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
-    assert is_of(result, [a_take()])
-    assert not is_of(result, [a_take(hz=0.9)])
+    assert ready([a_take()], []).are_of(result)
+    assert not ready([a_take(hz=0.9)], []).are_of(result)
     old = msgspec.structs.replace(result, take_contents=[])
-    assert is_of(old, [a_take(hz=0.9)])
-    assert not is_of(old, [a_take("b")])
+    assert ready([a_take(hz=0.9)], []).are_of(old)
+    assert not ready([a_take("b")], []).are_of(old)
 
 
 def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(tmp_path):
@@ -118,18 +119,18 @@ def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(
     save_diagnosis(diagnosed, msgspec.structs.replace(of_a, take_contents=[content_of(a_take())]))
     report.write_text("one")
     for path in (fit, diagnosed, tmp_path / "gone.json"):
-        assert set_aside_other_takes(path, [a_take()]) == ""
-    said = set_aside_other_takes(fit, [a_take(hz=0.9)])
+        assert set_aside_other_takes(path, ready([a_take()], [])) == ""
+    said = set_aside_other_takes(fit, ready([a_take(hz=0.9)], []))
     assert said == f"{fit} is of other takes (a): kept as fit.1.json, with its report."
     assert {p.name for p in tmp_path.iterdir()} == {"fit.1.json", "report.1.html", "diagnosis.json"}
     report.write_text("two")
-    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, [a_take(hz=0.9)])
+    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []))
     assert (tmp_path / "report.2.html").read_text() == "two"
     save_diagnosis(diagnosed, of_a)
-    assert set_aside_other_takes(diagnosed, [a_take(hz=0.9)]) == ""
-    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, [a_take("b")])
+    assert set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], [])) == ""
+    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, ready([a_take("b")], []))
     fit.write_text("{}")
-    assert "is not known to be of these takes" in set_aside_other_takes(fit, [a_take()])
+    assert "is not known to be of these takes" in set_aside_other_takes(fit, ready([a_take()], []))
 
 
 def test_a_folder_is_one_commands_at_a_time(tmp_path):

@@ -12,6 +12,7 @@ from fit.cloth.model import Resolution
 from fit.errors import FitError
 from fit.methods import SI
 from fit.observer.residuals import Observer
+from fit.recordings.ready import Ready
 from fit.recordings.recording import prepare
 from fit.recordings.selection import content_of
 from fit.report import sections
@@ -124,7 +125,7 @@ def test_a_damaged_motion_is_refused_in_one_sentence(content, tmp_path):
 def test_an_origin_names_garment_mass_sensor_and_the_digest_of_every_take():
     time = np.arange(0, 3, 1 / 30)
     take, other = (take_of(sheet(), time, swing(time), name=name) for name in ("a", "b"))
-    found = origin_of([take], [other], "hangtime fit a.mcap")
+    found = origin_of(Ready([take], [other], [content_of(take)], [content_of(other)]), take, "hangtime fit a.mcap")
     facts = dict(found.facts)
     assert facts["mass"] == "36 g"
     assert facts["garment"].startswith("sheet: swatch, 400 × 450 mm, held by its top edge, 5 tracked points (material)")

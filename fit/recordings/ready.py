@@ -1,0 +1,42 @@
+"""Takes made ready for simulation once, with the digests of their contents, for all that a command does with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fit.recordings.geometry import check_geometry
+from fit.recordings.recording import Recording, prepare_together
+from fit.recordings.selection import check_together
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import FitResult
+from formats.take import Take
+
+
+@dataclass(frozen=True)
+class Ready:
+    """Takes ready for simulation, those to fit to and those to judge on, and the digests of their contents."""
+
+    training: list[Recording]
+    held_out: list[Recording]
+    contents: list[str]
+    held_out_contents: list[str]
+
+    def are_of(self, result: FitResult | Diagnosis) -> bool:
+        """Return whether a result is of these takes; by their names alone where it is so old that it says no more."""
+        if not result.take_contents:
+            return result.take_ids == [recording.take_id for recording in self.training]
+        return result.take_contents == self.contents
+
+
+def ready(training: list[Take], held_out: list[Take]) -> Ready:
+    """Return takes ready for simulation, those to fit to and those to judge on.
+
+    Raises:
+        FitError: no take, takes of different garments, one that is given twice, or one whose points cannot belong to
+            its garment.
+    """
+    contents = check_together(training, held_out)
+    train, test = prepare_together(training, held_out)
+    for recording in train + test:
+        check_geometry(recording)
+    return Ready(train, test, contents[: len(train)], contents[len(train) :])

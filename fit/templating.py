@@ -1,0 +1,19 @@
+"""Environments of Jinja2 templates with autoescape, so that no name from outside becomes markup."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+@cache
+def environment(package: str, folder: str = "templates", *, trims_lines: bool = False) -> Environment:
+    """Return the environment of the templates in a folder of a package.
+
+    trims_lines: lines of statements leave nothing behind
+    """
+    loader = PackageLoader(package, folder)
+    return Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=trims_lines, lstrip_blocks=trims_lines
+    )

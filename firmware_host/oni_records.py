@@ -85,7 +85,6 @@ class Record:
     type: int
     node: int
     fields: bytes
-    payload_position: int
     payload_size: int
 
 
@@ -140,7 +139,7 @@ def read_records(path: Path) -> Iterator[Record]:
             if following > size:
                 return
             fields = file.read(fields_size - RECORD_HEADER.size)
-            yield Record(position, kind, node, fields, position + fields_size, payload_size)
+            yield Record(position, kind, node, fields, payload_size)
             if kind == RecordType.END:
                 return
             position = following

@@ -20,7 +20,7 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
 
-    - `is_floor_most`: a model fell below the noise that the takes seem to have; the noise is at most `floor_mm`
+    - `is_floor_most`: false; older diagnoses say so where a model fell below the noise that the takes seem to have
     - `edge_mm`: distance of the tracked held edge from the base model's edge
     - `edge_with_effect_mm`: the same with the named effect
     - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's,

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 
-LARGEST_INTEGER = 2**31 - 1  # of a number in a table: its first value of a block has 32 bits
 ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
 LARGEST_K = 30
 ORDERS = (1, 2, 3)
@@ -33,7 +32,8 @@ CODE_BYTES = 5  # a column: its code, and its first value
 def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
     """Return the bytes of each block of a table.
 
-    values: (sum of rows, columns), each at most `LARGEST_INTEGER` in size; rows, (blocks,): rows of each block
+    - values: (sum of rows, columns), each below 2^31 in size: the first of a block has 32 bits
+    - rows, (blocks,): rows of each block
     """
     starts = np.cumsum(rows) - rows
     first = values[starts]

@@ -21,13 +21,6 @@ LARGEST_RESULT = 1 << 25  # bytes: a diagnosis of hundreds of takes has a hundre
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
-SCHEMAS = {"fit-result.json": FitResult, "diagnosis.json": Diagnosis}
-
-
-def schema_of(record: type[FitResult] | type[Diagnosis]) -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of a result file."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(record)}
-
 
 def save_fit_result(path: Path, result: FitResult) -> None:
     """Write a fit result; the file appears whole or not at all, and its folder is made if absent.

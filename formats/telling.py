@@ -36,11 +36,6 @@ def ask_quiet(is_asked: bool) -> None:
         terminal.hush()
 
 
-def is_json() -> bool:
-    """Return whether facts are asked for instead of words."""
-    return _Mode.as_json
-
-
 def tell(words: str, /, **facts: Any) -> None:
     """Print words on stdout, or keep the facts that they are of for the JSON document."""
     _Mode.document.update(facts)

@@ -19,13 +19,6 @@ class Light:
     dark_ms: int
     is_red: bool = False
 
-    @property
-    def rhythm(self) -> str:
-        """Return it in words."""
-        if not self.dark_ms:
-            return "steady"
-        return f"{self.light_ms} ms light, {self.dark_ms} ms dark"
-
 
 FAULT = Light("fault", "nothing can be recorded; `hangtime status` says why", 125, 125, is_red=True)
 LOST_LIGHT = Light("tracking lost", "recording, but hanger or garment is not seen", 500, 500, is_red=True)
@@ -38,7 +31,6 @@ ARMED = Light("armed", "hanger in view: press", 1500, 500)
 SYNCING = Light("syncing", "takes are on their way to the server", 60, 440)
 READY_LIGHT = Light("ready", "waiting for the hanger", 60, 2940)
 STARTING = Light("starting", "the sensor is being opened", 60, 60)
-LIGHTS = (FAULT, LOST_LIGHT, BEHIND, RECORDING, SAVING, KEPT_LIGHT, DOUBT, ARMED, SYNCING, READY_LIGHT, STARTING)
 
 BEHIND_S = 2.0  # s: what may be lost of a running take
 KEPT_S = 3.0  # s for which a kept take is shown

@@ -183,10 +183,6 @@ class Spool:
         """Return the kept takes without a receipt, in the order of their numbers; url: as of `takes`."""
         return [take for take in self.takes(url) if take.receipt is None]
 
-    def unreadable(self) -> list[Path]:
-        """Return what crashes left and nothing could be read from."""
-        return [self._file(number, "unreadable") for number in sorted(self._numbers("unreadable"))]
-
     # --- room ---------------------------------------------------------------------------------------
 
     def make_room(self, retention: Retention, *, now: datetime, need: int = 0, url: str | None = None) -> Room:

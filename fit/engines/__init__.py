@@ -6,7 +6,7 @@ from fit.engines.blender import BlenderEngine
 from fit.engines.contract import Engine, EngineMaker, OwnEngine
 from fit.errors import FitError
 
-__all__ = ["ENGINES", "OWN", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
+__all__ = ["ENGINES", "OWN_ENGINE", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
 
 OWN_ENGINE = "own"
 ENGINES: dict[str, EngineMaker] = {OWN_ENGINE: OwnEngine, "blender": BlenderEngine}

@@ -143,11 +143,6 @@ def half_space(place: tuple[float, float, float], normal: tuple[float, float, fl
     return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))
 
 
-def box(centre: tuple[float, float, float], half_size: tuple[float, float, float], *, radius: float = 0.0) -> Body:
-    """Return a box along the world's axes [m], its edges rounded by a radius beyond the half sizes."""
-    return Body(centre=centre, half_size=half_size, radius=radius)
-
-
 HALF_SPACE = 50.0  # m that a half-space reaches: single precision still tells micrometres there
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_host.oni_records import RECORD_HEADER, Record
 from firmware_host.oni_writer import OniWriter
 from firmware_host.synthetic.scene import TOP, demo_garment, place
 from firmware_host.synthetic.world import World
@@ -44,6 +45,12 @@ def picture(number: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
     depth[:, :3] = 0
     depth[-1, -1] = 10000
     return depth, rng.integers(0, 256, (48, 64, 3)).astype(np.uint8)
+
+
+def payload_of(record: Record) -> slice:
+    """Where the payload of a record lies in its file."""
+    begins = record.position + RECORD_HEADER.size + len(record.fields)
+    return slice(begins, begins + record.payload_size)
 
 
 def write_recording(path: Path, frames: int = 6, *, depth_codec: str = "16zT", colour_delay_us: int = 2000) -> Path:

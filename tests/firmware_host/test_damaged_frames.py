@@ -12,7 +12,7 @@ from firmware_host.oni_records import RecordType, read_records
 from firmware_host.oni_writer import OniWriter
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from tests.firmware_host.oni_depth import decode_depth
-from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
+from tests.firmware_host.scenes import PERIOD_US, SMALL, payload_of, picture, write_recording
 
 
 def with_fewer_pixels(packed: bytes) -> bytes:
@@ -34,7 +34,7 @@ def test_a_depth_frame_with_a_turned_bit_is_left_out_and_counted_as_dropped(tmp_
     path = write_recording(tmp_path / "a.oni", 6)
     third = [r for r in read_records(path) if r.type == RecordType.NEW_DATA and r.node == 1][2]
     data = bytearray(path.read_bytes())
-    place = slice(third.payload_position, third.payload_position + third.payload_size)
+    place = payload_of(third)
     data[place] = with_fewer_pixels(bytes(data[place]))
     path.write_bytes(data)
     with OpenNI2Sensor(path) as sensor:

@@ -11,7 +11,7 @@ import pytest
 from firmware_host.errors import RecordingError
 from firmware_host.oni_records import RECORD_HEADER, RecordType, read_records, summarise
 from firmware_host.oni_writer import OniWriter
-from tests.firmware_host.scenes import SMALL, picture, write_recording
+from tests.firmware_host.scenes import SMALL, payload_of, picture, write_recording
 
 
 def test_six_frames_written_are_six_frames_counted(tmp_path: Path) -> None:
@@ -22,7 +22,7 @@ def test_six_frames_written_are_six_frames_counted(tmp_path: Path) -> None:
 def test_a_recording_cut_in_its_last_frame_counts_five_of_six(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "a.oni", 6)
     last = [r for r in read_records(path) if r.type == RecordType.NEW_DATA][-2]
-    path.write_bytes(path.read_bytes()[: last.payload_position + 10])
+    path.write_bytes(path.read_bytes()[: payload_of(last).start + 10])
     found = summarise(path)
     assert (found.depth_frames, found.colour_frames, found.is_complete) == (5, 5, False)
 

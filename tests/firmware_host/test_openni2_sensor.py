@@ -19,7 +19,7 @@ from firmware_host.oni_writer import PIXEL_FORMATS, OniWriter
 from firmware_host.opening import open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from formats.command import app, gather_commands
-from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, picture, write_pictures, write_recording
+from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, payload_of, picture, write_pictures, write_recording
 from tests.shared_data import SHARED_DATA
 
 KINECT_ROOM = SHARED_DATA / "oni" / "kinect-room.oni"
@@ -79,7 +79,7 @@ def test_a_recording_that_lost_power_plays_all_but_its_last_whole_frame(tmp_path
 def test_a_finished_recording_cut_by_a_broken_copy_is_refused(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "a.oni", 6)
     last = [r for r in read_records(path) if r.type == RecordType.NEW_DATA][-2]
-    path.write_bytes(path.read_bytes()[: last.payload_position + 10])
+    path.write_bytes(path.read_bytes()[: payload_of(last).start + 10])
     with pytest.raises(RecordingError, match="OpenNI2 cannot open it; copy the recording again"):
         OpenNI2Sensor(path)
 

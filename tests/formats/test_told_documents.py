@@ -211,8 +211,6 @@ def test_what_is_recovered_holds_what_the_damaged_take_held(desk):
 def test_facts_of_several_calls_make_one_document_and_words_none(capsys):
     """What is known without words counts; a number that is not finite is null; the next command begins anew."""
     telling.begin()
-    telling.ask_json(False)
-    assert not telling.is_json()
     telling.ask_json(True)
     telling.ask_json(False)  # another option's default does not take it back
     telling.tell("words", name="a\u202e", share=float("inf"))

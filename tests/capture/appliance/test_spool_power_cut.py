@@ -96,7 +96,7 @@ def check(folder, promises, word):
         # Nothing is left over, and starting once more changes nothing.
         allowed = {"sequence", "recorder.lock", "receipts"}
         allowed |= {f"{take.stem}.{ending}" for take in takes.values() for ending in ("mcap", "json")}
-        allowed |= {path.name for path in spool.unreadable()}
+        allowed |= {path.name for path in folder.glob("*.unreadable")}
         assert {path.name for path in folder.iterdir()} <= allowed, word
         assert spool.salvage() == [], word
         assert {take.sequence for take in spool.takes()} == set(takes), word

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from capture.appliance.showing import LIGHTS, light_of
+from capture.appliance import showing
+from capture.appliance.showing import Light, light_of
 from capture.appliance.states import TRANSITIONS, Event, State, StateMachine, table
 from docs.generator.appliance_states import SHORT, picture
 
@@ -53,8 +54,11 @@ def test_each_state_has_a_light_of_its_own_and_the_reference_lists_it():
     calm = {"is_tracking": True, "behind_s": 0.0, "kept_ago_s": 99.0, "has_complaint": False}
     shown = {state: light_of(state, **calm) for state in State}
     assert len(set(shown.values())) == len(State)
-    for light in LIGHTS:
-        assert f"| {light.name} | {light.rhythm}" in REFERENCE
+    lights = [one for one in vars(showing).values() if isinstance(one, Light)]
+    assert len(lights) == 11
+    for light in lights:
+        rhythm = f"{light.light_ms} ms light, {light.dark_ms} ms dark" if light.dark_ms else "steady"
+        assert f"| {light.name} | {rhythm}" in REFERENCE
 
 
 def test_green_without_a_pause_is_never_shown_while_two_seconds_are_not_on_the_disk():

@@ -12,7 +12,7 @@ from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, Contact, surface_o
 from fit.cloth.kernel_arguments import contact_bundle, zeros
 from fit.cloth.mesh import build_mesh
 from fit.errors import FitError
-from fit.recordings.bodies import box, capsule, half_space, sphere
+from fit.recordings.bodies import Body, capsule, half_space, sphere
 from tests.fit.scenes import sheet
 
 DENSITY = 0.2  # kg/m^2
@@ -236,8 +236,8 @@ BODIES = {
     "capsule, beyond": (capsule((0.0, -0.2, 0.0), (0.0, 0.2, 0.0), 0.1), (0.0, 0.7, 0.0), 0.4),
     "half-space": (half_space((0.0, 0.0, 1.0), (0.0, 0.0, 2.0)), (5.0, 3.0, 1.5), 0.5),
     "half-space, within": (half_space((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)), (-0.2, 3.0, 9.0), -0.2),
-    "box": (box((0.0, 0.0, 0.0), (0.1, 0.2, 0.3)), (0.4, 0.0, 0.7), 0.5),
-    "box, within": (box((0.0, 0.0, 0.0), (0.1, 0.2, 0.3), radius=0.05), (0.04, 0.0, 0.0), -0.11),
+    "box": (Body(centre=(0.0, 0.0, 0.0), half_size=(0.1, 0.2, 0.3)), (0.4, 0.0, 0.7), 0.5),
+    "box, within": (Body(centre=(0.0, 0.0, 0.0), half_size=(0.1, 0.2, 0.3), radius=0.05), (0.04, 0.0, 0.0), -0.11),
 }
 
 

@@ -10,7 +10,7 @@ from fit.cloth.crossings import pierces
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import clamps
 from fit.errors import FitError
-from fit.recordings.bodies import Body, BodyMotion, box, capsule, placed
+from fit.recordings.bodies import Body, BodyMotion, capsule, placed
 from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
@@ -23,7 +23,7 @@ def on_a_table(way, seconds=1.0):
     garment = sheet(width=SIDE, height=SIDE, mass=DENSITY * SIDE**2)
     time = np.arange(0, seconds, 1 / 30)
     recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
-    table = box((0.0, 0.0, -0.102), (2.0, 2.0, 0.1))
+    table = Body(centre=(0.0, 0.0, -0.102), half_size=(2.0, 2.0, 0.1))
     instants = np.arange(0, seconds + 0.1, 0.005)
     poses = np.tile(np.concatenate([table.centre, np.ravel(table.axes)]), (len(instants), 1, 1))
     poses[:, 0, :3] += way(instants)
@@ -83,7 +83,7 @@ def test_a_turning_capsule_has_gone_as_far_as_its_end():
 
 def test_paths_and_bodies_must_be_as_many():
     with pytest.raises(FitError, match="1 bodies move on 2 paths"):
-        Contact(bodies=(box((0, 0, 0), (1, 1, 1)),), motion=BodyMotion(0.1, np.zeros((3, 2, 12))))
+        Contact(bodies=(Body(centre=(0, 0, 0), half_size=(1, 1, 1)),), motion=BodyMotion(0.1, np.zeros((3, 2, 12))))
 
 
 def test_a_way_through_a_triangle_is_told_from_one_beside_it():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.recordings.bodies import HALF_SPACE, Body, BodyMotion, box, capsule, half_space, placed, sphere
+from fit.recordings.bodies import HALF_SPACE, Body, BodyMotion, capsule, half_space, placed, sphere
 
 
 def test_bodies_are_as_far_away_as_by_hand():
@@ -19,7 +19,7 @@ def test_bodies_are_as_far_away_as_by_hand():
     plane = half_space((0.0, 0, 1.0), (0.0, 0, 2.0))
     assert plane.distance(np.array([[5.0, 5, 3], [0, 0, 0]])) == pytest.approx([2.0, -1.0])
     assert plane.half_size == (HALF_SPACE,) * 3
-    cube = box((0.0, 0, 0), (1.0, 2.0, 3.0), radius=0.1)
+    cube = Body(centre=(0.0, 0, 0), half_size=(1.0, 2.0, 3.0), radius=0.1)
     assert cube.distance(np.array([[2.0, 0, 0], [2, 3, 3], [0, 0, 0]])) == pytest.approx([0.9, np.sqrt(2) - 0.1, -1.1])
     assert cube.thickness == pytest.approx(2.2)
     cone = Body(centre=(0, 0, 0), half_size=(0, 0, 1.0), radius=0.5, taper=0.2)
@@ -62,14 +62,14 @@ def test_a_moving_body_is_on_the_straight_way_with_square_axes():
     assert found_poses[:, 0, 1] == pytest.approx([0, 0, 0, 0, 1, 2, 2])
     assert found_poses[2, 0] == pytest.approx(pose([0.5, 0, 0], 30))
     assert placed(sphere((9.0, 9, 9), 0.2), found_poses[3, 0]).centre == pytest.approx((1.0, 0, 0))
-    axes = np.array(placed(box((0, 0, 0), (1, 1, 1)), found_poses[3, 0]).axes)
+    axes = np.array(placed(Body(centre=(0, 0, 0), half_size=(1, 1, 1)), found_poses[3, 0]).axes)
     assert axes == pytest.approx(pose([0, 0, 0], 60)[3:].reshape(3, 3))
 
 
 def test_a_body_has_gone_as_far_as_its_farthest_corner():
     """A box of 3 x 4 m turns by 90 degrees: its corners, 5 m away, go the chord of 5 sqrt 2; then all go 2 m."""
     motion = BodyMotion(1.0, np.stack([[pose([0.0, 0, 0])], [pose([0.0, 0, 0], 90)], [pose([0.0, 0, 2.0], 90)]]))
-    flat = box((0.0, 0, 0), (3.0, 4.0, 0.0))
+    flat = Body(centre=(0.0, 0, 0), half_size=(3.0, 4.0, 0.0))
     assert motion.way((flat,)) == pytest.approx([0.0, 5 * np.sqrt(2), 5 * np.sqrt(2) + 2])
     cone = Body(centre=(0, 0, 0), half_size=(0, 0, 1.0), radius=0.5, taper=0.2)
     assert motion.way((cone,)) == pytest.approx([0.0, 0.7 * 2, 0.7 * 2 + 2])

@@ -19,6 +19,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from formats.arrays import Integers
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import msgspec
@@ -50,7 +52,7 @@ GRIDS = {81: 9, 49: 7, 25: 5, 16: 4, 9: 3, 5: 0}
 SPACING = 0.05  # m
 
 
-def chosen(count: int) -> NDArray[np.int64]:
+def chosen(count: int) -> Integers:
     """Return which of the 81 markers are left."""
     if count == 5:
         return np.array([0, 8, 40, 72, 80])

@@ -15,6 +15,8 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Indices, Integers
+
 LONGEST_TABLE = 0x8000  # distinct values: a full place has 15 bits
 
 
@@ -35,7 +37,7 @@ def encode_depth(image: NDArray[np.uint16]) -> bytes:
     return head + _encode_steps(places) if places.size > 1 else head
 
 
-def _encode_steps(places: NDArray[np.int32]) -> bytes:
+def _encode_steps(places: Indices) -> bytes:
     step = places[:-1] - places[1:]
     n = step.size
     at = np.arange(n, dtype=np.int32)
@@ -73,9 +75,7 @@ def _encode_steps(places: NDArray[np.int32]) -> bytes:
     return out.tobytes()
 
 
-def _merge_still_pairs(
-    is_still: NDArray[np.bool_], size: NDArray[np.int64], first: NDArray[np.int32]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def _merge_still_pairs(is_still: NDArray[np.bool_], size: Integers, first: Indices) -> tuple[Integers, Indices]:
     """Write each run of up to 15 unchanged pairs as one byte, at the place of its last pair."""
     k = np.arange(is_still.size)
     rank = (k - np.maximum.accumulate(np.where(is_still, -1, k)) - 1) % 15

@@ -6,5 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Indices = NDArray[np.int32]  # of nodes, as a kernel reads them
 Booleans = NDArray[np.bool_]
 Singles = NDArray[np.float32]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
-from formats.integers import Integers, decode_tables, encode_tables
+from formats.integers import decode_tables, encode_tables
 
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
 TICKS = 10**6  # a second

@@ -17,7 +17,7 @@ import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 
-from formats.integers import Integers
+from formats.arrays import Integers
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over

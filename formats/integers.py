@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Integers = NDArray[np.int64]
+from formats.arrays import Integers
 
 ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
 LARGEST_K = 30

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.arrays import Booleans, Floats
-from formats.integers import Integers
+from formats.arrays import Booleans, Floats, Integers
 from formats.missing import origin_of, span_words
 from formats.take import FrameState, Take
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Indices
 
 CROP_BORDER = 12  # px kept around the garment: what lies there says whether it ends or goes on behind something
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
@@ -114,7 +114,7 @@ def _cut_above(mask: NDArray[np.uint8], ends: Floats) -> None:
     mask[:last][np.arange(last)[:, None] < edge[None, :]] = 0
 
 
-def _hanging_piece(labels: NDArray[np.uint16], stats: NDArray[np.int32], count: int, ends: Floats) -> int | None:
+def _hanging_piece(labels: NDArray[np.uint16], stats: Indices, count: int, ends: Floats) -> int | None:
     """Return the label of the largest piece that begins right below the held edge."""
     x0, x1 = sorted(int(x) for x in ends[:, 0])
     y0, y1 = int(ends[:, 1].min()), int(ends[:, 1].max())

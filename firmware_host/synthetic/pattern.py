@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
 SHIRT_CORNERS = 10  # shoulder, shoulder, sleeve hem (2), underarm, body hem (2), underarm, sleeve hem (2)
@@ -53,14 +53,14 @@ class Pattern:
             out[:, -right:] = SLEEVE_BULGE * np.linspace(1, 0, right, endpoint=False)[::-1] ** 2
         return out
 
-    def material(self, place: tuple[float, float]) -> tuple[NDArray[np.int64], Floats]:
+    def material(self, place: tuple[float, float]) -> tuple[Integers, Floats]:
         """Return the four nodes, (4, 2) rows and columns, and their weights, (4,), at a place [m] of the flat garment.
 
         The nearest cell's bilinear weights, found by Newton's iteration from its middle.
         """
         target = np.asarray(place, float)
 
-        def in_cell(row: int, column: int) -> tuple[float, NDArray[np.int64], Floats]:
+        def in_cell(row: int, column: int) -> tuple[float, Integers, Floats]:
             nodes = np.array([[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]])
             corners = self.rest[nodes[:, 0], nodes[:, 1], :2]
             weights = _bilinear_weights(corners, target)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from firmware_host.synthetic.pattern import Pattern
 from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
 from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
@@ -106,7 +106,7 @@ class Renderer:
         rows, columns, _ = nodes.shape
         return np.asarray(self._across @ (self._down @ nodes.reshape(rows, -1)).reshape(-1, columns, 3))
 
-    def _projected(self, fine: Floats) -> tuple[NDArray[np.int64], Floats, NDArray[np.intp]]:
+    def _projected(self, fine: Floats) -> tuple[Integers, Floats, NDArray[np.intp]]:
         """Return pixels, depths [m] and numbers of the drawn points in the image, far first: the nearest overwrites."""
         z = fine[..., 2].ravel()
         u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)

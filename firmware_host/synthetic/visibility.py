@@ -34,7 +34,7 @@ from firmware_host.synthetic.depth_noise import LATERAL_PX, in_shadow
 from firmware_host.synthetic.render import Renderer
 from firmware_host.synthetic.scene import CAMERA
 from firmware_host.synthetic.surroundings import Panel
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 NEIGHBOURHOOD = 0.020  # m along the cloth
 CLEAR_SHARE = 0.25  # of what the neighbourhood would show if it faced the camera
@@ -53,7 +53,7 @@ class PointSight:
     """
 
     in_view: NDArray[np.bool_]
-    pixels: NDArray[np.int64]
+    pixels: Integers
     share: Floats
 
     @property

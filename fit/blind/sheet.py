@@ -22,12 +22,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
-from formats.arrays import Floats
-
-Integers = NDArray[np.int32]
+from formats.arrays import Floats, Indices, Integers
 
 
 @dataclass(frozen=True)
@@ -50,15 +47,15 @@ class Sheet:
     width: float
     height: float
     rest: Floats
-    triangles: Integers
+    triangles: Indices
     inverse: Floats
     area: Floats
     node_area: Floats
-    hinges: Integers
+    hinges: Indices
     hinge_cotangents: Floats
     hinge_area: Floats
     hinge_across: Floats
-    held: Integers
+    held: Indices
     bottom_length: Floats
 
     def node_at(self, x: float, y: float) -> int:
@@ -94,7 +91,7 @@ def make_grid(width: float, height: float, side: float) -> Sheet:
     return _sheet_of(width, height, rest, np.stack([first, second], 1).reshape(-1, 3))
 
 
-def _sheet_of(width: float, height: float, rest: Floats, triangles: NDArray[np.int64]) -> Sheet:
+def _sheet_of(width: float, height: float, rest: Floats, triangles: Integers) -> Sheet:
     p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
     doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     inverse = np.stack([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]], 1) / doubled[:, None]
@@ -118,7 +115,7 @@ def _sheet_of(width: float, height: float, rest: Floats, triangles: NDArray[np.i
     )  # fmt: skip
 
 
-def _staggered(rest: Floats, rows: int) -> NDArray[np.int64]:
+def _staggered(rest: Floats, rows: int) -> Integers:
     """Counter-clockwise Delaunay triangles of the staggered rows, without slivers on the hull."""
     triangles = np.asarray(Delaunay(rest).simplices, np.int64)
     p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
@@ -130,7 +127,7 @@ def _staggered(rest: Floats, rows: int) -> NDArray[np.int64]:
     return np.asarray(kept[np.lexsort((centre[:, 0], -np.round(centre[:, 1], 9)))])
 
 
-def _hinges(triangles: NDArray[np.int64]) -> tuple[Integers, Integers]:
+def _hinges(triangles: Integers) -> tuple[Indices, Indices]:
     """Return the nodes, (hinges, 4), and triangles, (hinges, 2), of every inner edge.
 
     The third node is left of the way from the first to the second, so that every hinge has the same front.
@@ -179,7 +176,7 @@ def bending_rate(sheet: Sheet) -> float:
     return float(((sheet.hinge_cotangents**2 / mass[sheet.hinges]).sum(1) / sheet.hinge_area).max())
 
 
-def place_on(sheet: Sheet, places: Floats) -> tuple[Integers, Floats]:
+def place_on(sheet: Sheet, places: Floats) -> tuple[Indices, Floats]:
     """Return corners, (points, 3), and barycentric weights, (points, 3), that carry places [m], (points, 2)."""
     nodes, weights = [], []
     corners = sheet.rest[sheet.triangles]

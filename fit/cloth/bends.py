@@ -18,13 +18,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import spectral
-from fit.cloth.elements import LOCAL_NODES, Elements, Grid, Integers, Stencils, joined_stencils
-from formats.arrays import Floats
+from fit.cloth.elements import LOCAL_NODES, Elements, Grid, Stencils, joined_stencils
+from formats.arrays import Floats, Indices, Integers
 
-Nodes = NDArray[np.int64]
+Nodes = Integers
 
 ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
 STENCIL_NODES = (
@@ -45,11 +44,11 @@ class Bends:
     """
 
     stencils: Stencils
-    counts: Integers
+    counts: Indices
     twist_weights: Floats
     area: Floats
-    kind: Integers
-    centre: Integers
+    kind: Indices
+    centre: Indices
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -133,7 +132,7 @@ def free_bends(grid: Elements, layers: Nodes) -> Bends:
     )
 
 
-def _counts(lengths: list[int]) -> Integers:
+def _counts(lengths: list[int]) -> Indices:
     """Return how many stencils have each length of `BEND_NODES`."""
     kinds = [BEND_NODES.index(min(length, STENCIL_NODES)) for length in lengths]
     return np.bincount(kinds, minlength=len(BEND_NODES)).astype(np.int32)

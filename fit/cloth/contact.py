@@ -51,14 +51,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import spectral
-from fit.cloth.elements import CORNERS, Integers, Stencils, bilinear_slopes, joined_stencils
+from fit.cloth.elements import CORNERS, Stencils, bilinear_slopes, joined_stencils
 from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
 from fit.recordings.bodies import Body, BodyMotion
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Indices, Integers
 
 CONTACT_OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
 CONTACT_DAMPING = 0.3  # of the critical: layers come apart at about half of the speed at which they met
@@ -138,21 +137,21 @@ class Surface:
 
     samples: Stencils
     area: Floats
-    quads: Integers
+    quads: Indices
     windows: Floats
     reach: Floats
     may_meet: Booleans
     carried: float
     rate: float
 
-    def words(self) -> Integers:
+    def words(self) -> Indices:
         """Return `may_meet` as bits, rows of whole words, the first quad lowest."""
         rows = np.zeros((len(self.may_meet), -(-len(self.quads) // 32) * 32), bool)
         rows[:, : len(self.quads)] = self.may_meet
         return np.packbits(rows, axis=1, bitorder="little").view("<i4").ravel()
 
 
-def divided(mesh: ClothMesh, spacing: float) -> tuple[Stencils, Integers]:
+def divided(mesh: ClothMesh, spacing: float) -> tuple[Stencils, Indices]:
     """Return samples about `spacing` [m] apart or less, and the quads between them, (quads, 4): a b / c d."""
     corners = mesh.rest[mesh.cells[:, CORNERS]]
     sides = np.linalg.norm(corners[:, [1, 3, 2, 0]] - corners[:, [0, 1, 3, 2]], axis=2)
@@ -189,19 +188,19 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
     )
 
 
-def _quads(index: NDArray[np.int64]) -> Integers:
+def _quads(index: Integers) -> Indices:
     """Return the quads between samples that stand in rows, (cells, n, n)."""
     a, b, c, d = (i.ravel() for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
     return np.stack([a, b, c, d], 1).astype(np.int32)
 
 
-def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64]]:
+def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, Integers]:
     """Return the samples at places of [-1, 1] along and across each element, and which they are, (cells, n, n)."""
     along = spectral.values(local)
     weights = np.einsum("ra,cb->rcab", along, along).reshape(len(local) ** 2, -1)
     weights[np.abs(weights) < 1e-12] = 0.0
     known: dict[tuple[float, ...], int] = {}
-    nodes: list[Integers] = []
+    nodes: list[Indices] = []
     kept: list[Floats] = []
     index = np.zeros((len(mesh.cells), len(local), len(local)), int)
     for cell, of in enumerate(mesh.cells):
@@ -234,14 +233,14 @@ def _areas(corners: Floats, local: Floats) -> Floats:
     return np.asarray(size * rule[:, None] * rule)
 
 
-def _at_border(quads: NDArray[np.int64]) -> Booleans:
+def _at_border(quads: Integers) -> Booleans:
     """Return which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
     sides = np.sort(quads[:, [[2, 3], [0, 1], [1, 3], [0, 2]]].reshape(-1, 2), axis=1)
     _, of, shared = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(shared[of.ravel()] == 1).reshape(-1, 4)
 
 
-def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArray[np.int64]:
+def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> Integers:
     """Return the pairs of samples that a hanger holds in the same place, front and back, (n, 2)."""
     is_held = np.zeros(len(mesh.rest), bool)
     is_held[mesh.held_nodes] = True
@@ -251,7 +250,7 @@ def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArra
     return np.asarray(held[np.argwhere(np.triu(same, 1))]).reshape(-1, 2)
 
 
-def _far_apart(places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int64], nearest: float) -> Booleans:
+def _far_apart(places: Floats, quads: Integers, joined: Integers, nearest: float) -> Booleans:
     """Return which samples and quads are far apart along the cloth, across seams and `joined` too, (samples, quads)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra

@@ -24,12 +24,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import spectral
-from formats.arrays import Floats
+from formats.arrays import Floats, Indices, Integers
 
-Integers = NDArray[np.int32]
 LOCAL_NODES = np.stack(
     [
         np.tile(spectral.LOBATTO_NODES, spectral.NODES_ALONG_ELEMENT),
@@ -52,14 +50,14 @@ class Stencils:
     first, (stencils + 1,): where each begins; nodes, (n,); weights, (n, kinds)
     """
 
-    first: Integers
-    nodes: Integers
+    first: Indices
+    nodes: Indices
     weights: Floats
 
     def __len__(self) -> int:
         return len(self.first) - 1
 
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Integers:
         """Return the stencil of each entry, (n,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
@@ -88,7 +86,7 @@ class Elements:
     - `grain` [rad]: by how much the threads are turned against X and Y, anticlockwise; slopes are along the threads
     """
 
-    def __init__(self, rest: Floats, cells: NDArray[np.int64], corners: Floats, grain: float = 0.0) -> None:
+    def __init__(self, rest: Floats, cells: Integers, corners: Floats, grain: float = 0.0) -> None:
         self.rest, self.cells, self.corners = rest, cells, corners
         self.threads = np.array([[np.cos(grain), np.sin(grain)], [-np.sin(grain), np.cos(grain)]])
         weights = np.outer(spectral.LOBATTO_WEIGHTS, spectral.LOBATTO_WEIGHTS).ravel()
@@ -157,7 +155,7 @@ class Grid(Elements):
         super().__init__(rest, cells, rest[cells[:, CORNERS]], grain)
 
 
-def quad_elements(places: Floats, quads: NDArray[np.int64], grain: float = 0.0) -> Elements:
+def quad_elements(places: Floats, quads: Integers, grain: float = 0.0) -> Elements:
     """Return cubic elements on quadrilaterals, (n, 4), clockwise from the top left, whose corners are `places`.
 
     Nodes come corners first, then those of the sides, then those inside.
@@ -196,7 +194,7 @@ def bilinear_slopes(places: Floats) -> Floats:
     return np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 1)
 
 
-def joined_stencils(nodes: list[NDArray[np.int64]], weights: list[Floats]) -> Stencils:
+def joined_stencils(nodes: list[Integers], weights: list[Floats]) -> Stencils:
     """Put stencils, each (n,) nodes and (n, kinds) weights, one after the other."""
     return Stencils(
         first=np.cumsum([0, *(len(n) for n in nodes)]).astype(np.int32),
@@ -213,7 +211,7 @@ class Lines:
     """
 
     def __init__(self, grid: Elements, axis: int) -> None:
-        self.nodes: list[NDArray[np.int64]] = []
+        self.nodes: list[Integers] = []
         self.slopes: list[Floats] = []
         self.areas: list[float] = []
         self.of = np.zeros((len(grid.cells), spectral.POLYNOMIAL_ORDER, spectral.NODES_ALONG_ELEMENT), np.int32)
@@ -245,7 +243,7 @@ class Lines:
                     self.areas[known[key]] += float(weight * share * area[cell])
 
 
-def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers, Integers, Floats, Floats]:
+def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Indices, Indices, Floats, Floats]:
     """Return samples, weights and areas of shear at three by three Gauss points of every element."""
     at, weights = spectral.gauss(spectral.POLYNOMIAL_ORDER)
     between = spectral.values(at)
@@ -262,7 +260,7 @@ def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers,
     )  # fmt: skip
 
 
-def within(points: Floats, corners: Floats) -> tuple[NDArray[np.int64], Floats]:
+def within(points: Floats, corners: Floats) -> tuple[Integers, Floats]:
     """Return the element in or nearest to each point, (points,), and the place there, (points, 2) within -1 to 1."""
     cells, places = [], []
     for point in points:

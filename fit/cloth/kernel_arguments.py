@@ -10,12 +10,11 @@ from fit import runtime
 from fit.cloth import spectral
 from fit.cloth.bundles import Membrane, Stencils, Touch
 from fit.cloth.contact import Contact, Surface
-from fit.cloth.elements import Integers
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh
-from formats.arrays import Floats, Singles
+from formats.arrays import Floats, Indices, Singles
 
-Numbers = TypeVar("Numbers", Floats, Singles, Integers)
+Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 def membrane_bundle(mesh: ClothMesh) -> Membrane:
@@ -52,7 +51,7 @@ def stencil_bundle(mesh: ClothMesh) -> Stencils:
     )
 
 
-def facing_bases(mesh: ClothMesh) -> tuple[Integers, Singles]:
+def facing_bases(mesh: ClothMesh) -> tuple[Indices, Singles]:
     """Return the nodes of the elements, three times their numbers, and slopes and weights of the shape functions."""
     return 3 * mesh.cells, single(np.vstack([spectral.slopes(spectral.LOBATTO_NODES), spectral.LOBATTO_WEIGHTS]))
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth.bundles import (
@@ -27,14 +26,13 @@ from fit.cloth.bundles import (
     Touch,
     by_name,
 )
-from fit.cloth.elements import Integers
 from fit.cloth.kernel_arguments import contact_bundle, facing_bases, single, some, zeros
 from fit.cloth.material import RELAXATION_TIME
 from fit.cloth.model import Group
 from fit.cloth.packing import Course, Task, plan
-from formats.arrays import Floats, Singles
+from formats.arrays import Floats, Indices, Integers, Singles
 
-Numbers = TypeVar("Numbers", Floats, Singles, Integers)
+Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 Progress = Callable[[float], None]
@@ -216,7 +214,7 @@ def _driven(
     return grip, tracked, pull, clock
 
 
-def _candidates(every: list[tuple[Group, NDArray[np.int64]]], amplitudes: Floats, kind: Kind) -> Candidates:
+def _candidates(every: list[tuple[Group, Integers]], amplitudes: Floats, kind: Kind) -> Candidates:
     model = every[0][0].model
     rows = [(g.model, g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
     masses = [model.masses(m, a) for _, materials, row in rows for m, a in zip(materials, row, strict=True)]
@@ -240,7 +238,7 @@ def _results(tasks: list[Task], courses: list[Course], lanes: int) -> Results:
     )
 
 
-def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integers]:
+def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Indices]:
     """Return targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
 
     A recording that is over is trusted no more.
@@ -279,7 +277,7 @@ def _hand_back(courses: list[Course], seen: Singles, kept: Singles, forces: Sing
             lane += len(part.members)
 
 
-def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
+def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Indices]:
     """Return the handles of all tasks, (all steps, 3 handles, lanes), and where each task's steps begin."""
     firsts = np.cumsum([0, *(len(c.paths[0]) for c in courses)]).astype(np.int32)
     handles = courses[0].paths[0].shape[1]

@@ -18,9 +18,8 @@ from __future__ import annotations
 import numpy as np
 
 from fit.cloth import spectral
-from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
-from formats.arrays import Singles
+from formats.arrays import Indices, Singles
 
 IN_LINES = 0  # in the place of the number of nodes: samples or bends go by lines
 LINE_ENTRIES = 5  # of a line in the arrays of weights and of nodes; the last one of nodes means nothing
@@ -35,7 +34,7 @@ CURVATURES = tuple(map(float, ((C[0, 0] + C[1, 0]) / 2, *(C[1, ENDS] - C[0, ENDS
 BETWEEN = B.astype(np.float32).ravel()
 
 
-def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Integers, Singles]:
+def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Indices, Singles]:
     """Return the fibres across (0) or down (1) for the kernel: nodes a sample or `IN_LINES`, nodes, weights."""
     stencils, count = mesh.fibres.stencils, mesh.fibre_nodes[family]
     chosen = slice(None, mesh.fibres_across) if family == 0 else slice(mesh.fibres_across, None)

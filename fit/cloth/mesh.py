@@ -6,14 +6,12 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import spectral
 from fit.cloth.bends import RIMS, Bends, bends_of, free_bends
 from fit.cloth.elements import (
     Elements,
     Grid,
-    Integers,
     Lines,
     Samples,
     Stencils,
@@ -25,7 +23,7 @@ from fit.cloth.elements import (
 from fit.cloth.quads import distance_to, quadrilaterals
 from fit.errors import FitError
 from fit.recordings.held_edge import place_along
-from formats.arrays import Floats
+from formats.arrays import Floats, Indices, Integers
 from formats.garment import Garment
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
@@ -70,22 +68,22 @@ class ClothMesh:
 
     rest: Floats
     bulge: Floats
-    cells: Integers
+    cells: Indices
     cell_area: Floats
-    triangles: Integers
+    triangles: Indices
     fibres: Samples
     fibres_across: int
     fibre_nodes: tuple[int, int]
-    shear_across: Integers
-    shear_down: Integers
+    shear_across: Indices
+    shear_down: Indices
     shear_weights: Floats
     shear_area: Floats
     bends: Bends
     node_area: Floats
-    held_nodes: Integers
+    held_nodes: Indices
     held_fraction: Floats
     points: Stencils
-    pull_points: Integers
+    pull_points: Indices
     pull_weights: Floats
     hem_length: Floats
     spacing: float
@@ -107,7 +105,7 @@ class _Laid:
 
     elements: Elements
     bends: Bends
-    layers: NDArray[np.int64]
+    layers: Integers
 
 
 @functools.lru_cache(maxsize=8)
@@ -208,7 +206,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
     return _Laid(elements, free_bends(front, layers), layers)
 
 
-def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _held(garment: Garment, rest: Floats) -> tuple[Integers, Floats]:
     """Return the held nodes of all layers from left to right, and their places along the held edge."""
     share, is_on = place_along(rest, np.asarray(garment.outline_m[:2], float))
     if garment.held == "corners":
@@ -218,7 +216,7 @@ def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
     return held, np.clip(share[held], 0.0, 1.0)
 
 
-def _bulge(garment: Garment, rest: Floats, layers: NDArray[np.int64]) -> Floats:
+def _bulge(garment: Garment, rest: Floats, layers: Integers) -> Floats:
     """Return how far each node begins behind the plane of the held edge [m]: front and back start apart."""
     out = np.zeros(len(rest))
     if len(layers) > 1:
@@ -254,7 +252,7 @@ def _bottom_sides(outline: Floats) -> list[Floats]:
     return level or [s for s in sides if s[:, 1].min() < lowest and (s[0] - s[1])[0] > 0]
 
 
-def _triangles(cells: NDArray[np.int64]) -> Integers:
+def _triangles(cells: Integers) -> Indices:
     """Return two triangles between every four nodes of an element, turned to the front like the elements."""
     index = cells.reshape(-1, spectral.NODES_ALONG_ELEMENT, spectral.NODES_ALONG_ELEMENT).astype(np.int32)
     a, b, c, d = (i.reshape(-1) for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
@@ -271,7 +269,7 @@ def _barycentric(place: Floats, corners: Floats) -> Floats:
     return np.stack([1 - second - third, second, third], 1)
 
 
-def _locate(places: Floats, rest: Floats, triangles: NDArray[np.int64]) -> tuple[Integers, Floats]:
+def _locate(places: Floats, rest: Floats, triangles: Integers) -> tuple[Indices, Floats]:
     """Return the triangle corners and weights that carry each place; a place outside goes to its nearest triangle."""
     nodes, weights = [], []
     for place in places:
@@ -283,7 +281,7 @@ def _locate(places: Floats, rest: Floats, triangles: NDArray[np.int64]) -> tuple
     return np.array(nodes, np.int32).reshape(-1, 3), np.array(weights).reshape(-1, 3)
 
 
-def _spread(points: Floats, rest: Floats) -> tuple[Integers, Floats]:
+def _spread(points: Floats, rest: Floats) -> tuple[Indices, Floats]:
     """Return the piecewise linear interpolation from the tracked points to every node (Delaunay of the points)."""
     from scipy.spatial import Delaunay, QhullError
 

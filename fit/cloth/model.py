@@ -6,7 +6,6 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
@@ -21,7 +20,7 @@ from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.errors import FitError
 from fit.recordings.recording import Recording
-from formats.arrays import Booleans, Floats, Singles
+from formats.arrays import Booleans, Floats, Integers, Singles
 
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
@@ -78,7 +77,7 @@ class Group:
 
     model: ClothModel
     candidates: Candidates
-    members: NDArray[np.int64]
+    members: Integers
     half_octaves: int
     has_effects: bool
     is_viscous: bool
@@ -244,7 +243,7 @@ class ClothModel:
         none = np.zeros((len(materials), self.columns[-1].stop if self.columns else 0))
         return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
 
-    def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
+    def _half_octaves(self, materials: Floats, amplitudes: Floats) -> Integers:
         """Return how many half octaves below the coarsest step each candidate is stable, (candidates,)."""
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / self.stable_steps(materials, amplitudes)))
         return np.clip(wanted, 0, 14).astype(np.int64)

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth.model import Group
+from formats.arrays import Integers
 
 # Relative time of a step by lanes, a guess: an AMD EPYC with AVX-512 took 1, 1.24 and 1.86 for plain cloth.
 # Only how candidates are packed depends on it, no result.
@@ -54,7 +54,7 @@ class Task:
         sizes = [part.model.observer_targets(part.half_octaves)[:2] for part in self.parts] if is_pulled else []
         return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
 
-    def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
+    def filled(self, lanes: int) -> list[tuple[Group, Integers]]:
         """Return every part and its members; the last member fills the lanes that are left."""
         members = [part.members for part in self.parts]
         missing = lanes - sum(len(m) for m in members)
@@ -122,7 +122,7 @@ class Course:
     - `every`: steps between two targets
     """
 
-    def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
+    def __init__(self, task: Task, parts: list[tuple[Group, Integers]], is_pulled: bool) -> None:
         self.task = task
         self.time = np.unique(np.concatenate([part.model.recording.time for part in task.parts]))
         whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)

@@ -17,12 +17,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
-Indices = NDArray[np.int64]
+Indices = Integers
 
 CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
 WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined

@@ -10,9 +10,8 @@ Source: A. T. Patera, J. Comput. Phys. 54 (1984); C. Canuto et al., "Spectral Me
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 POLYNOMIAL_ORDER = 3  # polynomials in an element
 NODES_ALONG_ELEMENT = POLYNOMIAL_ORDER + 1  # nodes along an element
@@ -62,7 +61,7 @@ def places(elements: int) -> Floats:
     return np.append(inner.ravel(), 1.0)
 
 
-def line_nodes(elements: int) -> NDArray[np.int64]:
+def line_nodes(elements: int) -> Integers:
     """Return the nodes of each element of a row, (elements, 4)."""
     return np.asarray(POLYNOMIAL_ORDER * np.arange(elements)[:, None] + np.arange(NODES_ALONG_ELEMENT))
 

@@ -37,11 +37,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
 from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Indices
 
 GRAVITY = 9.80665  # m/s^2
 ON_LINE = 1e-3  # m: points within this distance of a line say nothing on the cloth beside the line
@@ -61,7 +60,7 @@ class Support:
     - `gravity` [m/s^2], along -z
     """
 
-    nodes: Integers
+    nodes: Indices
     shares: Floats
     path: Curve
     start: Curve

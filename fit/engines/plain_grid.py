@@ -12,14 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.elements import grid_places
 from fit.errors import FitError
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
-Indices = NDArray[np.int64]
+Indices = Integers
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.export.moving import Moving
 from fit.export.raster import FINER, Faces, drawn
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad, where the camera stands
 BESIDE = np.radians(52.0)  # rad, the same where it follows a figure: a stride is seen from the side
@@ -46,7 +45,7 @@ Seen = Callable[[Floats], Floats]
 BEHIND = 100.0  # m by which shadows and lines are drawn as farther than all that stands on the floor
 
 
-def node_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
+def node_normals(places: Floats, triangles: Integers) -> Floats:
     """Return the nodes' unit normals, (nodes, 3), from the triangles that meet there, weighed by their areas."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)
@@ -56,7 +55,7 @@ def node_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
     return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12))
 
 
-def _corner_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
+def _corner_normals(places: Floats, triangles: Integers) -> Floats:
     """Return unit normals at the corners, (triangles, 3, 3): the nodes', the triangle's own where cloth has an edge."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     own = np.cross(b - a, c - a)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect, parameter_names
 from fit.cloth.launch import Progress
@@ -18,7 +17,7 @@ from fit.export.fabric import effects_of
 from fit.export.solids import Solids
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare
-from formats.arrays import Floats, Singles
+from formats.arrays import Floats, Integers, Singles
 from formats.fit_records import FitResult
 from formats.take import Take
 
@@ -44,7 +43,7 @@ class Moving:
     name: str
     time: Floats
     places: Singles
-    triangles: NDArray[np.int64]
+    triangles: Integers
     rest: Floats
     points: Floats
     point_names: tuple[str, ...]

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.mesh import MOST_MESH_NODES, build_mesh
 from fit.errors import FitError
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
 EXPORTED_SIDE = 0.3  # m
@@ -33,8 +32,8 @@ class Sheet:
     name: str
     rest: Floats
     start: Floats
-    triangles: NDArray[np.int64]
-    held: NDArray[np.int64]
+    triangles: Integers
+    held: Integers
 
     @property
     def node_areas(self) -> Floats:

@@ -6,10 +6,9 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.bodies import Body, BodyMotion
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 ROUND, RISING = 24, 6  # places round a part, a multiple of 4, and from its middle to either end
 
@@ -23,12 +22,12 @@ class Solids:
     motion: BodyMotion
 
     @functools.cached_property
-    def meshes(self) -> tuple[tuple[Floats, NDArray[np.int64]], ...]:
+    def meshes(self) -> tuple[tuple[Floats, Integers], ...]:
         """Return for each body its places [m] along its axes, (n, 3), and its triangles, seen from outside."""
         return tuple(mesh_of(body) for body in self.bodies)
 
     @functools.cached_property
-    def triangles(self) -> NDArray[np.int64]:
+    def triangles(self) -> Integers:
         """Return the triangles of all bodies together, whose places are `places`."""
         firsts = np.cumsum([0, *(len(places) for places, _ in self.meshes)])
         return np.concatenate([t + first for (_, t), first in zip(self.meshes, firsts, strict=False)])
@@ -41,7 +40,7 @@ class Solids:
         )
 
 
-def mesh_of(body: Body) -> tuple[Floats, NDArray[np.int64]]:
+def mesh_of(body: Body) -> tuple[Floats, Integers]:
     """Return the surface of a body along its own axes: places [m], (n, 3), and triangles, (m, 3).
 
     Directions of a sphere are moved out to the corner of the core that they face. At the four quarters and the middle

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
 from fit.figure.shirt import collar_girth, neck_sides
 from fit.recordings.held_edge import place_along
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Indices
 from formats.garment import Garment
 
 APART, HEIGHT = 0.012, 0.034  # m from the neck, nearer in front by the tilt; of the height, above the shoulders' joints
@@ -31,7 +30,7 @@ def half_side(garment: Garment, radius: float) -> float:
     return collar_girth(garment) / 4 - float(np.linalg.norm(np.diff(corner, axis=0), axis=1).sum())
 
 
-def collar_nodes(garment: Garment, mesh: ClothMesh) -> tuple[Integers, Floats]:
+def collar_nodes(garment: Garment, mesh: ClothMesh) -> tuple[Indices, Floats]:
     """Return the nodes on a sewn T-shirt's neck, (held,), and how far along it they are [m], from its left end."""
     way, gone = np.full(len(mesh.rest), np.nan), 0.0
     for side in neck_sides(garment):

@@ -20,10 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
 from fit.recordings.bodies import Body
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Indices
 
 GROWING, GROWN = 120, 150  # steps in which the body grows, and in which the cloth then finds its length
 ROUNDS = 6  # of the sides in each step
@@ -37,7 +36,7 @@ PUSH = 1.2  # of the mean correction: over-relaxation
 def dressed(
     mesh: ClothMesh,
     is_back: Booleans,
-    held: Integers,
+    held: Indices,
     collar: Floats,
     origin: Floats,
     bodies: tuple[Body, ...],
@@ -83,7 +82,7 @@ def dressed(
     return np.asarray(places)
 
 
-def _sides(mesh: ClothMesh) -> tuple[Integers, Floats]:
+def _sides(mesh: ClothMesh) -> tuple[Indices, Floats]:
     """Return the sides of the drawn triangles, (sides, 2), and their length on the flat cloth [m], (sides,)."""
     every = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     sides = np.unique(np.sort(every, axis=1), axis=0)

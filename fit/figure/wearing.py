@@ -13,7 +13,6 @@ import numpy as np
 
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.crossings import pierces
-from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
 from fit.cloth.support import FIRST_SWING, GRAVITY, Support, Supporting
 from fit.errors import FitError
@@ -23,7 +22,7 @@ from fit.figure.dressmaking import ends_at, girth
 from fit.figure.parts import CLEARANCE, Figure, round_of
 from fit.recordings.bodies import Body, BodyMotion, placed
 from fit.recordings.recording import Curve, Recording
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Indices
 from formats.garment import Garment
 
 BEGINS_APART = CLEARANCE + 3e-3  # m of a T-shirt's nodes from the body: between them cloth is nearer
@@ -115,7 +114,7 @@ def _is_back(mesh: ClothMesh) -> Booleans:
     return is_back
 
 
-def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, held: Integers, places: Floats) -> Floats:
+def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, held: Indices, places: Floats) -> Floats:
     """Return where the nodes of a sewn T-shirt begin [m], (nodes, 3), world frame; places [m] of its held nodes."""
     names = [name for name in figure.names if name in figure.touching]
     bodies, motion = figure.only(tuple(names))

@@ -29,14 +29,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from fit.gap.correlation import FREE_DIRECTIONS, correlation_of, effective_count
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 INTERVAL_REPLICAS = 1000
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
@@ -84,7 +83,7 @@ class Resampling:
     spread: a draw's distance from the mean over the bootstrap's, in logarithms, since errors are positive
     """
 
-    picks: NDArray[np.int64]
+    picks: Integers
     spread: float
 
 

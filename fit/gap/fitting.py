@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import size_of
 from fit.observer.residuals import Observer
@@ -31,7 +30,7 @@ from fit.search.least_squares import (
     search,
     side_by_side,
 )
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
@@ -201,7 +200,7 @@ def from_prior(jacobian: Floats, prior_sd: Floats) -> Floats:
     return np.asarray(np.sqrt(((inverse / prior_sd) ** 2).sum(1)))
 
 
-def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior_sd: Floats) -> Floats:
+def sandwich(jacobian: Floats, residual: Floats, block: Integers, prior_sd: Floats) -> Floats:
     """Cluster-robust standard deviations, (parameters,), of a least-squares estimate."""
     hessian = jacobian.T @ jacobian + np.diag(prior_sd**-2)
     scores = np.zeros((int(block.max()) + 1, jacobian.shape[1]))

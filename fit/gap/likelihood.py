@@ -37,7 +37,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import j0, jn_zeros
 
 from fit.gap.correlation import Ringing, ringing_of
@@ -45,7 +44,7 @@ from fit.gap.edge_fit import SLOW
 from fit.observer.edge import NUMBERS
 from fit.observer.residuals import Layout, Observer
 from fit.recordings.recording import Recording
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
 SLOW_SHARE, SLOW_LASTS = 1 / 3, 1 / 3  # of the white noise; s: slow noise, as `fit.observer.edge` has it
 ACROSS, DOWN = 3, 3  # shapes of a hanging sheet: straight, tilted and bent across; three swings down
@@ -146,17 +145,17 @@ class _Series:
     """
 
     take: int
-    index: NDArray[np.int64]
-    still: NDArray[np.int64]
+    index: Integers
+    still: Integers
     scale: Floats
     still_scale: Floats
     unit: Floats
     phi: Floats
     gain: Floats
     sd: Floats
-    offset: NDArray[np.int64]
+    offset: Integers
     offset_sd: Floats
-    place: NDArray[np.int64] | None
+    place: Integers | None
 
     def innovations(self, rows: Floats) -> Floats:
         """White innovations of rows, (rows, numbers) -> (frames, series, rows, axes); 0 where not seen."""

@@ -25,13 +25,12 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.gap.correlation import effective_count
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
@@ -81,7 +80,7 @@ class Signature:
         """The signatures per unit of the effect's components."""
         return Secant(self.raw / self.typical)
 
-    def minimum_detectable(self, left: Floats, block: NDArray[np.int64], correlation: Floats) -> Floats:
+    def minimum_detectable(self, left: Floats, block: Integers, correlation: Floats) -> Floats:
         """Smallest amplitude of each component that would have shown beside the others, (components,).
 
         Infinite where a component moves nothing.
@@ -272,7 +271,7 @@ def _correlation(rows: Floats, residual: Floats, is_one_sided: bool) -> float:
     return float(np.sqrt(max(float(sums @ inverse @ sums), 0.0) / max(float(residual @ residual), 1e-12)))
 
 
-def block_scores(rows: Floats, residual: Floats, block: NDArray[np.int64]) -> Floats:
+def block_scores(rows: Floats, residual: Floats, block: Integers) -> Floats:
     """Products of rows, (components, numbers), with a residual, summed per block, (blocks, components)."""
     found = np.zeros((int(block.max()) + 1, len(rows)))
     np.add.at(found, block, (rows * residual).T)

@@ -26,11 +26,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
 from fit.gap.likelihood import Sums
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 MOST_EFFECTS = 3  # at work together
 CHANCE = 1 / 24  # odds that one effect is at work: of about two dozen one, as often as not
@@ -98,7 +97,7 @@ def log_evidence(found: Reduced, columns: Columns, among: Sequence[Sequence[str]
     return np.asarray(found.base + gained)
 
 
-def _gained(found: Reduced, columns: Columns, at: NDArray[np.int64]) -> Floats:
+def _gained(found: Reduced, columns: Columns, at: Integers) -> Floats:
     """Return the gain of columns, (subsets, k), in log evidence, (subsets, scales)."""
     pull = np.moveaxis(found.pull[:, at], 0, 1)  # (subsets, scales, k)
     normal = np.moveaxis(found.normal[:, at[:, :, None], at[:, None, :]], 0, 1)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.observer.residuals import Observer
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.diagnosis_records import VertexResidual, Where, WhereBin
 
 STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
@@ -51,7 +51,7 @@ def find_where(observer: Observer, residual: Floats) -> Where:
     )
 
 
-def _means(values: Floats, index: NDArray[np.int64], count: int) -> Floats:
+def _means(values: Floats, index: Integers, count: int) -> Floats:
     total = np.bincount(index, values, minlength=count)
     return np.asarray(total / np.maximum(np.bincount(index, minlength=count), 1))
 

@@ -21,11 +21,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.search.intervals import Intervals
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
@@ -89,9 +88,7 @@ def describe_combinations(
     return found
 
 
-def _at_ends(
-    materials: Callable[[Floats], Floats], fitted: Floats, intervals: Intervals, unknown: NDArray[np.int64]
-) -> Floats:
+def _at_ends(materials: Callable[[Floats], Floats], fitted: Floats, intervals: Intervals, unknown: Integers) -> Floats:
     """Return the combinations, (2, unknown, combinations), with one unknown parameter at either end of its interval."""
     vectors = np.tile(fitted, (2, len(unknown), 1))
     for end in range(2):

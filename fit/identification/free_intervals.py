@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.observer.residuals import BLOCK_SECONDS
 from fit.recordings.recording import Recording
 from fit.search.intervals import Intervals, LinearModel, block_intervals
 from fit.search.least_squares import DIFFERENCE, BoundedSpace
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 Rollouts = Callable[[Floats], Sequence[Floats]]
 
@@ -46,7 +45,7 @@ def free_intervals(space: BoundedSpace, recordings: Sequence[Recording], points:
     return block_intervals(space, linear)
 
 
-def blocks_of(recordings: Sequence[Recording]) -> list[NDArray[np.int64]]:
+def blocks_of(recordings: Sequence[Recording]) -> list[Integers]:
     """Return for each recording the half second to which each of its numbers belongs; recordings share none."""
     found, first = [], 0
     for recording in recordings:

@@ -18,12 +18,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.recordings.held_edge import place_along
 from fit.recordings.recording import Recording
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 FEWEST = 4  # points of an outline
 FRONT = [0, 2]  # axes of the world frame that somebody in front sees
@@ -65,7 +64,7 @@ class OutlineDistance:
         return 0.5 * float(to_polygon(self._seen, edge).mean() + to_polygon(edge, self._seen).mean())
 
 
-def _on_edge(recording: Recording) -> NDArray[np.int64]:
+def _on_edge(recording: Recording) -> Integers:
     """Return the tracked points on the garment's outline, in their order along it."""
     outline = np.array(recording.garment.outline_m)
     places = np.array([p.at_m for p in recording.garment.points])

@@ -40,15 +40,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.recordings.recording import FEWEST_PLACES, Recording
 from fit.recordings.smoothing import CUT_OFF, low_pass
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 from formats.swatch import FEWEST_MARKERS
-
-Integers = NDArray[np.int64]
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
 NEEDED_FRAMES = 100  # section 2 used 500; below, an average over frames says little

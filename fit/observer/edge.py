@@ -36,11 +36,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.noise import held_noise, point_noise
 from fit.recordings.recording import Recording
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 KEPT_NOISE = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FROM_ROW = 1e-3  # m: error of a held edge that is taken from its row at rest, some 30 frames with 3 mm
@@ -101,7 +100,7 @@ def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
     return errors.beyond_noise <= max(1.0, by_law)
 
 
-def edge_errors(take: NDArray[np.int64], frame: NDArray[np.int64], whitened: Floats, sd: Floats) -> EdgeErrors:
+def edge_errors(take: Integers, frame: Integers, whitened: Floats, sd: Floats) -> EdgeErrors:
     """Gather what is left at held edges; all arrays (numbers,), `frame` -1 for means over a take, sd in metres."""
     if not len(whitened):
         return EdgeErrors()

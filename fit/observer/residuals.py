@@ -24,7 +24,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect, columns_of
 from fit.cloth.model import Resolution
@@ -33,7 +32,7 @@ from fit.errors import FitError
 from fit.methods import Parameterisation
 from fit.observer.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
 from fit.recordings.recording import Recording
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
 BLOCK_SECONDS = 0.5  # s: residuals further apart than half a swing count as independent
 BLOWN_UP_CHARGE = 1e3  # standard deviations that a candidate is charged per number when it blew up
@@ -50,15 +49,15 @@ class Layout:
     - `static_of` is the place of a judged number's mean, or -1.
     """
 
-    take: NDArray[np.int64]
-    block: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    point: NDArray[np.int64]
-    axis: NDArray[np.int64]
+    take: Integers
+    block: Integers
+    frame: Integers
+    point: Integers
+    axis: Integers
     sd: Floats
     is_judged: Booleans
     is_edge: Booleans
-    static_of: NDArray[np.int64]
+    static_of: Integers
 
     def metres(self, residuals: Floats) -> Floats:
         """Return y - x [m] of every number that is judged, (..., judged), from whitened residuals, (..., numbers)."""
@@ -67,7 +66,7 @@ class Layout:
         at = self.static_of[self.is_judged]
         return np.asarray(np.where(at >= 0, moving + whole[..., at], moving))
 
-    def moving(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
+    def moving(self, values: Integers) -> Integers:
         """Return the entries of one of the arrays above that belong to numbers that are judged."""
         return values[self.is_judged]
 
@@ -240,8 +239,8 @@ def _deviations(recording: Recording) -> Floats:
 
 
 def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Layout:
-    columns: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
-    still: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
+    columns: list[list[Integers]] = [[], [], [], [], []]
+    still: list[list[Integers]] = [[], [], [], [], []]
     deviations, still_deviations, static_of = [], [], []
     first_block, first_static, first = 0, 0, []
     for number, recording in enumerate(recordings):
@@ -288,7 +287,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
 
 def _edge_rows(
     number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
-) -> tuple[list[NDArray[np.int64]], Floats]:
+) -> tuple[list[Integers], Floats]:
     """Return the origin of one held edge's numbers, in the order of `Layout`, and their deviations [m]."""
     frame = np.repeat(edge.frame, NUMBERS)
     means = len(edge.static_sd)
@@ -303,7 +302,7 @@ def _edge_rows(
     return rows, np.append(edge.sd, edge.static_sd)
 
 
-def _thirds(recording: Recording) -> NDArray[np.int64]:
+def _thirds(recording: Recording) -> Integers:
     """Top, middle or bottom third of the garment, (points,)."""
     height = np.array([p.at_m[1] for p in recording.garment.points])
     down = 3 * (height.max() - height) / max(float(np.ptp(height)), 1e-9)

@@ -24,10 +24,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.runtime import one_thread_of_algebra
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
 SKEWED = 4.0  # degrees: three deviations of a grid at rest that lies straight
@@ -44,7 +43,7 @@ class Grid:
     across [m], (columns,): places along the held edge from its left end; down [m], (rows,): below it
     """
 
-    at: NDArray[np.int64]
+    at: Integers
     across: Floats
     down: Floats
 
@@ -135,7 +134,7 @@ def _ways(laid: Floats, ends: Floats) -> tuple[Floats, Floats]:
     return across, down
 
 
-def _lines(values: Floats, apart: float) -> tuple[NDArray[np.int64], Floats]:
+def _lines(values: Floats, apart: float) -> tuple[Integers, Floats]:
     """Number the lines that values lie on, smallest first, and say where each line is."""
     order = np.argsort(values, kind="stable")
     number = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])

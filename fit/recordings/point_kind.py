@@ -20,10 +20,9 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.recording import Recording
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 from formats.garment import Garment
 
 LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and more
@@ -34,7 +33,7 @@ ALONG = 0.94  # cosine of 20 degrees between a pair and the direction it counts 
 FEWEST_FRAMES = 20
 
 
-def neighbours(places: Floats, axis: int) -> tuple[NDArray[np.int64], Floats]:
+def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:
     """Return neighbours along an axis of the flat cloth, (pairs, 2) as numbers, and their distances [m], (pairs,)."""
     extent = float(np.ptp(places, axis=0).max())
     pairs: list[tuple[int, int]] = []

@@ -8,9 +8,8 @@ Source: P. J. Huber, "Robust Statistics" (1981), section 7; R. G. Miller, Biomet
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 
 BLOCK = 0.5  # s, half a swing
 FEWEST_BLOCKS = 8
@@ -18,12 +17,12 @@ OUTLYING = 1.345  # deviations from which a frame counts less: 95 % efficiency f
 ROUNDS = 20
 
 
-def seconds_apart(time: Floats) -> NDArray[np.int64]:
+def seconds_apart(time: Floats) -> Integers:
     """Return the half second of each frame, (frames,), from the first one on; time [s], (frames,)."""
     return np.asarray((time - time[0]) // BLOCK, np.int64)
 
 
-def robust_line(design: Floats, values: Floats, block: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats, Floats]:
     """Return coefficients and half their 90 % intervals, (columns,) each.
 
     design, (frames, columns); values, (frames,); block, (frames,): frames that err together

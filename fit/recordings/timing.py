@@ -33,11 +33,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import interval_of, robust_line
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
 LARGEST_SHIFT = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
 SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
@@ -172,7 +171,7 @@ class _Scan:
     still: int = 0  # frames that the noise is of
 
     @property
-    def block(self) -> NDArray[np.int64]:
+    def block(self) -> Integers:
         return np.asarray((self.time - self.time[0]) // HALF_SWING, np.int64)
 
     @property

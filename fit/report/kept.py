@@ -10,12 +10,11 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.report.motion import ReportMotion, Run
 from fit.report.origin import Origin
-from formats.arrays import Floats
+from formats.arrays import Floats, Indices
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.whole_files import check_ends, write_whole
@@ -127,7 +126,7 @@ def _motion(number: int, take: dict[str, Any], arrays: Any) -> ReportMotion:
     )  # fmt: skip
 
 
-def _rounded(track: Floats) -> NDArray[np.int32]:
+def _rounded(track: Floats) -> Indices:
     """Return places [m], (frames, n, 3), as differences of whole steps from frame to frame, modulo 2^32."""
     known = np.isfinite(track)
     steps = np.clip(np.round(np.where(known, track, 0.0) / STEP), -LARGEST, LARGEST).astype(np.int32)

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
 RUNS = ("before", "after", "base", "with_effect", "fit")  # in the order in which they are shown
 
@@ -48,7 +47,7 @@ class ReportMotion:
     real: Floats
     point_names: tuple[str, ...]
     runs: Mapping[str, Run] = field(default_factory=dict)
-    triangles: NDArray[np.int64] | None = None
+    triangles: Integers | None = None
     pull_hz: float = 0.0
     held: Floats | None = None
     free: Booleans | None = None

@@ -28,11 +28,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 
 SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
@@ -57,7 +56,7 @@ class Intervals:
     spread: float
 
 
-def check_blocks(block: NDArray[np.int64]) -> None:
+def check_blocks(block: Integers) -> None:
     """Refuse, before anything is searched for, numbers of too few blocks, (m,), for intervals.
 
     Raises:
@@ -84,7 +83,7 @@ class LinearModel:
     parameters: Floats
     residuals: Floats
     jacobian: Floats
-    block: NDArray[np.int64]
+    block: Integers
 
 
 def block_intervals(
@@ -135,7 +134,7 @@ def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:
     return Intervals(ends, is_identified, np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1]), NORMAL_90)
 
 
-def jackknife(residuals: Floats, jacobian: Floats, place: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def jackknife(residuals: Floats, jacobian: Floats, place: Integers) -> tuple[Floats, Floats]:
     """Return the covariance, (p, p), and the way to the least squares, (p,), in shares of the box.
 
     place: the blocks' numbers from 0.

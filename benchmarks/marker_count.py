@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from firmware_host.synthetic.cloth import simulate
-from firmware_host.synthetic.swatch import FPS, SWATCH_MOTIONS, TO_SENSOR, TRUE_FABRICS, measured
+from firmware_host.synthetic.swatch import SWATCH_FPS, SWATCH_MOTIONS, TO_SENSOR, TRUE_FABRICS, measured
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.export.moving import material_rows
@@ -75,7 +75,7 @@ def recorded(fabric: str, motion: str, folder: Path) -> Take:
     """Return a take of a swatch that is swung through the cloth and up and down, held along its top edge."""
     true = TRUE_FABRICS[fabric]
     garment = msgspec.structs.replace(swatch(true.density * LENGTH**2, name=fabric), held="edge")
-    time = np.arange(round(SECONDS * FPS)) / FPS
+    time = np.arange(round(SECONDS * SWATCH_FPS)) / SWATCH_FPS
 
     def ends(instants: NDArray[np.float64]) -> NDArray[np.float64]:
         ramp = np.clip(instants / 0.5, 0.0, 1.0)

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from firmware_host.synthetic.cloth import ClothPhysics
 from firmware_host.synthetic.swatch import (
     CELLS_BETWEEN_MARKERS,
-    FPS,
     FRAMES,
+    SWATCH_FPS,
     TRUE_FABRICS,
     make_swatch_take,
     measured,
@@ -53,7 +53,7 @@ from formats.results import load_fit_result
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 from formats.take import Take
 
-TIME = np.arange(FRAMES) / FPS
+TIME = np.arange(FRAMES) / SWATCH_FPS
 COMPARED = ("swing", "other")  # the motions that the tables are of
 VARIED = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_damping")
 FACTORS = (2 / 3, 3 / 2)

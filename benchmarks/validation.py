@@ -42,7 +42,7 @@ from benchmarks.validation_clamped import (
 )
 from benchmarks.validation_energy import DENSITY, LENGTH, WIDTH, energy_drift
 from fit.cloth.model import Resolution
-from fit.cloth.support import GRAVITY
+from formats.nature import GRAVITY
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 SPACINGS = (0.05, 0.033, 0.025)  # m: the default of fits, and finer; three, four to five and six elements down

@@ -26,11 +26,12 @@ from scipy.optimize import brentq
 
 from fit.cloth.model import Resolution, Rollouts
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import GRAVITY, Clamp, Supporting, clamps
-from fit.effects.air_drag import AIR_DENSITY, AirDrag
+from fit.cloth.support import Clamp, Supporting, clamps
+from fit.effects.air_drag import AirDrag
 from fit.recordings.recording import Curve, prepare
 from formats.arrays import Floats
 from formats.garment import Garment
+from formats.nature import AIR_DENSITY, GRAVITY
 from tests.fit.scenes import material, sheet, take_of
 
 Held = Callable[[Floats], NDArray[np.bool_]]

@@ -14,9 +14,9 @@ import numpy as np
 
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import GRAVITY
 from fit.recordings.recording import prepare
 from formats.arrays import Floats
+from formats.nature import GRAVITY
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2  # m, m, kg/m^2: the sheet of `validation.py` too

@@ -26,6 +26,7 @@ from formats.arrays import Floats
 
 JITTER_VARIABLE = "HANGTIME_JITTER"  # names the variable that `jittered` reads
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
+TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations: a kernel makes each of its groups one
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
 INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache

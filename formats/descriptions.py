@@ -21,7 +21,7 @@ Description = TypeVar("Description", Garment, Rig)
 
 MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
 MOST_CORNERS = 1000  # of an outline, and of all holes together
-HEAVIEST = 50.0  # kg
+HEAVIEST_GARMENT = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 MOST_PIXELS = 100_000  # along a picture's side
@@ -30,7 +30,7 @@ HEIGHT_TOLERANCE = (
 )
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
-LARGEST_NUMBER = 1e9  # in any unit: squares and products of larger ones may overflow
+LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
 THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip through cloth that is looked at in places
@@ -132,10 +132,10 @@ def check_garment(garment: Garment, where: object) -> None:
         raise DescriptionError(what, where=where, advice="see docs/reference/file-formats.md")
 
     _refuse_what_is_not_finite(garment, refuse)
-    if not 0 < garment.mass_kg < HEAVIEST:
+    if not 0 < garment.mass_kg < HEAVIEST_GARMENT:
         grams = garment.mass_kg / 1000
-        meant = f"; were grams meant, mass_kg = {grams:g}?" if 0 < grams < HEAVIEST else ""
-        refuse(f"mass_kg must be above 0 and below {HEAVIEST:g} (got {garment.mass_kg:g}){meant}")
+        meant = f"; were grams meant, mass_kg = {grams:g}?" if 0 < grams < HEAVIEST_GARMENT else ""
+        refuse(f"mass_kg must be above 0 and below {HEAVIEST_GARMENT:g} (got {garment.mass_kg:g}){meant}")
     if garment.layers < 1:
         refuse(f"layers must be 1 or more (got {garment.layers})")
     outline = np.array(garment.outline_m, float)
@@ -229,8 +229,8 @@ def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str
         elif isinstance(value, int | float):
             if isinstance(value, float) and not math.isfinite(value) and (field, value) != UNMEASURED:
                 refuse(f"{field} has a number that is not finite (got {value:g})")
-            elif abs(value) > LARGEST_NUMBER and (field, value) != UNMEASURED:
-                refuse(f"{field} has a number beyond {LARGEST_NUMBER:g}")
+            elif abs(value) > LARGEST_FIELD and (field, value) != UNMEASURED:
+                refuse(f"{field} has a number beyond {LARGEST_FIELD:g}")
             if "_sd" in field and value < 0:
                 refuse(f"{field} is a standard deviation and cannot be below 0 (got {value:g})")
 

@@ -15,7 +15,7 @@ from formats.errors import DescriptionError, HangtimeError
 from formats.plain_text import encoding_of
 from formats.whole_files import check_ends
 
-LONGEST_TEXT = 1 << 20  # bytes of a file
+LARGEST_TOML = 1 << 20  # bytes of a file
 # Parts of a key, each with its dot: Python reads them in the square of their number, gigabytes for 200,000 of them.
 LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
@@ -31,7 +31,7 @@ def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> di
     try:
         check_ends(path)
         with path.open("rb") as file:
-            raw = file.read(LONGEST_TEXT + 1)
+            raw = file.read(LARGEST_TOML + 1)
     except OSError as error:
         raise failure(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
     return parse_toml(raw, path, failure)
@@ -39,9 +39,9 @@ def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> di
 
 def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> dict[str, Any]:
     """Return the tables of a file's bytes; else as `read_toml`."""
-    if len(raw) > LONGEST_TEXT:
+    if len(raw) > LARGEST_TOML:
         raise failure(
-            f"has more than {LONGEST_TEXT} bytes, which no such file has", where=path, advice="check the path"
+            f"has more than {LARGEST_TOML} bytes, which no such file has", where=path, advice="check the path"
         )
     encoding = encoding_of(raw[:4])
     try:

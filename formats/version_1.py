@@ -10,7 +10,7 @@ from formats.arrays import Booleans, Floats
 from formats.blocks import ANGLE_STEP, LATEST, MOST_ROWS, NO_QUALITY, QUALITY_STEPS, TICKS, Columns
 from formats.surface import LARGEST_GRID, MOST_OUTLINE_PLACES, SurfaceScan
 
-PLACE_STEP = 1e-4  # m
+FIRST_PLACE_STEP = 1e-4  # m
 
 
 def decode_block(block: dict[str, Any], points: int) -> Columns:
@@ -29,11 +29,11 @@ def decode_block(block: dict[str, Any], points: int) -> Columns:
     decoded: Columns = {
         "time": start / TICKS + unpack(block["time"], (n,), 1 / TICKS),
         "state": state,
-        "markers": unpack(block["markers"], (n, 2, 3), PLACE_STEP),
-        "held": unpack(block["held"], (n, 2, 3), PLACE_STEP),
-        "held_sd": unpack(block["held_sd"], (n, 2, 3), PLACE_STEP),
-        "points": unpack(block["points"], (n, points, 3), PLACE_STEP),
-        "points_sd": unpack(block["points_sd"], (n, points, 3), PLACE_STEP),
+        "markers": unpack(block["markers"], (n, 2, 3), FIRST_PLACE_STEP),
+        "held": unpack(block["held"], (n, 2, 3), FIRST_PLACE_STEP),
+        "held_sd": unpack(block["held_sd"], (n, 2, 3), FIRST_PLACE_STEP),
+        "points": unpack(block["points"], (n, points, 3), FIRST_PLACE_STEP),
+        "points_sd": unpack(block["points_sd"], (n, points, 3), FIRST_PLACE_STEP),
         "held_valid": unpack_flags(block["held_valid"], (n, 2)),
         "points_valid": unpack_flags(block["points_valid"], (n, points)),
     }
@@ -64,9 +64,9 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
         raise ValueError(f"sizes {size!r} and {count!r} at {time!r} are not whole numbers")
     if not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_OUTLINE_PLACES):
         raise ValueError(f"{size} x {size} places and {count} around them cannot be")
-    grid = unpack(content["grid"], (size * size, 3), PLACE_STEP)
+    grid = unpack(content["grid"], (size * size, 3), FIRST_PLACE_STEP)
     grid[~unpack_flags(content["grid_valid"], (size * size,))] = np.nan
-    contour = unpack(content["contour"], (count, 3), PLACE_STEP)
+    contour = unpack(content["contour"], (count, 3), FIRST_PLACE_STEP)
     contour[~unpack_flags(content["contour_valid"], (count,))] = np.nan
     return SurfaceScan(time=time / TICKS, grid=grid.reshape(size, size, 3), contour=contour)
 

@@ -48,6 +48,53 @@ def ruff_on(path: str, statement: str) -> str:
     return done.stdout + done.stderr
 
 
+# --- constants ----------------------------------------------------------------------------------
+
+# Workers run in other simulators' Pythons, which have none of our packages: they define again what they need.
+OF_WORKERS = {"AIR_DENSITY", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
+
+
+def constants() -> dict[str, list[tuple[Path, object]]]:
+    """The upper-case names that modules define, each with the modules and the values, or else the code of the value."""
+    found: dict[str, list[tuple[Path, object]]] = {}
+    for path in MODULES:
+        for node in ast.parse(path.read_text()).body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            for target in targets:
+                named = target.elts if isinstance(target, ast.Tuple) else [target]
+                whole = getattr(node, "value", None)
+                is_each = isinstance(target, ast.Tuple) and isinstance(whole, ast.Tuple)
+                values = whole.elts if is_each else [whole] * len(named)
+                for name, value in zip(named, values, strict=True):
+                    if isinstance(name, ast.Name) and name.id.isupper():
+                        found.setdefault(name.id, []).append((path, value_of(value)))
+    return found
+
+
+def value_of(node: ast.expr) -> object:
+    """The value of a literal, else its code."""
+    try:
+        return ast.literal_eval(node)
+    except ValueError:
+        return ast.unparse(node)
+
+
+def test_no_two_modules_of_a_room_define_one_constant() -> None:
+    """Whoever reads the name in one of them would have to know which is meant."""
+    for name, places in constants().items():
+        rooms_of = [path.parent for path, _ in places]
+        assert len(rooms_of) == len(set(rooms_of)), (name, [name_of(path) for path, _ in places])
+
+
+def test_a_constant_of_a_package_is_defined_once() -> None:
+    """Two rooms may use one name for two values; the same value under the same name is a copy."""
+    copies = set()
+    for name, places in constants().items():
+        seen = [(path.relative_to(ROOT).parts[0], repr(value)) for path, value in places]
+        copies |= {name} if len(seen) != len(set(seen)) else set()
+    assert copies == OF_WORKERS
+
+
 # --- imports ------------------------------------------------------------------------------------
 
 

@@ -25,7 +25,7 @@ MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has be
 MOST_CALLERS = 128  # that the kernel holds until the daemon's next round
 MOST_WATCHERS = 64  # one more, and the daemon hangs up on the oldest
 ANSWER_PATIENCE = 10.0  # s that an asker waits for a whole answer: a daemon that records answers within one frame
-PIECE = 1 << 16  # bytes of an answer that are read at once
+ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once
 LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
 MODE = 0o660
 UNIT = "hangtime-capture"
@@ -193,7 +193,7 @@ def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -
         if until is not None and time.monotonic() >= until:
             raise TimeoutError
         connection.settimeout(None if until is None else max(until - time.monotonic(), 1e-3))
-        if not (piece := connection.recv(PIECE)):
+        if not (piece := connection.recv(ANSWER_PIECE)):
             end = len(heard)
             break
         heard += piece

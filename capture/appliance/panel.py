@@ -11,7 +11,7 @@ from firmware_host.button import STUCK, ButtonContact, Presses, open_contact
 from firmware_host.errors import ButtonError, LampError
 from firmware_host.lamp import StatusLamp
 
-RETRY = 2.0  # s from one try to open the button or the lamp to the next
+REOPENING = 2.0  # s from one try to open the button or the lamp to the next
 
 
 class Panel:
@@ -30,7 +30,7 @@ class Panel:
             return 0
         try:
             if self._contact is None:
-                if now - self._tried_button < RETRY:
+                if now - self._tried_button < REOPENING:
                     return 0
                 self._tried_button = now
                 self._contact = open_contact(self._config.button.device)
@@ -58,7 +58,7 @@ class Panel:
             return
         try:
             if self._lamps is None:
-                if now - self._tried_lamp < RETRY:
+                if now - self._tried_lamp < REOPENING:
                     return
                 self._tried_lamp = now
                 red = StatusLamp(part.fault_led, part.leds) if part.fault_led else None

@@ -21,7 +21,7 @@ HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no 
 AREAS = (0.55, 1.6)  # of the disc that is expected: blur at the rim, and a hue's share of it
 LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
 FILLS = (0.6, 0.98)  # of its box
-DISTANCE_TOLERANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
+DOT_TOLERANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
 LARGEST_COLOUR_DISTANCE = 28.0  # of a*b*, between a dot and the colour that it should have
 CLEARLY = 2.0  # times better than the next pair
 
@@ -63,8 +63,8 @@ def find_pair(
             ):
                 continue
             apart = float(np.linalg.norm(right.place - left.place)) / hanger.marker_distance_m - 1.0
-            if abs(apart) <= DISTANCE_TOLERANCE:
-                fault = left.fault + right.fault + abs(apart) / DISTANCE_TOLERANCE
+            if abs(apart) <= DOT_TOLERANCE:
+                fault = left.fault + right.fault + abs(apart) / DOT_TOLERANCE
                 pairs.append((fault, left.dot, right.dot))
     pairs.sort(key=lambda pair: pair[0])
     if not pairs or (len(pairs) > 1 and pairs[1][0] < CLEARLY * pairs[0][0]):

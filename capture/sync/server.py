@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, Protocol
 
+from capture.appliance.spool import PIECE
 from capture.sync.credentials import Credentials
 from capture.sync.faults import ReadRefusedError, ServerError, fault_of
 from capture.sync.pace import Rate
@@ -21,7 +22,6 @@ from formats.store_address import folder_of, open_bucket, without_secrets
 from formats.whole_files import make_folders, sync_folder
 
 PART = 5 << 20  # bytes: the smallest part of an upload in parts that S3 accepts
-PIECE = 1 << 20  # bytes read at once
 CONNECT_TIMEOUT = "10s"
 
 

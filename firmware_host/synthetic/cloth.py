@@ -25,9 +25,8 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.pattern import lay
 from formats.arrays import Floats
 from formats.garment import Garment
+from formats.nature import AIR_DENSITY, GRAVITY
 
-GRAVITY = 9.80665  # m/s^2 along +y
-AIR_DENSITY = 1.204  # kg/m^3 at 20 degC
 ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step

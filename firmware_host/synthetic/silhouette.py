@@ -41,7 +41,7 @@ DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asi
 SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
 RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
 AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
-CAMERA = np.array([0.0, -1.5, 0.0])  # m, where depths begin
+EYE = np.array([0.0, -1.5, 0.0])  # m, where depths begin
 TRUTH_RATE = 100.0  # instants a second at which the true cloth is kept
 LONGEST_RECORDING = 120.0  # s
 
@@ -198,7 +198,7 @@ def _laid(
         right = right + np.tan(angles[frame]) * (below - length / 2)
         places[frame] = np.stack([right.ravel(), SIDE - below.ravel()], 1)
         points[frame] = _on(shape, below.ravel() / SIDE, right.ravel() / SIDE)
-    points += faults.depth_scale * (points - CAMERA)
+    points += faults.depth_scale * (points - EYE)
     points += faults.noise * random.standard_normal(points.shape)
     ends = held_path(stamps) - [0.0, 0.0, faults.path_below]
     return Silhouette(stamps, exposures, points, np.isfinite(points).all(2), ends, places, lean, angles != 0.0)

@@ -21,12 +21,12 @@ from enum import IntEnum
 
 from firmware_host.errors import FirmwareReplyError
 from firmware_host.usb_control.link import UsbLink
+from formats.nature import GRAVITY
 
 SET_LED = 0x06  # freenect_set_led
 GET_STATE = 0x32  # freenect_update_tilt_state
 STATE = struct.Struct(">xxhhhbB")  # ten bytes: two unused, x, y, z, twice the tilt, motor state
 COUNTS_PER_G = 819.0  # FREENECT_COUNTS_PER_G
-GRAVITY = 9.80665  # m/s^2, standard
 UNKNOWN_TILT = -128  # what the tilt reads while the motor moves
 STILL_TOLERANCE = (
     0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)

@@ -23,7 +23,7 @@ from fit.blind.hands import HELD_OUT, TRAINING, move
 from fit.blind.plants import UNKNOWNS, Plant, Planted, with_plants
 from fit.blind.sensing import (
     HELD_SHARE,
-    SLOW_SHARE,
+    SLOW_PART,
     SPARE,
     gaps,
     reported_points,
@@ -274,11 +274,11 @@ def _take(truth: Truth, garment: Garment, name: str, ends: Floats, points: Float
             share = one.components["points"] or one.components["scene"]
             seen = scaled(seen, share, look.distance)
             held = scaled(held, one.components["scene"], look.distance)
-    seen += look.noise * (rng.normal(size=seen.shape) + SLOW_SHARE * slow_noise(rng, seen.shape, look.rate))
+    seen += look.noise * (rng.normal(size=seen.shape) + SLOW_PART * slow_noise(rng, seen.shape, look.rate))
     held = held + HELD_SHARE * look.noise * rng.normal(size=held.shape)
     valid = gaps(rng, (len(time), len(flat)), look.away)
     seen[~valid] = np.nan
-    total = look.noise * np.sqrt(1 + SLOW_SHARE**2)
+    total = look.noise * np.sqrt(1 + SLOW_PART**2)
     down = rotation @ [0.0, 0.0, -1.0]
     return Take(
         take_id=name, created=CREATED, garment=garment,

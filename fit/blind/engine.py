@@ -19,15 +19,15 @@ from fit import runtime
 from fit.blind.sheet import Sheet, bending_rate, make_sheet, membrane_rate, place_on
 from fit.errors import BlowUpError, FitError
 from formats.arrays import Floats
+from formats.nature import GRAVITY
 
 TRIANGLE_SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
 SAMPLES_A_SECOND = 200  # kept per second: swung cloth moves below 10 Hz
-SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
-SETTLE_TIME = 2.0  # s that the sheet hangs still before a take
+FLAT_SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
+HANGING_TIME = 2.0  # s that the sheet hangs still before a take
 SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
 POISSON = 0.3  # of the ground
 MOST_GROUND = 0.9  # of the stretch stiffness: the rest is left for the fibres
-GRAVITY = 9.80665  # m/s^2
 HEM_WIDTH = 0.02  # m of cloth that is turned up
 HEM_BENDING = 3.0  # times the bending stiffness of the cloth
 MAGNET_AT = 0.65  # of the height below the held edge
@@ -150,10 +150,10 @@ class Engine:
         hinge = bending_rate(sheet) / lightest
         omega2 += hinge * (float(self.hinge_bending.max()) + cloth.friction / 4.0)
         rate = membrane_rate(sheet, fibre * cloth.stretch_time, 0.0, 0.0) / lightest + hinge * cloth.bend_viscosity
-        return float(SAFETY * 4 / (np.sqrt(rate**2 + 4 * omega2) + rate))
+        return float(FLAT_SAFETY * 4 / (np.sqrt(rate**2 + 4 * omega2) + rate))
 
     def run(
-        self, ends: Floats, duration: float, places: Floats, *, settle: float = SETTLE_TIME, shapes: bool = False
+        self, ends: Floats, duration: float, places: Floats, *, settle: float = HANGING_TIME, shapes: bool = False
     ) -> Motion:
         """Swing the sheet.
 

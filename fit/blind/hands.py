@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.blind.engine import GRAVITY, SAMPLES_A_SECOND
+from fit.blind.engine import SAMPLES_A_SECOND
 from formats.arrays import Floats
+from formats.nature import GRAVITY
 
 TRAINING = ("chirp", "sideways", "twist")
 HELD_OUT = ("ellipse", "oblique")

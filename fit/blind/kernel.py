@@ -25,8 +25,9 @@ dimensions at every access.
 
 import taichi as ti
 
+from fit.runtime import TASK
+
 TAKE_LANES = 8  # takes side by side; a case has five
-TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of takes
 AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 

@@ -21,7 +21,7 @@ from fit.blind.engine import SAMPLES_A_SECOND
 from fit.blind.plants import Planted
 from formats.arrays import Booleans, Floats
 
-SLOW_SHARE = 1 / 3  # of the white noise's deviation
+SLOW_PART = 1 / 3  # of the white noise's deviation
 SLOW_TIME = 0.3  # s
 HELD_SHARE = 0.3  # of the points' noise: fiducial markers are found better than cloth
 CORNER_REACH = 0.02  # m

@@ -25,7 +25,7 @@ Indices = Integers
 
 CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
 WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined
-SIDES = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
+SIDES_TRIED = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
 BETTER = 1.2  # by which another lattice's shortest side must be longer to be taken
 LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
 SHORTEST_SIDE = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
@@ -43,7 +43,7 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
         FitError: the outline cannot be meshed, or only with elements too small.
     """
     best, longest = None, 0.0
-    for share in SIDES:
+    for share in SIDES_TRIED:
         found = _polygons(loops, share * side, name)
         shortest = _shortest(*found)
         if all(len(face) == 4 for face in found[1]) and shortest > BETTER * longest:

@@ -51,11 +51,11 @@ from fit.cloth.forces import fibres, find_normals, push_fibres, shearing
 from fit.cloth.lanes import within
 from fit.cloth.moments import bending
 from fit.cloth.touching import touching
+from fit.runtime import TASK
 
 SETTLE_PULLED = 0.2  # of settling, its beginning: the observed first shape pulls
 SETTLE_GAIN = (2 * math.pi * 8.0) ** 2  # 1/s^2: 8 Hz, so that 0.32 s leave 2e-6 of the way from where the cloth began
 SETTLE_PULL_DAMPING = 2 * math.sqrt(SETTLE_GAIN)  # 1/s, critical
-TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of lanes
 
 
 @functools.cache

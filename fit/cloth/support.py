@@ -41,8 +41,8 @@ from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
 from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
 from formats.arrays import Booleans, Floats, Indices
+from formats.nature import GRAVITY
 
-GRAVITY = 9.80665  # m/s^2
 ON_LINE = 1e-3  # m: points within this distance of a line say nothing on the cloth beside the line
 SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
 FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zero of J0

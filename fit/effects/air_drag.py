@@ -27,8 +27,7 @@ import taichi as ti
 
 from fit.cloth.effect import Effect
 from fit.cloth.lanes import magnitude
-
-AIR_DENSITY = 1.204  # kg/m^3, dry air at 20 degC and 101.325 kPa
+from formats.nature import AIR_DENSITY
 
 
 @ti.func

@@ -22,7 +22,7 @@ from typing import ClassVar
 import taichi as ti
 
 from fit.cloth.effect import Effect
-from fit.effects.air_drag import AIR_DENSITY
+from formats.nature import AIR_DENSITY
 
 
 @ti.func

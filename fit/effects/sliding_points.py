@@ -23,7 +23,7 @@ from fit.recordings.grids import Grid
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-STAYS = 0.01  # of its length, root mean square, by which a grid of material points changes at most
+GRID_STAYS = 0.01  # of its length, root mean square, by which a grid of material points changes at most
 
 
 @dataclass(frozen=True)
@@ -62,4 +62,4 @@ def slides(recording: Recording, grid: Grid) -> Floats | None:
     if seen.sum() < 2:
         return None
     share = np.interp(recording.time, recording.time[seen], length[seen]) / grid.down[-1] - 1
-    return np.asarray(share) if np.sqrt(np.mean((share - share.mean()) ** 2)) > STAYS else None
+    return np.asarray(share) if np.sqrt(np.mean((share - share.mean()) ** 2)) > GRID_STAYS else None

@@ -17,7 +17,7 @@ from fit.export.moving import Moving
 from fit.foreign.process import BLENDER, WORKER_FOLDER
 
 WRITER = WORKER_FOLDER / "alembic_writer.py"
-LONGEST = 900.0  # s that Blender may take
+LONGEST_RUN = 900.0  # s that Blender may take
 
 
 def alembic(moving: Moving) -> bytes:
@@ -40,7 +40,7 @@ def alembic(moving: Moving) -> bytes:
         try:
             done = subprocess.run(
                 [BLENDER.python, WRITER, folder / "job.npz", folder / "cloth.abc"], capture_output=True, text=True,
-                timeout=LONGEST,
+                timeout=LONGEST_RUN,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise FitError("Blender did not end", where=BLENDER.python, advice="give a shorter take") from None

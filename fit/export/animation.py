@@ -19,6 +19,7 @@ from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.export.worn import FigureOrder, sewn, worn
+from fit.figure.wearing import LAYERS_APART
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
@@ -28,7 +29,6 @@ FILMS = (*CODECS, ".gif")
 SUFFIXES = (*FILMS, ".usdc", ".glb")
 LIBRARIES = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
 SMALLEST, LARGEST = 64, 4096  # px
-LAYERS_APART = 2e-3  # m, of sewn garments: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 
 SIMULATED = 0.6  # of the time of a film, about, that its simulation takes
 Show = Callable[[float, str], None]

@@ -33,7 +33,7 @@ from formats.rows import csv_text
 
 FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
-SKIN = (0.77, 0.74, 0.71)  # RGB, of a figure
+SKIN_RGB = (0.77, 0.74, 0.71)  # RGB, of a figure
 CODES_PER_SECOND = 30.0  # USD time codes a second
 
 
@@ -97,7 +97,7 @@ def _usd_figure(stage: Any, figure: Solids, time: Floats, codes: Floats) -> None
         mesh = define_mesh(stage, f"{FIGURE}/{name}", triangles)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(places.astype(np.float32)))
         mesh.CreateExtentAttr(Vt.Vec3fArray([Gf.Vec3f(*end.tolist()) for end in (places.min(0), places.max(0))]))
-        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*SKIN)]))
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*SKIN_RGB)]))
         move = mesh.AddTransformOp()
         for code, pose in zip(codes.tolist(), poses[:, k].tolist(), strict=True):
             rows = [*pose[3:6], 0.0, *pose[6:9], 0.0, *pose[9:12], 0.0, *pose[:3], 1.0]
@@ -146,7 +146,7 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
                     [{
                         "name": "figure",
                         "pbrMetallicRoughness": {
-                            "baseColorFactor": [*SKIN, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8
+                            "baseColorFactor": [*SKIN_RGB, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8
                         },
                     }] if nodes else []
                 ),

@@ -48,12 +48,11 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from fit.cloth.support import GRAVITY
-from fit.effects.air_drag import AIR_DENSITY
 from fit.export.about import caution_lines, origin_lines, provenance, quantity_record
 from fit.export.fabric import Fabric, Quantity
 from fit.export.sheet import SWATCH_SPACING, Sheet
 from formats.fit_records import FitResult
+from formats.nature import AIR_DENSITY, GRAVITY
 
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 EDGE_SHARE = 4 / 3  # of B: every edge of an even grid, K_s = K_d

@@ -25,7 +25,7 @@ from fit import runtime
 from formats.arrays import Floats
 
 FINER = 2  # times as many pixels are drawn as are kept along each side
-NOTHING = np.int64(2**63 - 1)  # in a pixel that no triangle covers
+UNCOVERED = np.int64(2**63 - 1)  # in a pixel that no triangle covers
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,12 @@ def drawn(
     cover, shade = _kernels()
     wide, high = size
     picture = np.zeros((high, wide, 3), np.uint8)
-    nearest = np.full((FINER * high, FINER * wide), NOTHING)
+    nearest = np.full((FINER * high, FINER * wide), UNCOVERED)
     given = [np.ascontiguousarray(v, np.float32) for v in (
         faces.corners, faces.normals, faces.front, faces.back, faces.shaded,
     )]  # fmt: skip
     cover(given[0], nearest)
-    shade(*given, nearest, picture, np.asarray(sky, np.float32), np.asarray(light, np.float32), float(ambient), NOTHING)
+    shade(
+        *given, nearest, picture, np.asarray(sky, np.float32), np.asarray(light, np.float32), float(ambient), UNCOVERED
+    )
     return picture

@@ -15,15 +15,15 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
-from fit.cloth.support import GRAVITY
 from fit.export.about import caution_lines, flat_provenance, origin_lines, short
 from fit.export.fabric import Fabric, Quantity, status_of
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.fit_records import FitResult
+from formats.nature import GRAVITY
 from formats.rows import aligned, csv_text
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
-LINE_WIDTH = 100  # characters of a line of text
+LINE_LENGTH = 100  # characters of a line of text
 
 
 PARAMETER_HEADS = (
@@ -136,5 +136,7 @@ def _wrapped(paragraphs: Iterable[str]) -> list[str]:
     return [
         line
         for text in paragraphs
-        for line in textwrap.wrap(text, LINE_WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=False)
+        for line in textwrap.wrap(
+            text, LINE_LENGTH, initial_indent="- ", subsequent_indent="  ", break_long_words=False
+        )
     ]

@@ -34,13 +34,13 @@ from formats.arrays import Singles
 from formats.fit_records import FitResult
 from formats.garment import Garment
 
-KINDS = ("walk",)
+GAITS = ("walk",)
 PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
 GARMENTS = tuple(PLAIN)
 NAMES = {"skirt": "skirt", "t-shirt": "T-shirt"}
 SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
 DRAWN_SPACING = 0.012  # m between the corners of what is drawn
-LONGEST = 20.0  # s: single precision tells micrometres as far as a figure walks in them
+LONGEST_WALK = 20.0  # s: single precision tells micrometres as far as a figure walks in them
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
 MOST_STRETCHED = 0.15  # woven cloth gives way by some percent, on the bias by more
 MOSTLY = 0.99  # of the cloth, of which a second figure tells how far it is stretched
@@ -65,8 +65,8 @@ class FigureOrder:
         Raises:
             FitError: an unknown kind or garment, or a speed, a height or a length that no walk has.
         """
-        if self.kind not in KINDS:
-            raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(KINDS)}")
+        if self.kind not in GAITS:
+            raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(GAITS)}")
         if self.wear not in GARMENTS:
             raise FitError(f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(GARMENTS)}")
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
@@ -74,10 +74,10 @@ class FigureOrder:
                 f"nobody is {self.height:g} m tall", where="--height",
                 advice=f"give {SHORTEST_FIGURE:g} to {TALLEST_FIGURE:g} m",
             )  # fmt: skip
-        if not SHORTEST <= seconds <= LONGEST:
+        if not SHORTEST <= seconds <= LONGEST_WALK:
             raise FitError(
                 f"{seconds:g} s is no length for a figure's walk", where="--seconds",
-                advice=f"{SHORTEST:g} to {LONGEST:g} s",
+                advice=f"{SHORTEST:g} to {LONGEST_WALK:g} s",
             )  # fmt: skip
         if self.bvh is None:
             check_speed(self.speed)

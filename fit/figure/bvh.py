@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fit.errors import FitError
-from fit.figure.gait import ARM_OUT, SPACING, standing
+from fit.figure.gait import ARM_OUT, BETWEEN_INSTANTS, standing
 from fit.figure.skeleton import FOOT_RADIUS, SHANK, SIDES, THIGH, SkeletonMotion, unit
 from formats.arrays import Floats
 from formats.plain_text import encoding_of
@@ -35,7 +35,7 @@ MOST_JOINTS = 1000
 MOST_CHANNELS = 6  # three places and three turns
 CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
 # The names of joints, without sides, prefixes and signs; the first that a file has is taken.
-PARTS = {
+JOINT_NAMES = {
     "hip": ("upleg", "thigh", "hip", "upperleg", "femur"),
     "knee": ("leg", "lowerleg", "lowleg", "shin", "knee", "calf", "tibia"),
     "ankle": ("foot", "ankle"),
@@ -208,7 +208,7 @@ def _named(path: Path, joints: list[_Joint]) -> dict[str, int]:
     plain = [_plain(j.name) for j in joints]
     index = {"pelvis": 0}
     for side in SIDES:
-        for part, names in PARTS.items():
+        for part, names in JOINT_NAMES.items():
             wanted = [w for n in names for w in (f"{side}{n}", f"{side[0]}{n}", f"{n}{side}", f"{n}{side[0]}")]
             match = next((plain.index(w) for w in wanted if w in plain), None)
             if match is not None:
@@ -306,7 +306,7 @@ def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float,
     """Return the motion at even instants, from standing on, up to `last` [s] of the file; arms_out as of `read_bvh`."""
     from scipy.interpolate import CubicSpline
 
-    clock = np.arange(int((last + LEAD / 2) / SPACING) + 1) * SPACING
+    clock = np.arange(int((last + LEAD / 2) / BETWEEN_INSTANTS) + 1) * BETWEEN_INSTANTS
     u = np.clip(clock / LEAD, 0, 1)
     share = u**3 * (10 - 15 * u + 6 * u**2)
     # The file's clock starts from rest: the integral of the share, LEAD / 2 late in the end.
@@ -324,4 +324,4 @@ def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float,
     side = unit(joints["left_hip"] - joints["right_hip"])
     up = joints["chest"] - joints["pelvis"]
     up = unit(up - (up * side).sum(1, keepdims=True) * side)
-    return SkeletonMotion(SPACING, height, joints, np.stack([side, np.cross(up, side), up], 1))
+    return SkeletonMotion(BETWEEN_INSTANTS, height, joints, np.stack([side, np.cross(up, side), up], 1))

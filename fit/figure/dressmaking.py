@@ -9,22 +9,22 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from fit.cloth.mesh import LOWEST_SHARE
 from fit.errors import FitError
 from fit.figure.skeleton import STANDARD_HEIGHT
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
 
-WAIST, FLARE, LENGTH = 0.40, 0.56, 0.50  # m: front of a skirt, its top, its hem and its length
-LOWEST_SHARE = 0.25  # of the height, in which the hem is
+WAIST_FRONT, FLARE, LENGTH = 0.40, 0.56, 0.50  # m: front of a skirt, its top, its hem and its length
 
 
 def plain_skirt(density: float) -> Garment:
     """Return the front of a skirt of an areal density [kg/m^2], for a fabric that was no skirt."""
-    outline = ((-WAIST / 2, 0.0), (WAIST / 2, 0.0), (FLARE / 2, -LENGTH), (-FLARE / 2, -LENGTH))
+    outline = ((-WAIST_FRONT / 2, 0.0), (WAIST_FRONT / 2, 0.0), (FLARE / 2, -LENGTH), (-FLARE / 2, -LENGTH))
     names = ("top_left", "top_right", "bottom_right", "bottom_left")
     return Garment(
         format="hangtime-garment/1", name="skirt of the fabric", kind="skirt",
-        mass_kg=density * (WAIST + FLARE) / 2 * LENGTH, outline_m=outline, held="edge",
+        mass_kg=density * (WAIST_FRONT + FLARE) / 2 * LENGTH, outline_m=outline, held="edge",
         points=tuple(TrackedPoint(name=n, at_m=p) for n, p in zip(names, outline, strict=True)),
     )  # fmt: skip
 

@@ -50,7 +50,7 @@ from fit.figure.skeleton import (
 )
 from formats.arrays import Floats
 
-SPACING = 2e-3  # s between instants: bodies that go 2 m/s change speed by centimetres a second from one to the next
+BETWEEN_INSTANTS = 2e-3  # s: bodies that go 2 m/s change speed by centimetres a second from one to the next
 SLOWEST, NORMAL, FASTEST = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
 WALK_RATIO = 0.006  # m min, step length over steps a minute
 STANCE = 0.62  # of a stride that a foot is on the ground
@@ -96,12 +96,12 @@ def walk(
         FitError: nobody walks at such a speed.
     """
     check_speed(speed)
-    time: Floats = np.asarray(np.arange(int(np.ceil(seconds / SPACING)) + 2) * SPACING, float)
+    time: Floats = np.asarray(np.arange(int(np.ceil(seconds / BETWEEN_INSTANTS)) + 2) * BETWEEN_INSTANTS, float)
     step = step_length(speed)
     share = np.clip(time / RAMP, 0.0, 1.0)
     share = np.asarray(share**3 * (10 - 15 * share + 6 * share**2))
     phase = {"left": time * speed / (2 * step), "right": time * speed / (2 * step) + 0.5}
-    ahead = np.concatenate([[0.0], np.cumsum(speed * 0.5 * (share[1:] + share[:-1]) * SPACING)])
+    ahead = np.concatenate([[0.0], np.cumsum(speed * 0.5 * (share[1:] + share[:-1]) * BETWEEN_INSTANTS)])
     size = share * step / NORMAL_STEP
     gone = 2 * np.pi * phase["left"]
     pelvis = _turned(size * TURN * np.cos(gone), size * DROP * np.cos(gone - 2 * np.pi * 0.2))
@@ -130,7 +130,7 @@ def walk(
     down = max(ARM_OUT, LOWERED * arms_out)
     out = down + (1 - share) * (arms_out - down)
     joints |= _upper(middle, size, gone, height, out)
-    return SkeletonMotion(SPACING, height, joints, pelvis)
+    return SkeletonMotion(BETWEEN_INSTANTS, height, joints, pelvis)
 
 
 def _turned(turn: Floats, drop: Floats) -> Floats:
@@ -218,5 +218,5 @@ def _upper(middle: Floats, size: Floats, gone: Floats, height: float, aside: Flo
 
 def standing(height: float, arms_out: float = ARM_OUT) -> dict[str, Floats]:
     """Return the joints of a figure that stands still [m], (3,) each, with its arms so far out [rad]."""
-    motion = walk(SPACING, NORMAL, height, arms_out)
+    motion = walk(BETWEEN_INSTANTS, NORMAL, height, arms_out)
     return {name: places[0] for name, places in motion.joints.items()}

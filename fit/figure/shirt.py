@@ -15,7 +15,7 @@ from fit.figure.dressmaking import is_hem
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint, polygon_area
 
-NECK = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
+NECK_FRONT = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
 NECK_SHARE = 0.55  # of the top, where that is less
 # Of the neck's width: how deep it is cut, and its level bottom. A men's M is cut 9 cm in front and 2 cm behind.
 NECK_DEPTH, NECK_BOTTOM = 0.27, 0.5
@@ -29,7 +29,7 @@ LEAST_OUT, MOST_OUT = 20.0, 80.0  # degrees from the vertical, of arms in sleeve
 def plain_shirt(density: float) -> Garment:
     """Return front and back of a T-shirt of an areal density [kg/m^2], for a fabric that was no T-shirt."""
     right = [SHOULDER, TIP, CUFF, UNDERARM, HEM]
-    outline = ((-NECK / 2, 0.0), (NECK / 2, 0.0), *right, *((-x, y) for x, y in reversed(right)))
+    outline = ((-NECK_FRONT / 2, 0.0), (NECK_FRONT / 2, 0.0), *right, *((-x, y) for x, y in reversed(right)))
     around = np.array(outline)
     after = np.roll(around, -1, 0)
     area = 0.5 * abs(float((around[:, 0] * after[:, 1] - after[:, 0] * around[:, 1]).sum()))
@@ -100,8 +100,8 @@ def _with_neck(garment: Garment) -> tuple[tuple[float, float], ...]:
     """Return the outline with the neck cut out, its sides first."""
     outline = garment.outline_m
     (left, top), (right, other) = outline[:2]
-    wide = min(NECK, NECK_SHARE * (right - left))
-    if right - left <= NECK:
+    wide = min(NECK_FRONT, NECK_SHARE * (right - left))
+    if right - left <= NECK_FRONT:
         wide = right - left
     if not wide > 0.1 or abs(top - other) > 0.02:
         raise FitError(

@@ -14,7 +14,7 @@ import numpy as np
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.crossings import pierces
 from fit.cloth.mesh import ClothMesh
-from fit.cloth.support import FIRST_SWING, GRAVITY, Support, Supporting
+from fit.cloth.support import FIRST_SWING, Support, Supporting
 from fit.errors import FitError
 from fit.figure.collar import APART, collar_nodes, collar_places
 from fit.figure.dressing import dressed
@@ -24,9 +24,10 @@ from fit.recordings.bodies import Body, BodyMotion, placed
 from fit.recordings.recording import Curve, Recording
 from formats.arrays import Booleans, Floats, Indices
 from formats.garment import Garment
+from formats.nature import GRAVITY
 
 BEGINS_APART = CLEARANCE + 3e-3  # m of a T-shirt's nodes from the body: between them cloth is nearer
-FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
+BODY_FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
 LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 SAMPLES_APART = 0.025  # m
 DEEPEST = (
@@ -55,7 +56,7 @@ def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Wo
         edge_turn=lambda instants: np.zeros((len(instants), 2)),
     )  # fmt: skip
     contact = Contact(
-        thickness=LAYERS_APART, friction=FRICTION, bodies=bodies, clearance=CLEARANCE, spacing=SAMPLES_APART,
+        thickness=LAYERS_APART, friction=BODY_FRICTION, bodies=bodies, clearance=CLEARANCE, spacing=SAMPLES_APART,
         motion=motion,
     )  # fmt: skip
     return Worn(worn, held_by(recording.garment, figure), contact)

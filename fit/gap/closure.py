@@ -41,7 +41,7 @@ INTERVAL_REPLICAS = 1000
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 TINY = 1e-6  # of the gap, that is left of it without a block
-FEWEST_BLOCKS = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
+LEAST_BLOCKS = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
 def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
     """Draw blocks, as correlated as a model's errors show."""
     blocks = len(errors.sums)
-    effective = max(effective_count(errors.between_blocks, np.ones(blocks)), FEWEST_BLOCKS)
+    effective = max(effective_count(errors.between_blocks, np.ones(blocks)), LEAST_BLOCKS)
     wider = float(student.ppf(0.95, effective - 1) / norm.ppf(0.95))
     spread = wider * float(np.sqrt(blocks / max(blocks - 1, 1) * max(blocks / effective, 1.0)))
     return Resampling(rng.integers(0, blocks, size=(INTERVAL_REPLICAS, blocks)), spread)
@@ -143,7 +143,7 @@ def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
     value = float(gains.sum() / gaps.sum())
     whole, blocks, weights = float(gaps.sum()), len(gaps), np.maximum(gaps, 0.0)
     alike = max(effective_count(np.eye(blocks), weights), 1.0)
-    effective = max(effective_count(before.between_blocks, weights), FEWEST_BLOCKS)
+    effective = max(effective_count(before.between_blocks, weights), LEAST_BLOCKS)
     rest = np.maximum(whole - weights, TINY * whole)
     squares = float((((gains - value * gaps) / rest) ** 2).sum()) * max(blocks - 1, 1) / blocks
     return Share(value, float(np.sqrt(squares * max(alike / effective, 1.0))), effective - 1)

@@ -18,13 +18,13 @@ from formats.arrays import Floats
 
 # Share of the squared error of mesh and solver that an effect must remove. Effects by which sound solvers differ must
 # remove more than all of it.
-MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
+MESH_SHARE, SOLVER_TIMES = 0.5, 3.0
 LISTED_COMPONENTS = 4  # components that a sentence names
 
 
 def mesh_share(effect: Effect) -> float:
     """Share of the squared error of mesh and solver that an effect must remove to be named."""
-    return SOLVER_SHARE if effect.differs_by_solver else MESH_SHARE
+    return SOLVER_TIMES if effect.differs_by_solver else MESH_SHARE
 
 
 def resolvable(evidence: Evidence, effect: str) -> float:

@@ -14,11 +14,10 @@ from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
-from fit.search.intervals import NORMAL_90
+from fit.search.intervals import AT_BOUND, NORMAL_90
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.fit_records import FitParameter
 
-AT_BOUND = 0.01  # of a base parameter's range: a fit that ends nearer to its end was stopped by it
 LISTED_EFFECTS = 3  # effects that were left out, in a sentence
 PROBABILITIES = {
     "rules": "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, "

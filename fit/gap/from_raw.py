@@ -28,14 +28,14 @@ from fit.recordings.recording import Recording, prepare
 from formats.diagnosis_records import Gap
 from formats.take import Take
 
-NOTHING = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
+NO_STEPS = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
 
 LEAST_GAP = 0.1  # of the squared floor, which is itself known to some percent
 
 
 def raw_recordings(takes: Sequence[Take]) -> list[Recording]:
     """Return recordings of takes from which none of a camera's faults was taken out."""
-    return [prepare(replace(one, garment=changed(one.garment, points_are="material")), NOTHING) for one in takes]
+    return [prepare(replace(one, garment=changed(one.garment, points_are="material")), NO_STEPS) for one in takes]
 
 
 def raw_error_mm(

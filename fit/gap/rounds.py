@@ -32,6 +32,7 @@ from fit.gap.floor import Floor
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, with_amplitude
+from fit.gap.subsets import MOST_EFFECTS
 from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_told_by_edge
 from fit.observer.residuals import Observer
@@ -39,7 +40,6 @@ from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 
-MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
 POLISHED_SHARE = 0.5  # of the cost that the best one saves; hypotheses that save less are not fitted on
 PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.observer.residuals import Observer
+from fit.recordings.camera import STILL_SPEED
 from formats.arrays import Floats, Integers
 from formats.diagnosis_records import VertexResidual, Where, WhereBin
 
-STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
 RING_DOWN = 0.3  # s of rest after which motion is the cloth's own
 BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, np.inf))  # Hz
 DIRECTION_NAMES = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")

@@ -22,8 +22,8 @@ from fit.recordings.hanger_path import level_normal
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.fit_records import ErrorFigure, TrivialFigure
+from formats.nature import GRAVITY
 
-GRAVITY = 9.80665  # m/s^2
 TIME_STEP = 0.005  # s of the pendulum: a two-hundredth of its period
 LENGTHS = np.round(np.arange(0.1, 1.01, 0.05), 2)  # m, from a handkerchief to a curtain
 DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a real hanging cloth had 2 x 1.25

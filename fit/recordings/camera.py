@@ -32,9 +32,9 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 
 LATEST_LEFT = 0.08  # s: a larger offset could end at the bound of 0.1 s of the effect `time_offset`
-STILL_SPEED = 0.03  # m/s of the hanger
+STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
+FEWEST_RESTING_FRAMES = 5  # frames: the deviation of five has a relative error of a third
 TOP_ROW = 0.02  # of the grid's height, within which of the held edge its first row lies on it
-FEWEST_RESTING_FRAMES = 5  # frames
 NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eaten corners but something else
 
 

@@ -22,7 +22,7 @@ LEAST_EDGE = 0.002  # m that the edge is moved by, from which it is said
 LEAST_SLIDE = 0.003  # m rms beyond noise, from which points are said to slide
 LEAST_BORDER = 0.002  # m that grids of a perfect silhouette may seem to be short, by the cloth's own stretch and folds
 LEAST_SCALE = 0.003  # of depths
-LEAST_LEAN = 0.005  # rad, 0.3 degrees
+LEAST_LEAN_TOLD = 0.005  # rad, 0.3 degrees
 LEAST_BY_POSE = 0.01  # m per unit of lean, the same
 
 
@@ -270,7 +270,7 @@ def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return the lean of cloth at rest."""
     shown = [(r, lean.angle, lean.interval) for r in recordings if (lean := r.camera.lean) is not None]
     figure, span = _together([(angle, interval) for _, angle, interval in shown]) if shown else (0.0, (0.0, 0.0))
-    if abs(figure) < LEAST_LEAN or not is_sure(span):
+    if abs(figure) < LEAST_LEAN_TOLD or not is_sure(span):
         return []
     degrees = [float(np.degrees(value)) for value in (figure, *span)]
     return [CameraFinding(

@@ -24,7 +24,7 @@ Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 HARDEST_PULL = 150.0  # m/s^2, 15 times gravity
-OUTLYING = 10.0  # times what a path's noise is in the median, stated deviations may be too small
+NOISIER_THAN_STATED = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 
 
@@ -145,4 +145,4 @@ def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
     slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]
     pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
     gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
-    return pull, np.hypot(HARDEST_PULL, OUTLYING * gain * np.median(pull / gain, axis=0))
+    return pull, np.hypot(HARDEST_PULL, NOISIER_THAN_STATED * gain * np.median(pull / gain, axis=0))

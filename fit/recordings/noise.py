@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.recordings.camera import is_still
+from fit.recordings.camera import FEWEST_RESTING_FRAMES, is_still
 from fit.recordings.recording import Recording
 from fit.recordings.smoothing import noise_of
 from formats.arrays import Floats
 
 SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
-FEWEST_FRAMES = 11  # five sixth differences
-FEWEST_AT_REST = 5  # frames: the deviation of five has a relative error of a third
+FEWEST_FOR_DIFFERENCES = 11  # five sixth differences
 
 
 def point_noise(recording: Recording) -> Floats:
@@ -30,7 +29,7 @@ def white_noise(recording: Recording) -> Floats | None:
         return np.array([_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])])
     count = _at_rest(recording, recording.time)
     points = np.where(recording.valid[:count, :, None], recording.points[:count], np.nan)
-    known = np.isfinite(points[..., 0]).sum(0) >= FEWEST_AT_REST
+    known = np.isfinite(points[..., 0]).sum(0) >= FEWEST_RESTING_FRAMES
     if not known.any():
         return None
     found = np.sqrt(np.nanvar(points[:, known], axis=0, ddof=1).mean(1))
@@ -47,7 +46,7 @@ def held_noise(recording: Recording) -> Floats:
     count = _at_rest(recording, recording.time if recording.held_time is None else recording.held_time)
     seen = recording.held_seen[:count]
     seen = seen[np.isfinite(seen[:, 0])]
-    if len(seen) < FEWEST_AT_REST:
+    if len(seen) < FEWEST_RESTING_FRAMES:
         return np.full(6, recording.held_sd)
     return np.asarray(seen.std(0, ddof=1))
 
@@ -65,6 +64,6 @@ def _at_rest(recording: Recording, time: Floats) -> int:
 
 def _white(columns: Floats) -> float:
     """Deviation of white noise in columns, (frames, n), root mean square; 0 where there are too few frames."""
-    if len(columns) < FEWEST_FRAMES:
+    if len(columns) < FEWEST_FOR_DIFFERENCES:
         return 0.0
     return float(np.sqrt(np.mean([noise_of(column) ** 2 for column in columns.T])))

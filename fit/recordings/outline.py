@@ -20,10 +20,10 @@ import numpy as np
 
 from fit.recordings.grids import Grid
 from fit.recordings.hanger_path import level_normal
-from fit.recordings.robust_line import FEWEST_BLOCKS, interval_of, robust_line, seconds_apart
+from fit.recordings.robust_line import FEWEST_BLOCKS_ON_A_LINE, interval_of, robust_line, seconds_apart
 from formats.arrays import Floats
 
-LEAST_LEAN = 0.02  # standard deviation of the lean [1], a swing of 2 degrees, from which a slope is told
+LEAST_SWING = 0.02  # standard deviation of the lean [1], a swing of 2 degrees, from which a slope is told
 FEWEST_STEPS = 12  # of a grid that a frame shows
 
 
@@ -55,11 +55,11 @@ def find_outline(time: Floats, points: Floats, ends: Floats, length: Floats, gri
     lean, width = lean_of(points, ends, grid), _width(points, ends, grid)
     seen = np.isfinite(lean) & np.isfinite(length) & np.isfinite(width)
     block = seconds_apart(time[seen])
-    if len(np.unique(block)) < FEWEST_BLOCKS:
+    if len(np.unique(block)) < FEWEST_BLOCKS_ON_A_LINE:
         return None
     leans = lean[seen] - np.median(lean[seen])
     columns = [np.ones(int(seen.sum()))]
-    if has_slope := bool(leans.std() > LEAST_LEAN):
+    if has_slope := bool(leans.std() > LEAST_SWING):
         columns.append(leans)
     design = np.stack(columns, 1)
     short = grid.down[-1] - length[seen]

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fit.recordings.held_edge import FEWEST_FRAMES
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
 from formats.garment import Garment
@@ -30,7 +31,6 @@ STAYS = 0.010  # of the flat length; material points change by 0.009 at most
 FEWEST_PAIRS = 12  # in a direction: fewer fold together
 NEIGHBOUR_SHARE = 0.25  # of the cloth's extent that neighbours are apart at most: longer pairs fold
 ALONG = 0.94  # cosine of 20 degrees between a pair and the direction it counts for
-FEWEST_FRAMES = 20
 
 
 def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:

@@ -12,8 +12,8 @@ import numpy as np
 from formats.arrays import Floats, Integers
 
 BLOCK = 0.5  # s, half a swing
-FEWEST_BLOCKS = 8
-OUTLYING = 1.345  # deviations from which a frame counts less: 95 % efficiency for normal noise
+FEWEST_BLOCKS_ON_A_LINE = 8
+HUBER = 1.345  # deviations from which a frame counts less: 95 % efficiency for normal noise
 ROUNDS = 20
 
 
@@ -33,7 +33,7 @@ def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats
     for _ in range(ROUNDS):
         left = values - design @ _solved(design, values, weight)
         spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
-        weight = np.minimum(1.0, OUTLYING * max(spread, 1e-6) / np.maximum(np.abs(left), 1e-12))
+        weight = np.minimum(1.0, HUBER * max(spread, 1e-6) / np.maximum(np.abs(left), 1e-12))
     names = np.unique(block)
     without = np.stack([_solved(design[block != b], values[block != b], weight[block != b]) for b in names])
     count = len(names)

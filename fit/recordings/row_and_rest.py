@@ -22,7 +22,7 @@ from fit.recordings.timing import row_middle
 from formats.arrays import Floats
 
 FEWEST_AT_REST = 3  # half seconds
-OUTLIER = 5.0  # times the median distance: a frame whose row is lost, and not off
+LOST_ROW = 5.0  # times the median distance: a frame whose row is lost, and not off
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def row_off(points: Floats, ends: Floats, grid: Grid) -> float:
         return 0.0
     away = in_hanger_frame(row, ends)[there, 2]
     away = np.abs(away - np.median(away))
-    kept = away <= max(OUTLIER * float(np.median(away)), 1e-6)
+    kept = away <= max(LOST_ROW * float(np.median(away)), 1e-6)
     return float(np.sqrt(np.mean(away[kept] ** 2)))
 
 

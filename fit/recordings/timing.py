@@ -58,7 +58,7 @@ WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
 # Halves of a 90 % interval: 3.5 standard errors. A t number of 15 degrees of freedom, as of a take of 8 s, is so far
 # off 1 time in 300. Then of six findings hardly one in fifty is false.
 SURELY = 2.0
-CERTAIN = 3.0  # standard errors of the frames' own deviation
+CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
 CLOSEST = 4e-3  # s between frames: nearer ones are one moment
 
@@ -293,17 +293,17 @@ class _Scan:
         sure = (square - _most_noise(self.still)).sum() / weighed.sum()
         variance = float((square - 1).sum() / weighed.sum())
         parts = np.array([(square - variance * weighed - 1)[block == b].sum() for b in np.unique(block)])
-        if len(parts) < FEWEST_BLOCKS or not sure > CERTAIN * float(np.sqrt((parts**2).sum())) / weighed.sum():
+        if len(parts) < FEWEST_BLOCKS or not sure > CERTAIN_FRAMES * float(np.sqrt((parts**2).sum())) / weighed.sum():
             return timing
         return replace(timing, deviation=float(np.sqrt(variance)))
 
 
 def _most_noise(still: int) -> float:
-    """Return how many times its estimate from three axes of still frames a noise's variance can be, at `CERTAIN`."""
+    """Return how many times its estimate from three axes of still frames a noise can be in variance, for certain."""
     from scipy.stats import chi2, norm
 
     freedom = 3 * MEDIAN_TELLS * still
-    return float(freedom / chi2.ppf(norm.sf(CERTAIN), freedom))
+    return float(freedom / chi2.ppf(norm.sf(CERTAIN_FRAMES), freedom))
 
 
 def uneven_intervals(time: Floats) -> Floats:

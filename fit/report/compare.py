@@ -63,7 +63,7 @@ def read_all(paths: Sequence[Path]) -> list[Compared]:
     for path, other in zip(paths, found, strict=True):
         if type(other) is not type(found[0]):
             raise FitError(
-                f"is a {KINDS[type(other)][0]}, and {paths[0]} is a {KINDS[type(found[0])][0]}", where=path,
+                f"is a {COMPARED_AS[type(other)][0]}, and {paths[0]} is a {COMPARED_AS[type(found[0])][0]}", where=path,
                 advice="compare things of one kind",
             )  # fmt: skip
     return found
@@ -80,7 +80,7 @@ def compare(paths: Sequence[Path]) -> SideBySide:
         HangtimeError: as `read_all`.
     """
     found = read_all(paths)
-    kind, rows_of = KINDS[type(found[0])]
+    kind, rows_of = COMPARED_AS[type(found[0])]
     names = _short(paths)
     columns = [rows_of(one) for one in found]
     labels = list(dict.fromkeys(label for column in columns for label in column))
@@ -168,7 +168,7 @@ def _take_rows(take: object) -> dict[str, str]:
     return rows
 
 
-KINDS: dict[type, tuple[str, Any]] = {
+COMPARED_AS: dict[type, tuple[str, Any]] = {
     FitResult: ("fit", _fit_rows),
     Diagnosis: ("diagnosis", _diagnosis_rows),
     Take: ("take", _take_rows),

@@ -19,8 +19,8 @@ from formats.arrays import Floats
 
 POINT_STEP = 1e-4  # m, a tenth of the sensor's noise
 MESH_STEP = 5e-4  # m, half a pixel of the player for a garment half a metre wide
-NOT_SEEN = -32768
-LARGEST = 32767
+UNSEEN = -32768
+LARGEST_SHORT = 32767
 STRIDES = (1, 2, 3, 4, 6, 8, 12)  # every so many frames a mesh, so that the page stays small
 
 
@@ -33,8 +33,8 @@ def pack(track: Floats | None, step: float, every: int = 1) -> dict[str, Any] | 
     # The median is in the middle of the cloth even when a few vertices have been thrown far away.
     centre = np.round(np.median(known, axis=0), 3) if len(known) else np.zeros(3)
     with np.errstate(invalid="ignore"):
-        scaled = np.clip(np.round((kept - centre) / step), -LARGEST, LARGEST)
-    whole = np.where(np.isfinite(scaled), scaled, NOT_SEEN).astype(np.int16).reshape(len(kept), -1)
+        scaled = np.clip(np.round((kept - centre) / step), -LARGEST_SHORT, LARGEST_SHORT)
+    whole = np.where(np.isfinite(scaled), scaled, UNSEEN).astype(np.int16).reshape(len(kept), -1)
     change = np.diff(whole, axis=0, prepend=np.zeros((1, whole.shape[1]), np.int16)).ravel()
     zigzag = ((change << 1) ^ (change >> 15)).astype(np.uint16)
     planes = np.concatenate([(zigzag & 255).astype(np.uint8), (zigzag >> 8).astype(np.uint8)])

@@ -21,13 +21,14 @@ import numpy as np
 
 from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.recording import Recording
+from fit.report.plot import WIDTH
 from formats.arrays import Booleans, Floats
 from formats.outputs import write_bytes
 
 INSTANTS = 6
-WIDTH, ROW, CHART, MARGIN = 1200, 210, 190, 44  # px
+ROW, CHART, MARGIN = 210, 190, 44  # px
 FRAME, GREY, LINK, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
-PARTS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
+DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ def _draw_chart(pen: Any, views: Views, top: int) -> None:
         pen.text((4, y - 6), f"{share * reach:.0f} mm", fill="black")
         pen.text((left + share * (right - left) - 12, bottom + 6), f"{share * span:.1f} s", fill="black")
     x = left + (views.time - views.time[0]) / span * (right - left)
-    for part, (name, colour) in enumerate(PARTS):
+    for part, (name, colour) in enumerate(DIRECTIONS):
         heights = bottom - parts[:, part] / reach * (bottom - top - 16)
         seen = np.flatnonzero(np.isfinite(heights))
         if len(seen) > 1:

@@ -10,7 +10,7 @@ from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_
 from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.fit_records import FitResult
 
-FRICTION = "bending_hysteresis"  # the effect that brings friction into bending
+HYSTERESIS = "bending_hysteresis"  # the effect that brings friction into bending
 LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
 
 
@@ -33,7 +33,7 @@ def tests_of(result: FitResult) -> Sheet:
     material = {
         name: value / (result.layers if name in LAYER_NUMBERS else 1) for name, value in result.material.items()
     }
-    return make_sheet(material, result.effects.get(FRICTION, 0.0) / result.layers)
+    return make_sheet(material, result.effects.get(HYSTERESIS, 0.0) / result.layers)
 
 
 def sheet_of(result: FitResult) -> str:

@@ -32,8 +32,8 @@ from formats.missing import span_words
 from formats.plausible import check_plausible_times
 from formats.two_clocks import at_times
 
-SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
-MOST_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
+ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
+MOST_ARM_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
 FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' are 2 mm off, another take's 100 mm
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
 LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
@@ -42,7 +42,7 @@ LARGEST_SHIFT = 0.5  # s between both clocks: what a fit looks for
 SMALLEST_SHOWN = 1e-3  # s of a standard error
 MOST_OTHERS = 2  # shifts that are as good, in one sentence
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
-WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
+ARM_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
 
 def path_beside(hanger: Path, recording: Path) -> Path:
@@ -88,14 +88,14 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
     Raises:
         TakeError: the file is missing, or holds no such path.
     """
-    data = load_arrays(path, SHAPES, most_bytes=MOST_BYTES, advice=WHAT_TO_GIVE)
+    data = load_arrays(path, ARM_SHAPES, most_bytes=MOST_ARM_BYTES, advice=ARM_TO_GIVE)
     poses = data["tcp_t"].size
-    for name, shape in SHAPES.items():
+    for name, shape in ARM_SHAPES.items():
         needed = tuple(poses if size is None else size for size in shape)
         if data[name].shape != needed or data[name].dtype.kind not in "iuf":
             raise TakeError(
                 f"the array {name!r} has shape {data[name].shape} of {data[name].dtype}, not {needed} numbers",
-                where=path, advice=WHAT_TO_GIVE,
+                where=path, advice=ARM_TO_GIVE,
             )  # fmt: skip
         if not np.isfinite(data[name].astype(float)).all():
             raise TakeError(f"the array {name!r} holds what is no number", where=path, advice="export it again")

@@ -45,7 +45,7 @@ FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s that is looked at; 10 mm at 0.5 m/s
 SEEN_AT_ALL = 0.5  # of the places that a shift must leave beside the path
 MOST_LOOKED_AT = 2000  # pictures
 AT_ONCE = 50_000  # pictures times shifts: 2 MB of places
-BLOCK = 0.5  # s, half a swing, in which errors are correlated
+HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
 FEWEST_BLOCKS = 5  # a few seconds fit anywhere
 LEAST_EXPLAINED = 0.7  # of the squared motion: the held rows of the public recordings have 0.87 to 0.99
 OUTLIER = 3.0  # times the median distance
@@ -95,7 +95,7 @@ def find_clock_shift(time: Floats, seen: Floats, path: Path) -> ClockShift | Non
     some = slice(None, None, -(-len(time) // MOST_LOOKED_AT))
     time, seen = time[some], seen[some]
     known = int(np.isfinite(seen).all(2).sum())
-    block = ((time - time[0]) // BLOCK).astype(int)
+    block = ((time - time[0]) // HALF_SWING).astype(int)
     if len(np.unique(block[np.isfinite(seen).any((1, 2))])) < FEWEST_BLOCKS:
         return None
     count = round(FARTHEST_SHIFT / SHIFT_STEP)

@@ -15,7 +15,7 @@ USUAL = {
     "mm": "millimetres",
     "in": "inches",
 }  # units that are taken for one another
-UNIT_WITHIN = 0.2  # natural logarithm of a ratio of lengths: inches and decimetres differ by 1.4, folds take less
+RATIO_WITHIN = 0.2  # natural logarithm of a ratio of lengths: inches and decimetres differ by 1.4, folds take less
 SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
     "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "\u03bcm": "um",
@@ -56,7 +56,7 @@ def other_unit(times: float) -> str:
     """Return a question for a wrong unit, of lengths that are so many times too long; nothing where no unit fits."""
     for taken, its_name in USUAL.items():
         for meant, name in USUAL.items():
-            if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < UNIT_WITHIN:
+            if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < RATIO_WITHIN:
                 return f"; are these {name} that were taken for {its_name}?"
     return ""
 

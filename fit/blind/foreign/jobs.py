@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.engine import (
+    HANGING_TIME,
     HEM_BENDING,
     HEM_WIDTH,
     POLES,
     SAMPLES_A_SECOND,
     SETTLE_DAMPING,
-    SETTLE_TIME,
     Engine,
     held_fraction,
     hung,
@@ -42,7 +42,7 @@ class Job:
     sheet: Sheet
 
 
-def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, settle: float = SETTLE_TIME) -> Job:
+def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, settle: float = HANGING_TIME) -> Job:
     """Return the job of one cloth in several takes.
 
     - `engine`: of the cloth on the mesh that is to be used

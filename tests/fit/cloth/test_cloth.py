@@ -16,10 +16,11 @@ from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, clamps
 from fit.effects import LIBRARY
-from fit.effects.air_drag import AIR_DENSITY, AirDrag
+from fit.effects.air_drag import AirDrag
 from fit.effects.hem import Hem
 from fit.errors import DriveError, FitError
 from fit.recordings.recording import prepare, world_from_sensor
+from formats.nature import AIR_DENSITY
 from formats.swatch import swatch
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 

@@ -14,9 +14,9 @@ from fit.cloth.bends import COLUMN_BEND, ROW_BEND, TWIST
 from fit.cloth.effect import amplitudes_of, size_of
 from fit.cloth.mesh import build_mesh
 from fit.effects import LIBRARY, find_effects
-from fit.effects.air_drag import AIR_DENSITY
 from fit.effects.hanger_compliance import respond
 from fit.recordings.recording import prepare, prepare_together
+from formats.nature import AIR_DENSITY
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 GRAVITY = 9.80665

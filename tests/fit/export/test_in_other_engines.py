@@ -15,13 +15,13 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from fit.blind.foreign.engines import find_generator
-from fit.cloth.support import GRAVITY
 from fit.export.fabric import fabric_of
 from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import strip
 from fit.export.usd_physics import usd_physics
 from fit.foreign.process import BLENDER
+from formats.nature import GRAVITY
 from tests.fit.export.exported import a_fit
 from tests.fit.scenes import hung, sheet, swing, take_of
 

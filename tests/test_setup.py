@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import STILL
+
 ROOT = Path(__file__).parents[1]
 TOOLS = ("sh", "uname", "cksum", "head", "cmp", "rm", "mkdir", "sleep", "cat", "id", "cp", "dirname", "env")
 PYTHON = """#!/bin/sh
@@ -51,7 +53,7 @@ def setting_up(checkout):
 
 def test_two_set_ups_at_once_make_one_environment(checkout):
     both = [setting_up(checkout), setting_up(checkout)]
-    said = [one.communicate(timeout=60)[0] for one in both]
+    said = [one.communicate(timeout=STILL)[0] for one in both]
     assert [one.returncode for one in both] == [0, 0], said
     assert (checkout / "log").read_text().split("\n")[:-1] == ["venv begins", "venv ends", "pip begins", "pip ends"]
     assert sum("another scripts/setup is at work here" in text for text in said) == 1
@@ -67,7 +69,7 @@ def test_a_set_up_that_was_killed_is_named_or_forgotten(checkout):
     first.communicate()
     time.sleep(0.4)  # its child, which holds the kernel's lock too, ends by itself
     again = setting_up(checkout)
-    said = again.communicate(timeout=60)[0]
+    said = again.communicate(timeout=STILL)[0]
     if (checkout / "bin/flock").exists():
         assert again.returncode == 0, said
     else:

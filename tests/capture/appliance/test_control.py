@@ -22,6 +22,7 @@ from capture.appliance.control import (
     listen,
 )
 from capture.errors import ControlError
+from tests.conftest import STILL
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def server(path):
 
 def connected(path):
     one = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    one.settimeout(10)
+    one.settimeout(STILL)
     one.connect(str(path))
     return one
 
@@ -122,7 +123,8 @@ def test_an_answer_that_breaks_off_is_named(path):
 def test_an_answer_that_dribbles_is_waited_for_no_longer_than_a_silent_one(path, monkeypatch, do, lines):
     """A byte every 50 ms, and never a whole line: 0.4 s, where each byte would begin the time anew.
 
-    Between the lines of "watch" there may be any silence.
+    Who waits for every byte meets the end of the answer instead, after a hundred of them. Between the lines of
+    "watch" there may be any silence.
     """
     monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 0.4)
     is_over = threading.Event()
@@ -142,11 +144,10 @@ def test_an_answer_that_dribbles_is_waited_for_no_longer_than_a_silent_one(path,
         listener.listen(1)
         thread = threading.Thread(target=answer)
         thread.start()
-        answers, begun = listen(path, do), time.monotonic()
+        answers = listen(path, do)
         assert [next(answers) for _ in range(lines)] == [{"news": 1}] * lines
         with pytest.raises(ControlError, match=r"the daemon has not answered for 0\.4 s"):
             next(answers)
-        assert time.monotonic() - begun < 2
         is_over.set()
         thread.join()
 
@@ -185,11 +186,11 @@ def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_the
     assert refused.index(True) > MOST_CALLERS
     with pytest.raises(ControlError, match=r"the daemon has let nobody in for 0\.3 s"):
         ask(path, "status")
-    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 10.0)
+    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", STILL)
     told = []
     asker = threading.Thread(target=lambda: told.append(ask(path, "status")))
     asker.start()
-    until = time.monotonic() + 10
+    until = time.monotonic() + STILL
     while asker.is_alive() and time.monotonic() < until:
         serve(server)
     asker.join()

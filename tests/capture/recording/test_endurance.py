@@ -13,6 +13,7 @@ from capture.recording.frame_queue import UNPACKED, QueuedSensor
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorStalledError
 from tests.capture.stage import StageSensor
+from tests.conftest import STILL
 
 PICTURES = (np.ones((2, 2), np.uint16), np.zeros((2, 2, 3), np.uint8))
 SIZE = 8 + 12  # bytes of these
@@ -60,16 +61,16 @@ def test_what_does_not_fit_is_counted_in_the_next_frame_that_does():
     class Slow(Gated):
         def read(self, timeout_s=1.0):
             put.release()
-            gate.acquire(timeout=60)
+            gate.acquire(timeout=STILL)
             return super().read()
 
     def let_through(count):
         for _ in range(count):
             gate.release()
-            put.acquire(timeout=60)  # it asked for the one after, so this one was dealt with
+            put.acquire(timeout=STILL)  # it asked for the one after, so this one was dealt with
 
     with QueuedSensor(Slow(7), room=2 * SIZE) as sensor:
-        put.acquire(timeout=60)
+        put.acquire(timeout=STILL)
         let_through(5)
         assert [sensor.read().index for _ in range(2)] == [0, 1]
         let_through(2)

@@ -182,15 +182,19 @@ class Engine:
         kept = _rows(groups, samples, 6 * nodes) if shapes else _rows(1, 1, 6)
         with runtime.vectors_kept():
             kernel.rollout(
-                _in_lanes(x.reshape(takes, -1)), *(_rows(groups * 3 * nodes) for _ in range(4)),
-                _rows(groups * len(sheet.area)), _rows(groups * 3 * len(sheet.hinges)),
-                _in_lanes(bob.reshape(takes, -1)), sheet.triangles.ravel(), sheet.inverse.ravel(), sheet.area,
-                sheet.hinges.ravel(), sheet.hinge_cotangents.ravel(), sheet.hinge_area, self.hinge_bending,
-                self.hinge_curl, self.node_mass, _air_mass(sheet), magnet_spot(sheet), sheet.held,
-                held_fraction(sheet), _in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.TAKE_LANES),
-                _in_lanes(self.poles(x)).reshape(groups, -1, kernel.TAKE_LANES),
-                np.array([numbers[name] for name in kernel.NUMBER_NAMES]), dt, round(settle / dt), SETTLE_DAMPING,
-                every, carried, weights, seen, kept, int(shapes),
+                x=_in_lanes(x.reshape(takes, -1)), v=_rows(groups * 3 * nodes), f=_rows(groups * 3 * nodes),
+                acceleration=_rows(groups * 3 * nodes), normal=_rows(groups * 3 * nodes),
+                wake=_rows(groups * len(sheet.area)), slip=_rows(groups * 3 * len(sheet.hinges)),
+                bob=_in_lanes(bob.reshape(takes, -1)), triangles=sheet.triangles.ravel(),
+                inverse=sheet.inverse.ravel(), area=sheet.area, hinges=sheet.hinges.ravel(),
+                cotangents=sheet.hinge_cotangents.ravel(), hinge_area=sheet.hinge_area, bending=self.hinge_bending,
+                curl=self.hinge_curl, mass=self.node_mass, air_mass=_air_mass(sheet), spot=magnet_spot(sheet),
+                held=sheet.held, fraction=held_fraction(sheet),
+                path=_in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.TAKE_LANES),
+                poles=_in_lanes(self.poles(x)).reshape(groups, -1, kernel.TAKE_LANES),
+                p=np.array([numbers[name] for name in kernel.NUMBER_NAMES]), dt=dt, settle_steps=round(settle / dt),
+                settle_damping=SETTLE_DAMPING, every=every, point_nodes=carried, point_weights=weights, seen=seen,
+                shapes=kept, keep_shapes=int(shapes),
             )  # fmt: skip
         points = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)
         states = _from_lanes(kept, takes).reshape(takes, samples, nodes, 6) if shapes else None

@@ -211,15 +211,17 @@ def fabric_command(
 ) -> None:
     """Test a fitted fabric virtually: tension, shear and bending in KES units.
 
-    The sheet shows the values beside those of fabrics that were measured elsewhere.
+    The sheet shows the values beside those of fabrics that were measured elsewhere. A value that the takes do not
+    identify gives place to its 90 % interval.
     """
     from dataclasses import asdict
 
     from fit.folders import read_fit
-    from fit.virtual_tests.sheet import sheet_of, tests_of
+    from fit.virtual_tests.sheet import sheet_of, tests_of, untold_of
 
     result = read_fit(fit_file)[0]
-    tell(sheet_of(result), material=result.material, tests=asdict(tests_of(result)))
+    sheet, untold = sheet_of(result), untold_of(result)
+    tell(sheet, material=result.material, tests=asdict(tests_of(result)), not_identified=untold)
 
 
 def diagnose_command(

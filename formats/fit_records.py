@@ -7,10 +7,15 @@ from typing import Literal
 import msgspec
 
 Interval = tuple[float, float]
+NOT_IDENTIFIED = "not identified"
+AT_BOUND = "at its bound"
 
 
 class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One fitted parameter, its bounds and its 90 % interval."""
+    """One fitted parameter, its bounds and its 90 % interval.
+
+    A parameter at its bound is never identified: the range stopped it.
+    """
 
     name: str
     unit: str
@@ -21,7 +26,15 @@ class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     interval_low: float | None = None
     interval_high: float | None = None
     is_identified: bool | None = None
+    is_at_bound: bool = False
     note: str = ""
+
+
+def verdict_on(number: FitParameter | Combination) -> str:
+    """Return in words why a fitted number is not known, and nothing where the takes identify it."""
+    if number.is_identified is not False:
+        return ""
+    return f"{NOT_IDENTIFIED}, {AT_BOUND}" if number.is_at_bound else NOT_IDENTIFIED
 
 
 class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -52,7 +65,7 @@ class TrivialFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A combination of fitted parameters that motion can tell, whether or not it tells them one by one."""
+    """A combination of fitted parameters that motion depends on, whether or not the takes tell it."""
 
     name: str
     unit: str
@@ -61,6 +74,7 @@ class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     interval_low: float
     interval_high: float
     is_identified: bool
+    is_at_bound: bool = False
 
 
 class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

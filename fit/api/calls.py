@@ -209,7 +209,8 @@ def simulate(
         )
         for r, p in zip(recordings, points, strict=True)
     )  # fmt: skip
-    return Simulation(takes=shown, values=values, error=whole, by_take=tuple(by_take), remarks=remarks)
+    fitted = tuple(parameters.result.parameters) if isinstance(parameters, FitOutcome) else ()
+    return Simulation(takes=shown, values=values, fitted=fitted, error=whole, by_take=tuple(by_take), remarks=remarks)
 
 
 @arguments_named()

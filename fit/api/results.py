@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from fit.api.arguments import PlanOptions, arguments_named, path_of
-from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables
+from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables, interval_words
 from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Diagnosis
-from formats.fit_records import ErrorFigure, FitResult
+from formats.fit_records import ErrorFigure, FitParameter, FitResult, verdict_on
 from formats.outputs import make_parent, write_text
 from formats.results import save_diagnosis, save_fit_result
 from formats.rows import csv_text
@@ -159,11 +159,13 @@ class SimulatedTake:
 class Simulation(_Shown):
     """Takes simulated with one set of parameters, and the distance to what was recorded.
 
-    remarks: sentences on what nobody told, such as the mesh of an old fit
+    - `fitted`: the parameters of the fit that the values are of; no value that it does not identify is printed
+    - `remarks`: sentences on what nobody told, such as the mesh of an old fit
     """
 
     takes: tuple[SimulatedTake, ...]
     values: dict[str, float]
+    fitted: tuple[FitParameter, ...] = ()
     error: ErrorFigure = field(repr=False)
     by_take: tuple[ErrorFigure, ...] = field(repr=False)
     remarks: tuple[str, ...] = ()
@@ -171,7 +173,16 @@ class Simulation(_Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return parameters and errors as plain Python values."""
         errors = {t.take_id: msgspec.to_builtins(e) for t, e in zip(self.takes, self.by_take, strict=True)}
-        return {"parameters": dict(self.values), "error": msgspec.to_builtins(self.error), "takes": errors}
+        unsure = [p.name for p in self._unsure]
+        return {
+            "parameters": dict(self.values), "not_identified": unsure, "error": msgspec.to_builtins(self.error),
+            "takes": errors,
+        }  # fmt: skip
+
+    @property
+    def _unsure(self) -> list[FitParameter]:
+        """Return the fitted parameters that the takes of the fit do not identify."""
+        return [p for p in self.fitted if verdict_on(p)]
 
     def to_csv(self, path: Path | str | None = None) -> str:
         """Return one row a point and frame as CSV, places in metres, and write it where a path is given."""
@@ -189,7 +200,8 @@ class Simulation(_Shown):
 
     def _tables(self) -> list[Table]:
         rows = [error_row(t.take_id, e) for t, e in zip(self.takes, self.by_take, strict=True)]
-        values = tuple((name, f"{value:.4g}") for name, value in self.values.items())
+        unsure = {p.name: f"{interval_words(p)}, {verdict_on(p)}".lstrip(", ") for p in self._unsure}
+        values = tuple((name, unsure.get(name, f"{value:.4g}")) for name, value in self.values.items())
         return [
             Table(heads=("take", "mean error", "largest"), rows=(*rows, error_row("all", self.error))),
             Table(heads=("parameter", "value"), rows=values, right=(1,), remarks=self.remarks),

@@ -6,15 +6,15 @@ rounding decides at which of them a search ends.
 
 from __future__ import annotations
 
-from fit.api.tables import NOT_IDENTIFIED, Table
+from fit.api.tables import Table
 from formats.diagnosis_records import Diagnosis, EffectFinding
-from formats.fit_records import Combination, ErrorFigure, FitParameter, FitResult
+from formats.fit_records import Combination, ErrorFigure, FitParameter, FitResult, verdict_on
 
 TRIVIAL_NAMES = {"vertical": "a hanging board", "pendulum": "a pendulum of two numbers"}
 
 
 def fit_tables(result: FitResult) -> list[Table]:
-    """Return the parameters, the errors, the parts of the objective, and the combinations that motion identifies."""
+    """Return the parameters, the errors, the parts of the objective, and the combinations that motion depends on."""
     tables = [parameter_table(result.parameters), _error_table(result)]
     if result.objective is not None and len(result.objective.parts) > 1:
         whole = result.objective
@@ -28,7 +28,7 @@ def fit_tables(result: FitResult) -> list[Table]:
         )
     warnings = tuple(note for note in result.notes if note.startswith("Warning:"))
     if result.combinations:
-        heads = ("identified by motion", "before", "after", "90 % interval", "")
+        heads = ("combination", "before", "after", "90 % interval", "")
         rows = tuple(_combination_row(c) for c in result.combinations)
         tables.append(Table(heads=heads, rows=rows))
     if warnings:
@@ -71,11 +71,15 @@ def parameter_table(parameters: list[FitParameter]) -> Table:
     """Return initial and fitted values with 90 % intervals; an interval alone where a parameter is not identified."""
     rows = []
     for p in parameters:
-        is_known = p.is_identified in (True, None)
-        ends = f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
-        fitted = f"{p.fitted:.4g}" if is_known else "-"
-        rows.append((f"{p.name} [{p.unit}]", f"{p.initial:.4g}", fitted, ends, "" if is_known else NOT_IDENTIFIED))
+        verdict = verdict_on(p)
+        fitted = "-" if verdict else f"{p.fitted:.4g}"
+        rows.append((f"{p.name} [{p.unit}]", f"{p.initial:.4g}", fitted, interval_words(p), verdict))
     return Table(heads=("parameter", "initial", "fitted", "90 % interval", ""), rows=tuple(rows))
+
+
+def interval_words(p: FitParameter) -> str:
+    """Return a parameter's 90 % interval, and nothing where there is none."""
+    return f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
 
 
 def _error_table(result: FitResult) -> Table:
@@ -106,7 +110,7 @@ def millimetres(metres: float) -> str:
 def _combination_row(c: Combination) -> tuple[str, ...]:
     after = f"{c.fitted:.3g}" if c.is_identified else "-"
     span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"
-    return c.name, f"{c.initial:.3g}", after, span, "" if c.is_identified else NOT_IDENTIFIED
+    return c.name, f"{c.initial:.3g}", after, span, verdict_on(c)
 
 
 def _added_line(finding: EffectFinding) -> str:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from formats.rows import aligned
 
-NOT_IDENTIFIED = "not identified"
-
 _HTML = """\
 {%- for table in tables %}
 <table>

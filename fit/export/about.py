@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import metadata
 from typing import Any
 
-from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, status_of
+from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
 from fit.recordings.intact import describe_missing, incomplete_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
@@ -65,14 +65,16 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_told:
-                lines.append(f"{q.name} = {short(q.value)} {q.unit}{interval_words(q)}: {MEANING_OF_STATUS[q.status]}.")
+                number = _number(q.value, q.low, q.high, q.unit, q.status)
+                lines.append(f"{q.name}: {number}; {MEANING_OF_STATUS[q.status]}.")
         if fabric.layers > 1:
             lines.append(f"The garment has {fabric.layers} layers; the numbers are of one of them.")
         return lines
     for p in result.parameters:
         if p.is_identified is not True:
-            ends = _ends(p.interval_low, p.interval_high)
-            lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status_of([p])]}."))
+            status = status_of([p])
+            number = _number(p.fitted, p.interval_low, p.interval_high, p.unit, status)
+            lines.append(plain(f"{p.name}: {number}; {MEANING_OF_STATUS[status]}."))
     return lines
 
 
@@ -103,13 +105,12 @@ def other_garment(result: FitResult, take: Take) -> str:
     )
 
 
-def interval_words(quantity: Quantity) -> str:
-    """Return the interval in words, after a comma; nothing where there is none."""
-    return _ends(quantity.low, quantity.high)
-
-
-def _ends(low: float | None, high: float | None) -> str:
-    return "" if low is None or high is None else f", 90 % interval {short(low)} to {short(high)}"
+def _number(value: float, low: float | None, high: float | None, unit: str, status: Status) -> str:
+    """Return a number with its interval; of one that is not identified the interval alone."""
+    ends = "" if low is None or high is None else f"90 % interval {short(low)} to {short(high)} {unit}"
+    if status == "not identified":
+        return ends or "no interval"
+    return f"{short(value)} {unit}, {ends}" if ends else f"{short(value)} {unit}"
 
 
 def short(value: float) -> str:

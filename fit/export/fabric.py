@@ -1,9 +1,6 @@
 """The fabric of a fit: its SI quantities with their intervals, and what the takes say about each of them.
 
-A quantity q is a function of the fitted parameters p (`fit.methods`, and effects that change the cloth). Its interval
-reaches from the least to the largest q over the corners of the box of the parameters' 90 % intervals. Every map is
-monotonic in each parameter, so that no corner is missed. If one parameter alone decides q, the interval is that
-parameter's. If several do, the interval holds q at least as often.
+`fit.virtual_tests.fitted_rows` says which parameters decide a quantity, and how far its interval reaches.
 
 Layers that slide on one another share weight, tension, shear and bending (`fit.virtual_tests.sheet`); the quantities
 are of one layer.
@@ -11,28 +8,24 @@ are of one layer.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.cloth.effect import Effect, parameter_names
-from fit.effects import LIBRARY
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
-from fit.methods import Parameterisation, find_method
-from formats.arrays import Floats
+from fit.methods import find_method
+from fit.virtual_tests.fitted_rows import FittedRows, Read
 from formats.fit_records import Combination, FitParameter, FitResult
 
-Read = Callable[[Floats], float]
 Status = Literal["measured", "not identified", "no interval", "weighed", "tied to stretch", "assumed"]
 
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
-    "not identified": "the takes do not identify it: its value is one of many in the interval that follow them",
+    "not identified": "the takes do not identify it: every value in the interval follows them",
     "no interval": "fitted, and nobody computed how sure it is",
     "weighed": "from the garment's weight and area, not from its motion",
     "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",
@@ -133,13 +126,11 @@ def fabric_of(result: FitResult) -> Fabric:
         if result.engine != OWN_ENGINE:  # its cloth keeps no shapes
             kinds = [k for k in kinds if k in ("csv", "parquet", "blender")]
         raise FitError(reason, where=result.label, advice=f"this fit can be exported as {', '.join(kinds)}")
-    method, effects = find_method(result.method), effects_of(result)
-    _check_belongs_together(result, method)
-    rows = _Rows(result, method, effects)
+    rows = FittedRows(result)
     found = [
         quantity
         for name, unit, meaning, read in _FROM_MATERIAL
-        for quantity in [_quantity(name, unit, meaning, rows, read)]
+        for quantity in [_quantity(name, unit, meaning, rows, read, result.combinations)]
         if quantity.value != 0.0 or name not in ("stiffening",)
     ]
     stretch = rows.parameters_behind(lambda r: r[mat.STRETCH])
@@ -157,17 +148,6 @@ def fabric_of(result: FitResult) -> Fabric:
     return Fabric(
         quantities=tuple(_times(q, share) if q.name in SHARED_NUMBERS else q for q in found), layers=result.layers
     )
-
-
-def _check_belongs_together(result: FitResult, method: Parameterisation) -> None:
-    """Refuse a fit that lacks parameters of its method or of its effects."""
-    wanted = [p.name for p in method.parameters] + sorted(result.effects)
-    if missing := [name for name in wanted if name not in {p.name for p in result.parameters}]:
-        raise FitError(
-            f"lacks {missing[0]}, a parameter of its method {method.name} or of its effects",
-            where=result.label,
-            advice="fit again",
-        )
 
 
 WITHOUT_FABRIC = ("csv", "parquet", "blender", "usd", "gltf", "pc2", "abc")
@@ -193,57 +173,15 @@ def why_no_fabric(result: FitResult) -> str:
     return ""
 
 
-class _Rows:
-    """Material rows of vectors of a fit's parameters."""
-
-    def __init__(self, result: FitResult, method: Parameterisation, effects: tuple[Effect, ...]) -> None:
-        self.parameters = result.parameters
-        self._method, self._effects = method, effects
-        self._density = result.material[mat.MATERIAL_NAMES[mat.DENSITY]]
-        self.fitted = np.array([result.material[name] for name in mat.MATERIAL_NAMES])
-        self._values = np.array([p.fitted for p in result.parameters])
-        self._names = [p.name for p in result.parameters]
-
-    def at(self, vector: Floats) -> Floats:
-        """Return the material row of one vector."""
-        own = [self._names.index(p.name) for p in self._method.parameters]
-        row = self._method.to_materials(vector[None, own], self._density)[0]
-        for effect in self._effects:
-            amplitude = np.array([vector[self._names.index(name)] for name in parameter_names(effect)])
-            if effect.acts_on != "measurement" and amplitude.any():
-                row = effect.material(row, amplitude)
-        return np.asarray(row)
-
-    def parameters_behind(self, read: Read) -> list[FitParameter]:
-        """Return the parameters that a quantity depends on: those that change it from end to end of their range."""
-        found = []
-        for k, p in enumerate(self.parameters):
-            ends = []
-            for end in (p.minimum, p.maximum):
-                vector = self._values.copy()
-                vector[k] = end
-                ends.append(float(read(self.at(vector))))
-            if not np.isclose(ends[0], ends[1], rtol=1e-9, atol=0.0):
-                found.append(p)
-        return found
-
-    def ends(self, read: Read, behind: list[FitParameter]) -> tuple[float, float] | None:
-        """Return least and largest value over the corners of the parameters' intervals; None without intervals."""
-        if not behind or any(p.interval_low is None or p.interval_high is None for p in behind):
-            return None
-        values = []
-        for corner in itertools.product(*((p.interval_low, p.interval_high) for p in behind)):
-            vector = self._values.copy()
-            for p, end in zip(behind, corner, strict=True):
-                vector[self._names.index(p.name)] = end
-            values.append(float(read(self.at(vector))))
-        return min(values), max(values)
-
-
-def _quantity(name: str, unit: str, meaning: str, rows: _Rows, read: Read) -> Quantity:
+def _quantity(
+    name: str, unit: str, meaning: str, rows: FittedRows, read: Read, told: Sequence[Combination]
+) -> Quantity:
     behind = rows.parameters_behind(read)
     ends = rows.ends(read, behind)
     status: Status = status_of(behind) if behind else "weighed" if name == "areal_density" else "assumed"
+    same = [c for c in told if c.name == name.replace("_", " ")]
+    if same and len(behind) > 1:  # the takes may tell it, and none of its parameters
+        status, ends = status_of(same), (same[0].interval_low, same[0].interval_high)
     low, high = ends if ends is not None else (None, None)
     return Quantity(
         name=name, value=float(read(rows.fitted)), unit=unit, meaning=meaning, status=status, low=low, high=high
@@ -257,7 +195,7 @@ def status_of(behind: Sequence[FitParameter | Combination]) -> Status:
     return "no interval" if any(p.is_identified is None for p in behind) else "measured"
 
 
-def _tied(shear: Quantity, rows: _Rows, stretch: list[FitParameter]) -> Quantity:
+def _tied(shear: Quantity, rows: FittedRows, stretch: list[FitParameter]) -> Quantity:
     """Return shear with its status where a method makes it a share of the stretch stiffness."""
     behind = rows.parameters_behind(lambda r: r[mat.SHEAR])
     if behind and [p.name for p in behind] == [p.name for p in stretch] and shear.status == "measured":
@@ -271,8 +209,3 @@ def _times(quantity: Quantity, share: float) -> Quantity:
         low=None if quantity.low is None else quantity.low * share,
         high=None if quantity.high is None else quantity.high * share,
     )  # fmt: skip
-
-
-def effects_of(result: FitResult) -> tuple[Effect, ...]:
-    """Return the effects that a fit has, in the library's order."""
-    return tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())

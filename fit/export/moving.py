@@ -13,10 +13,10 @@ from fit.cloth.simulator import Simulator
 from fit.effects import find_effects
 from fit.engines import OWN_ENGINE
 from fit.errors import BlowUpError, FitError
-from fit.export.fabric import effects_of
 from fit.export.solids import Solids
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare
+from fit.virtual_tests.fitted_rows import effects_of
 from formats.arrays import Floats, Integers, Singles
 from formats.fit_records import FitResult
 from formats.take import Take

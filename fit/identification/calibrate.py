@@ -62,6 +62,10 @@ FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "
     "equally well, and rounding may decide which."
 )
+STOPPED = (
+    "At its bound: {names}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
+    "--bounds sets another range."
+)
 LAYERED = (
     "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
     "try --method si-sewn."
@@ -258,7 +262,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
         raise
     saved.save(search.state())  # what follows simulates again and may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
-        intervals = draw_intervals(request.space, search.draws)
+        intervals = draw_intervals(request.space, search.draws, search.best)
     else:
         intervals = free_intervals(request.space, model.recordings, model.points, search.best)
     takes, history = len(model.recordings), [float(v) for v in search.best_history]
@@ -308,7 +312,6 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
     request, best, intervals = model.request, found.vector, found.intervals
     garment = model.recordings[0].garment
     initial = np.array([p.initial for p in request.parameters])
-    reach = request.space.slope(best)
     is_identified = [
         bool(intervals.is_identified[k]) and p.name not in request.method.degenerate
         for k, p in enumerate(request.parameters)
@@ -317,7 +320,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
             interval_low=float(intervals.ends[k, 0]), interval_high=float(intervals.ends[k, 1]),
-            is_identified=is_identified[k], note=p.meaning,
+            is_identified=is_identified[k], is_at_bound=bool(intervals.is_at_bound[k]), note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
@@ -339,6 +342,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(TOO_SHORT)
     if free := [p.name for p, is_known in zip(request.parameters, is_identified, strict=True) if not is_known]:
         notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
+    if stopped := [p.name for p in described if p.is_at_bound]:
+        notes.append(STOPPED.format(names=", ".join(stopped)))
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     errors = FitErrors(
@@ -376,5 +381,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         garment=garment.name,
         garment_content=content_of_garment(garment),
         objective=model.objective_figure(initial, best),
-        combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
+        combinations=(
+            describe_combinations(model.material_rows, request.space, initial, best, intervals) if is_own else []
+        ),
     )

@@ -1,16 +1,17 @@
-"""The combinations that motion identifies with any method: every stiffness over the density, and the dampings.
+"""The combinations that motion depends on with any method: every stiffness over the density, and the dampings.
 
 Every force of the step is divided by the mass (`fit.cloth.rollout`). So motion depends on the material row only through
-k/rho, G/rho, B/rho, the two damping times and c. C is the covariance of a fit's parameters theta. g =
-d(combination)/d(theta) comes from central differences along the method's own map:
+k/rho, G/rho, B/rho, the two damping times and c. The parameters u are in shares of the box, and have the covariance V.
+The slopes g = d ln(combination) / du come from central differences along the method's own map:
 
-    variance = g' C g,   half width = sqrt(t^2 g' C g + (g . way)^2)
+    variance = g' V g,   half width of the logarithm = sqrt(t^2 g' V g + (g . way)^2)
 
-The interval is built as a parameter's (`fit.search.intervals`). A combination is identified under two conditions. The
-data shrink its deviation to at most half of the ranges' own. Its 90 % interval ends above 0, for no combination can be
-negative. A combination that hangs on one parameter is not identified where that parameter is not. Its interval then
-reaches as far as that parameter's, for the slope at a bound tells too little.
-A combination that is such a parameter itself has this parameter's own interval.
+The interval ends where the ranges end. A combination is identified by a parameter's rule (`fit.search.intervals`): the
+data shrink its deviation to less than half of the ranges' own, g' g / 12. A combination that hangs on one parameter is
+not identified where that parameter is not. Its interval is then between the ends of that parameter, for the slope at a
+bound tells too little.
+
+A combination of one parameter alone has exactly this parameter's verdict, and the interval between its ends.
 
 Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
 (propagation of error).
@@ -18,17 +19,20 @@ Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.search.intervals import Intervals
+from fit.search.intervals import SHARE_IDENTIFIED, Intervals
+from fit.search.least_squares import BoundedSpace
 from formats.arrays import Floats, Integers
 from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
-HANGS_ON = 0.9  # of the ranges' own variance of a combination, that one parameter supplies
+HANGS_ON = 0.9  # of the ranges' own variance of a combination's logarithm, that one parameter supplies
+LEAST = 1e-12  # in a combination's own unit, far below any cloth's: a damping may be 0, which has no logarithm
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -46,52 +50,68 @@ def combine(rows: Floats) -> Floats:
 
 
 def describe_combinations(
-    materials: Callable[[Floats], Floats], initial: Floats, fitted: Floats, reach: Floats, intervals: Intervals
+    materials: Callable[[Floats], Floats], space: BoundedSpace, initial: Floats, fitted: Floats, intervals: Intervals
 ) -> list[Combination]:
     """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
 
     - `materials`: maps vectors, (candidates, parameters), to material rows
+    - `space`: of the parameters
     - `initial`, `fitted`, (parameters,)
-    - `reach`, (parameters,): widths of the box at the fit; for a logarithm, its slope times the parameter
     - `intervals`: of the parameters
     """
+    reach = space.slope(fitted)
     step = np.diag(NEARBY * reach)
-    ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))
-    slopes = (ahead - behind) / (2 * NEARBY * reach)[:, None]
+    ahead, behind = (np.log(np.maximum(combine(materials(fitted + sign * step)), LEAST)) for sign in (1, -1))
+    slopes = (ahead - behind) / (2 * NEARBY)  # of the logarithms, by shares of the box
+    covariance, way = intervals.covariance / np.outer(reach, reach), intervals.way / reach
     before, after = combine(materials(np.stack([initial, fitted])))
-    unknown = np.flatnonzero(~intervals.is_identified)
-    at_ends = _at_ends(materials, fitted, intervals, unknown)
+    ends = _at_ends(materials, fitted, intervals)
     found = []
     for k, (name, unit, _, _) in enumerate(COMBINATIONS):
         slope = slopes[:, k]
-        prior = float(np.sqrt(slope**2 @ (reach**2 / 12)))
-        if prior == 0.0:
+        moved_by = np.flatnonzero(slope)
+        if not len(moved_by):
             continue
-        deviation = float(np.sqrt(slope @ intervals.covariance @ slope))
-        half = float(np.hypot(intervals.spread * deviation, slope @ intervals.way))
-        low, high = float(after[k]) - half, float(after[k]) + half
-        share = (slope * reach) ** 2 / 12 / prior**2
-        hangs_on_unknown = bool((share[~intervals.is_identified] > HANGS_ON).any())
-        is_identified = deviation < 0.5 * prior and low > 0.0 and not hangs_on_unknown
-        if not is_identified and len(unknown):
-            reached = at_ends[..., k][:, slope[unknown] != 0]
-            low, high = float(np.min(reached, initial=low)), float(np.max(reached, initial=high))
-        alone = np.flatnonzero(slope)
-        if len(alone) == 1 and np.isclose(slope[alone[0]], 1.0) and hangs_on_unknown:  # it is that parameter
-            low, high = intervals.ends[alone[0]]
+        prior = slope**2 / 12
+        if len(moved_by) == 1:
+            alone = moved_by[0]
+            low, high = np.sort(ends[:, alone, k])
+            is_identified, is_at_bound = bool(intervals.is_identified[alone]), bool(intervals.is_at_bound[alone])
+        else:
+            variance = float(slope @ covariance @ slope)
+            half = float(np.hypot(intervals.spread * np.sqrt(variance), slope @ way))
+            every = combine(materials(_corners(space, fitted, moved_by)))[:, k]
+            with np.errstate(over="ignore"):  # an end far outside of the ranges becomes their end
+                low, high = np.clip(after[k] * np.exp([-half, half]), every.min(), every.max())
+            hangs_on = prior > HANGS_ON * prior.sum()
+            hangs_on_unknown = bool((hangs_on & ~intervals.is_identified).any())
+            is_identified = variance < SHARE_IDENTIFIED**2 * prior.sum() and not hangs_on_unknown
+            is_at_bound = bool((hangs_on & intervals.is_at_bound).any())
+            if hangs_on_unknown:
+                low, high = np.sort(ends[:, int(np.argmax(prior)), k])
+            elif not is_identified:
+                reached = ends[:, ~intervals.is_identified & (slope != 0), k]
+                low, high = float(np.min(reached, initial=low)), float(np.max(reached, initial=high))
         found.append(
             Combination(
-                name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),
-                interval_low=max(float(low), 0.0), interval_high=float(high), is_identified=is_identified,
+                name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]), interval_low=float(low),
+                interval_high=float(high), is_identified=bool(is_identified), is_at_bound=is_at_bound,
             )
         )  # fmt: skip
     return found
 
 
-def _at_ends(materials: Callable[[Floats], Floats], fitted: Floats, intervals: Intervals, unknown: Integers) -> Floats:
-    """Return the combinations, (2, unknown, combinations), with one unknown parameter at either end of its interval."""
-    vectors = np.tile(fitted, (2, len(unknown), 1))
-    for end in range(2):
-        vectors[end, np.arange(len(unknown)), unknown] = intervals.ends[unknown, end]
-    flat = vectors.reshape(-1, len(fitted))
-    return combine(materials(flat)).reshape(2, len(unknown), -1) if len(flat) else np.zeros((2, 0, len(COMBINATIONS)))
+def _at_ends(materials: Callable[[Floats], Floats], fitted: Floats, intervals: Intervals) -> Floats:
+    """Return the combinations, (2, parameters, combinations), with one parameter at either end of its interval."""
+    count = len(fitted)
+    vectors = np.tile(fitted, (2, count, 1))
+    vectors[:, np.arange(count), np.arange(count)] = intervals.ends.T
+    return combine(materials(vectors.reshape(-1, count))).reshape(2, count, -1)
+
+
+def _corners(space: BoundedSpace, fitted: Floats, moved: Integers) -> Floats:
+    """Return the fit with some parameters at all corners of their ranges, (corners, parameters)."""
+    corners = np.array(list(itertools.product((False, True), repeat=len(moved))))
+    vectors = np.tile(fitted, (len(corners), 1))
+    vectors[:, moved] = np.where(corners, space.maximum[moved], space.minimum[moved])
+    return vectors

@@ -4,22 +4,26 @@
 parameters that the data cannot determine. With the observer's pull (`fit.observer.residuals`) each descent runs first
 with the pull, then free.
 
-Ripples leave many local minima, so the curvature of one says too little of a parameter's uncertainty. Two estimates of
-a parameter's deviation exist. One is the jackknife's in the best local minimum (`fit.search.intervals`). The other is
-the spread of draws over all places that the emulator knows, from
+Ripples leave many local minima, so the curvature of one says too little of a parameter's uncertainty. Rounding alone
+decides in which of them a search ends. Three estimates of a parameter's deviation exist. One is the jackknife's in the
+best local minimum (`fit.search.intervals`). Another is the spread of draws over all places that the emulator knows,
+from
 
-    p(u) ~ E(u)^(-N/2),    N = n / tau
+    p(u) ~ E(u)^(-N/2)
 
-with E the expected cost at u (`fit.search.posterior`). N is the number of independent residuals among n, and tau their
-correlation time (`fit.search.correlation`). Both estimates measure the same uncertainty, so the larger counts. The
-jackknife sees ripples that the emulator smooths. The draws see local minima that the jackknife does not. Without looks,
-the spread of the descents' ends is added to the jackknife, each end with the weight
+with E the expected cost at u (`fit.search.posterior`). N is the number of independent residuals
+(`fit.search.correlation`), or 2 / s where this is less. Here s is the root mean square of ln(cost / least cost) over
+the ends of the trials. Trials differ by chance alone, so a difference of s in the cost tells nothing of the cloth. The
+third is the spread of the ends of all descents of all trials, each end with the weight
 
     w_k = (cost_k / cost)^(-N/2)
 
-Here N counts pieces of the recording of two seconds, because a ripple lasts for a swing or two. So an end that fits
-much worse counts little. Both formulas are the likelihood of Gaussian errors of unknown deviation, at its maximum over
-the deviation. These rules were chosen on takes that no published figure uses.
+All estimates measure the same uncertainty, so the largest counts. The jackknife sees ripples that the emulator smooths.
+The draws see local minima that the jackknife does not. The ends are minima that the emulator may have smoothed away.
+Without looks, the spread of the descents' ends is added to the jackknife. Here N counts pieces of the recording of two
+seconds, because a ripple lasts for a swing or two. So an end that fits much worse counts little. Both formulas are the
+likelihood of Gaussian errors of unknown deviation, at its maximum over the deviation. These rules were chosen on takes
+that no published figure uses.
 """
 
 from __future__ import annotations

@@ -103,6 +103,23 @@ def is_settled(costs: Sequence[float], noise: float) -> bool:
     return best <= noise or (bool(others) and others[0] <= (1 + WORTH) * best)
 
 
+def luck_of(costs: Sequence[float]) -> float:
+    """Return how far trials, (trials,), end above the best of them: the root mean square logarithm of their costs."""
+    best, *others = sorted(cost for cost in costs if math.isfinite(cost))
+    return math.sqrt(sum(math.log(other / best) ** 2 for other in others) / len(others)) if others else 0.0
+
+
+def between_ends(apart: Floats, rise: Floats, pieces: float) -> Floats:
+    """Return the mean square of ends about the best one, (parameters, parameters); each counts by its likelihood.
+
+    - `apart`, (ends, parameters): from the best end
+    - `rise`, (ends,): logarithm of the cost over the best end's
+    - `pieces`: N, independent numbers
+    """
+    weights = np.exp(-0.5 * pieces * rise)
+    return np.asarray((weights[:, None] * apart).T @ apart / weights.sum())
+
+
 class Run:
     """The places of a search so far, and the best of them."""
 
@@ -316,6 +333,8 @@ class Run:
         space, observer = self.search.space, self.search.free
         unit = space.to_unit(best.parameters)
         between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))
+        apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
+        rise = np.log(np.array([end.cost for end in ends]) / best.cost)
         is_sound = np.isfinite(self.costs)
         if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
             told = self.residuals[is_sound]
@@ -326,13 +345,12 @@ class Run:
                 return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
 
             pieces = independent(observer.by_place(best.residuals[observer.layout.is_judged]))
-            apart = draw(cost, places, pieces, self.settings.seed) - unit
-            spread = np.sqrt((apart**2).mean(0))
+            pieces = min(pieces, 2 / max(luck_of(self.least), 2 / pieces))
+            drawn = draw(cost, places, pieces, self.settings.seed) - unit
+            spread = np.sqrt(np.maximum((drawn**2).mean(0), np.diag(between_ends(apart, rise, pieces))))
         else:
             duration = sum(recording.duration for recording in observer.recordings)
-            apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
-            weights = (np.array([end.cost for end in ends]) / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
-            between = (weights[:, None] * apart).T @ apart / weights.sum()
+            between = between_ends(apart, rise, duration / RIPPLE_TIME)
         model = LinearModel(
             parameters=best.parameters,
             residuals=best.residuals,

@@ -11,7 +11,7 @@ from fit.report.charts import Curve, error_chart
 from fit.report.tables import Row, row_of, table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, interval, number, percent, unit_of
-from formats.fit_records import Combination, FitResult, ObjectiveFigure
+from formats.fit_records import Combination, FitResult, ObjectiveFigure, verdict_on
 
 PAPER_MEASURE = (
     "The measure of the published method: in each frame the mean distance of all points, held ones included. All other "
@@ -88,12 +88,12 @@ def _combination_table(found: Sequence[Combination]) -> Markup:
         row_of(c.name, (
             number(c.initial) + unit_of(c.unit),
             bold(number(c.fitted)) + unit_of(c.unit) if c.is_identified else MISSING,
-            interval((c.interval_low, c.interval_high)) + unit_of(c.unit), "yes" if c.is_identified else "no",
+            interval((c.interval_low, c.interval_high)) + unit_of(c.unit), verdict_on(c) or "identified",
         ))
         for c in found
     ]  # fmt: skip
-    heads = ("combination of parameters", "before", "fitted", "90 % interval", "identified")
-    return headed("Combinations that motion identifies", table("Combinations", heads, rows, range(1, 5)))
+    heads = ("combination of parameters", "before", "fitted", "90 % interval", "verdict")
+    return headed("Combinations", table("Combinations", heads, rows, range(1, 4)))
 
 
 def headed(title: str, body: Markup) -> Markup:

@@ -296,10 +296,11 @@ OF_A_DIAGNOSIS = {
     "found may still be there below this.",
 }
 OF_PARAMETERS = {
-    "90 % interval": "Values that follow the takes about as well as the fitted one; the cloth's own lies there with a "
-    "probability of 90 %.",
+    "90 % interval": "The 90 % interval of the fitted value, if the model's equations are right.",
     "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
-    "Not identified": "Other parameters can make up for this one in this recording; its value says little.",
+    "Not identified": "Other parameters can make up for this one in this recording, so it has an interval and no "
+    "value.",
+    "At its bound": "The range stopped this parameter, so the interval reaches the end of the range.",
 }
 
 

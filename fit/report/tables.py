@@ -12,7 +12,7 @@ from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.templating import piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
 from formats.diagnosis_records import EffectFinding, place_of
-from formats.fit_records import FitParameter
+from formats.fit_records import FitParameter, verdict_on
 
 
 def parameter_table(rows: Sequence[FitParameter], meanings: Mapping[str, str] | None = None) -> Markup:
@@ -71,7 +71,7 @@ def _parameter_row(row: FitParameter, meaning: str) -> Row:
     said = (
         "" if meaning and row.note.lower().rstrip(".") == words(row.name) else row.note
     )  # an effect's title is its name
-    parts = [meaning if meaning not in said else "", "not identified" if row.is_identified is False else "", said]
+    parts = [meaning if meaning not in said else "", verdict_on(row), said]
     about = ". ".join(part[0].upper() + part[1:].rstrip(".") for part in parts if part)
     within = None
     if ends is not None:

@@ -1,24 +1,31 @@
-"""The number of independent residuals of a recording: their count over the time that errors stay correlated.
+"""The number of independent residuals of a recording: how many there are, less those that err together.
 
-The integrated autocorrelation time tau of residuals r is in frames. The correlation over k frames is rho_k, taken about
-zero, since a remaining mean is an error as well. All points and axes of a take count together:
+Residuals r_i(t) of K series, one a point and axis, vary over T frames. Let A_ij(l) be the sum of r_i(t) r_j(t + l) over
+the P pairs of frames that lie l apart. A sum of correlated squares varies as much as one of N independent squares:
 
-    tau = 1 + 2 sum_k rho_k,    N = n / tau
+    N = (sum_i A_ii(0))^2 / sum_l sum_ij A_ij(l)^2 / P
 
-The sum ends before the first pair rho_2j + rho_2j+1 that is not positive (Geyer's initial positive sequence). Beyond
-that pair little but noise is left. tau is at least 1. White noise has tau = 1, so every number counts. A model-form
-error lasts for a swing or more, so such a take counts little.
+Series without anything in common leave a sum over i and j of about (sum_i variance_i)^2 at each lag by chance. This
+much is taken off at lag 0. Another lag counts where it has more than twice as much. So white noise counts whole.
 
-Source: C. J. Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992), section 3.3.
+Errors of a model-form error last for a swing or more, swing to and fro, and move all points. One take is too short to
+tell how many points move apart for so long. Chance alone then fills the sum, and the take counts by its frames rather
+than by its points.
+
+Source: G. E. P. Box, "Some theorems on quadratic forms applied in the study of analysis of variance problems, I",
+Annals of Mathematical Statistics 25 (1954), theorem 3.1.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from formats.arrays import Floats
+
+BY_CHANCE = 2.0  # times what chance leaves at a lag; among the axes of three points one lag in a million exceeds it
 
 
 def independent(takes: Sequence[Floats]) -> float:
@@ -26,32 +33,39 @@ def independent(takes: Sequence[Floats]) -> float:
 
     takes: of each (frames, ...), nan where nothing is seen
     """
-    count = 0.0
-    for take in takes:
-        rows = take.reshape(len(take), -1).T
-        seen = np.flatnonzero(np.isfinite(rows).any(0))
-        if len(seen):
-            count += np.isfinite(rows).sum() / correlation_time(rows[:, seen[0] : seen[-1] + 1])
-    return count
+    rows = [take.reshape(len(take), -1) for take in takes]
+    return sum(_independent(take[:, np.isfinite(take).any(0)]) for take in rows)
 
 
-def correlation_time(rows: Floats) -> float:
-    """Return tau [frames] of series, (series, frames), where nan is not seen."""
-    is_seen = np.isfinite(rows)
-    whole = np.where(is_seen, rows, 0.0)
-    frames = rows.shape[1]
+def _independent(take: Floats) -> float:
+    """Return N of one take, (frames, series), every series seen somewhere."""
+    is_seen = np.isfinite(take)
+    count, whole = float(is_seen.sum()), np.where(is_seen, take, 0.0)
+    total = float((whole**2).sum())
+    if total == 0.0:
+        return count
+    frames, series = take.shape
+    at_once = is_seen.sum(1).astype(float)
+    pairs = np.correlate(at_once, at_once, "full")[frames - 1 :] / series**2
+    chance = float(((whole**2).sum(0) / is_seen.sum(0)).sum()) ** 2
+    has_pairs = pairs > 0
+    squares = _squares(whole)[has_pairs] / pairs[has_pairs]
+    later = squares[1:]
+    together = squares[0] - chance + 2 * float(later[later > BY_CHANCE * chance].sum())
+    return min(total**2 / together, count) if together > 0 else count
 
-    def covariance(lag: int) -> float:
-        pairs = (is_seen[:, : frames - lag] & is_seen[:, lag:]).sum()
-        return float((whole[:, : frames - lag] * whole[:, lag:]).sum()) / pairs if pairs else 0.0
 
-    variance = covariance(0)
-    if variance == 0.0:
-        return 1.0
-    total = 0.0
-    for lag in range(0, frames // 2, 2):
-        pair = (covariance(lag) + covariance(lag + 1)) / variance
-        if pair <= 0:
-            break
-        total += pair
-    return max(2 * total - 1, 1.0)
+def _squares(whole: Floats) -> Floats:
+    """Return sum_ij A_ij(l)^2 at each lag l, (frames,), of a take without gaps, (frames, series).
+
+    It is the sum over t and u of G(t, u) G(t + l, u + l), with G(t, u) = sum_i r_i(t) r_i(u). Each diagonal of G is
+    correlated with itself, by its spectrum.
+    """
+    frames = len(whole)
+    alike = whole @ whole.T
+    length = 2 ** math.ceil(math.log2(2 * frames))
+    power = np.zeros(length // 2 + 1)
+    for apart in range(frames):
+        spectrum = np.fft.rfft(np.diagonal(alike, apart), length)
+        power += (1 if apart == 0 else 2) * (spectrum.real**2 + spectrum.imag**2)
+    return np.asarray(np.fft.irfft(power, length)[:frames])

@@ -12,11 +12,12 @@ stop short of the least squares. The remaining way, H^-1 s, then counts as well:
 
     half width = sqrt(t^2 V + (H^-1 s)^2),   t: 95 % of Student's distribution with G - 1 degrees of freedom
 
-A parameter is identified when its deviation is less than half of the prior's.
+A parameter is identified when its deviation is less than half of the prior's, and when it is not at its bound.
 
-A parameter may end at its bound with the least squares beyond it. The bound then holds the value, and the slope there
-says little of how far the value can be trusted. Such a parameter is not identified, and its half width is at least that
-of a parameter at the limit of being identified.
+A parameter within a hundredth of its range of an end is at its bound. Its interval is one-sided and reaches the bound.
+Rounding decides on which side of the bound the linear model sees the least squares, so the verdict does not ask. With
+the least squares beyond the bound, the slope says little of how far the value can be trusted. The half width is then at
+least that of a parameter at the limit of being identified.
 
 Source: J. G. MacKinnon, M. O. Nielsen, M. D. Webb, "Fast and reliable jackknife and bootstrap methods for
 cluster-robust inference", J. Appl. Econometrics 38 (2023), their CV3J. The prior's term is that of a linear estimate
@@ -42,7 +43,7 @@ NORMAL_90 = 1.645  # standard deviations: within so many of its mean lie 90 % of
 
 @dataclass(frozen=True)
 class Intervals:
-    """90 % intervals, (parameters, 2), and a mark for each identified parameter, (parameters,).
+    """90 % intervals, (parameters, 2), and marks for parameters that are identified and at a bound, (parameters,).
 
     `covariance`, (parameters, parameters), is that of the linearised model or of draws. `way`, (parameters,), leads to
     the least squares. All are in the parameters' own units. `spread` is half a 90 % interval in deviations, for a `way`
@@ -54,6 +55,7 @@ class Intervals:
     covariance: Floats
     way: Floats
     spread: float
+    is_at_bound: Booleans
 
 
 def check_blocks(block: Integers) -> None:
@@ -109,29 +111,33 @@ def block_intervals(
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(model.parameters)
-    held = is_held_by_bound(unit, way)
+    low, high = at_bounds(unit)
+    held = (low & (unit + way < 0)) | (high & (unit + way > 1))
     half = np.where(held, np.maximum(half, reach * SHARE_IDENTIFIED * PRIOR_SD), half)
-    ends = np.stack([space.from_unit(unit + sign * half) for sign in (-1, 1)], axis=1)
+    lower, upper = np.where(low, 0.0, unit - half), np.where(high, 1.0, unit + half)
+    ends = np.stack([space.from_unit(lower), space.from_unit(upper)], axis=1)
     slope = space.slope(model.parameters)
     covariance = variance * np.outer(slope, slope)
-    is_identified = (deviation < SHARE_IDENTIFIED * PRIOR_SD) & ~held
-    return Intervals(ends, is_identified, covariance, way * slope, reach)
+    is_identified = (deviation < SHARE_IDENTIFIED * PRIOR_SD) & ~low & ~high
+    return Intervals(ends, is_identified, covariance, way * slope, reach, low | high)
 
 
-def is_held_by_bound(unit: Floats, way: Floats) -> Booleans:
-    """Return which parameters lie at a bound with the least squares beyond it, (p,).
+def at_bounds(unit: Floats) -> tuple[Booleans, Booleans]:
+    """Return which parameters lie at their lower and at their upper bound, (p,) each, from shares of the box, (p,)."""
+    return unit <= AT_BOUND, unit >= 1 - AT_BOUND
 
-    unit, way, (p,): place in the box and way to the least squares, in shares of the box
+
+def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Intervals:
+    """Return intervals from draws of the posterior, (draws, parameters): their 5 % and 95 % quantiles.
+
+    best, (parameters,): the search's result
     """
-    low, high = (unit <= AT_BOUND) & (unit + way < 0), (unit >= 1 - AT_BOUND) & (unit + way > 1)
-    return np.asarray(low | high)
-
-
-def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:
-    """Return intervals from draws of the posterior, (draws, parameters): their 5 % and 95 % quantiles."""
     ends = np.quantile(draws, [0.05, 0.95], axis=0).T
-    is_identified = space.to_unit(draws).std(axis=0) < SHARE_IDENTIFIED * PRIOR_SD
-    return Intervals(ends, is_identified, np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1]), NORMAL_90)
+    low, high = at_bounds(space.to_unit(best))
+    ends[low, 0], ends[high, 1] = space.minimum[low], space.maximum[high]
+    is_identified = (space.to_unit(draws).std(axis=0) < SHARE_IDENTIFIED * PRIOR_SD) & ~low & ~high
+    covariance, way = np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1])
+    return Intervals(ends, is_identified, covariance, way, NORMAL_90, low | high)
 
 
 def jackknife(residuals: Floats, jacobian: Floats, place: Integers) -> tuple[Floats, Floats]:

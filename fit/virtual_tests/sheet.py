@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Mapping
+
 from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
 from fit.recordings.intact import incomplete_notes
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
+from fit.virtual_tests.fitted_rows import FittedRows
 from fit.virtual_tests.kes import Sheet, make_sheet
-from formats.fit_records import FitResult
+from formats.arrays import Floats
+from formats.fit_records import NOT_IDENTIFIED, FitResult
+from formats.rows import aligned
+
+Span = tuple[float, float] | None  # a 90 % interval, where one is known
 
 HYSTERESIS = "bending_hysteresis"  # the effect that brings friction into bending
 LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
+WAYS = ("warp", "weft")
+OF_A_WAY = ("first_slope", "extension", "tensile_energy", "linearity", "bending")
+NUMBERS = ("weight", "shear", *(f"{way}.{name}" for way in WAYS for name in OF_A_WAY))  # that the material decides
 
 
 def tests_of(result: FitResult) -> Sheet:
@@ -30,38 +41,83 @@ def tests_of(result: FitResult) -> Sheet:
         raise FitError(
             "does not hold its material", where=result.label, advice="it is from an older version: fit again"
         )
-    material = {
-        name: value / (result.layers if name in LAYER_NUMBERS else 1) for name, value in result.material.items()
-    }
-    return make_sheet(material, result.effects.get(HYSTERESIS, 0.0) / result.layers)
+    return _tests(result.material, result.layers, result.effects.get(HYSTERESIS, 0.0))
+
+
+def _tests(material: dict[str, float], layers: int, friction: float = 0.0) -> Sheet:
+    """Return the virtual tests of one of so many layers of a material that was fitted as one."""
+    shared = {name: value / (layers if name in LAYER_NUMBERS else 1) for name, value in material.items()}
+    return make_sheet(shared, friction / layers)
+
+
+def untold_of(result: FitResult) -> dict[str, Span]:
+    """Return the 90 % interval of each number of the sheet that the takes do not identify, by its place in the sheet.
+
+    Raises:
+        FitError: as `tests_of`.
+    """
+    tests_of(result)  # refuses
+    rows = FittedRows(result)
+    found: dict[str, Span] = {}
+    for place in NUMBERS:
+
+        def read(row: Floats, place: str = place) -> float:
+            return number_of(_tests(dict(zip(MATERIAL_NAMES, row.tolist(), strict=True)), result.layers), place)
+
+        behind = rows.parameters_behind(read)
+        if any(p.is_identified is False for p in behind):
+            found[place] = rows.ends(read, behind)
+    friction = next((p for p in result.parameters if p.name == HYSTERESIS and p.is_identified is False), None)
+    if friction is not None:
+        ends = friction.interval_low, friction.interval_high
+        sheets = [_tests(result.material, result.layers, end) for end in ends if end is not None]
+        for place in (f"{way}.bending_hysteresis" for way in WAYS):
+            found[place] = (number_of(sheets[0], place), number_of(sheets[1], place)) if len(sheets) == 2 else None
+    return found
+
+
+def number_of(sheet: Sheet, place: str) -> float:
+    """Return one number of a sheet; `place` is one of `NUMBERS`, or a hysteresis."""
+    return float(operator.attrgetter(place)(sheet))
 
 
 def sheet_of(result: FitResult) -> str:
     """Return the sheet of a fit result: of one layer, where the garment has several that slide on one another.
 
+    A number that the takes do not identify gives place to its 90 % interval.
+
     Raises:
         FitError: the result does not hold its material, or is of another engine.
     """
-    sheet = tests_of(result)
-    head = f"{'quantity':<30}{'unit':<14}{'warp':>9}{'weft':>9}   {'ten fabrics':<18}618 fabrics"
-    lines = [f"Virtual fabric tests of {', '.join(result.take_ids)} ({result.method})", "", head]
+    sheet, untold = tests_of(result), untold_of(result)
+    rows = [("quantity", "unit", "warp", "weft", "ten fabrics", "618 fabrics")]
 
-    def line(name: str, unit: str, values: tuple[float, ...], ten: str = "", many: str = "") -> None:
-        cells = "".join(f"{value:>9.3g}" for value in values)
-        lines.append(f"{name:<30}{unit:<14}{cells:<18}   {_range(ten):<18}{many}".rstrip())
+    def row(name: str, unit: str, places: tuple[str, ...], ten: str = "", many: str = "") -> None:
+        cells = [_interval(untold[p]) if p in untold else f"{number_of(sheet, p):.3g}" for p in places]
+        rows.append((name, unit, cells[0], cells[1] if len(cells) > 1 else "", _range(ten), many))
 
-    line("W, weight", "mg/cm2", (sheet.weight,), "weight", share_below("weight", sheet.weight))
-    warp, weft = sheet.warp, sheet.weft
-    line("first slope of tension", "gf/cm", (warp.first_slope, weft.first_slope), "slope")
-    line("EMT at 500 gf/cm *", "%", (warp.extension, weft.extension))
-    line("WT *", "gf cm/cm2", (warp.tensile_energy, weft.tensile_energy))
-    line("LT *", "1", (warp.linearity, weft.linearity))
-    line("G, shear 0.5 to 5 degrees", "gf/(cm deg)", (sheet.shear,), "shear")
-    shares = ", ".join(f"{k} {share_below(f'bending {k}', d.bending)}" for k, d in (("warp", warp), ("weft", weft)))
-    line("B, bending 0.5 to 1.5 1/cm", "gf cm2/cm", (warp.bending, weft.bending), "bending", shares)
-    line("2HB at 1 1/cm", "gf cm/cm", (warp.bending_hysteresis, weft.bending_hysteresis))
-    lines += ["", *_remarks(result)]
-    return "\n".join(lines)
+    def ways(name: str) -> tuple[str, str]:
+        return f"warp.{name}", f"weft.{name}"
+
+    def share(quantity: str, place: str) -> str:
+        return NOT_IDENTIFIED if place in untold else share_below(quantity, number_of(sheet, place))
+
+    row("W, weight", "mg/cm2", ("weight",), "weight", share("weight", "weight"))
+    row("first slope of tension", "gf/cm", ways("first_slope"), "slope")
+    row("EMT at 500 gf/cm *", "%", ways("extension"))
+    row("WT *", "gf cm/cm2", ways("tensile_energy"))
+    row("LT *", "1", ways("linearity"))
+    row("G, shear 0.5 to 5 degrees", "gf/(cm deg)", ("shear",), "shear")
+    shares = [f"{way} {share(f'bending {way}', f'{way}.bending')}" for way in WAYS if f"{way}.bending" not in untold]
+    many = ", ".join(shares) or NOT_IDENTIFIED
+    row("B, bending 0.5 to 1.5 1/cm", "gf cm2/cm", ways("bending"), "bending", many)
+    row("2HB at 1 1/cm", "gf cm/cm", ways("bending_hysteresis"))
+    head = f"Virtual fabric tests of {', '.join(result.take_ids)} ({result.method})"
+    return "\n".join([head, "", *aligned(rows, right=(2, 3)), "", *_remarks(result, untold)])
+
+
+def _interval(ends: Span) -> str:
+    return NOT_IDENTIFIED if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
 def _range(quantity: str) -> str:
@@ -71,7 +127,7 @@ def _range(quantity: str) -> str:
     return f"{low:.3g} to {high:.3g}"
 
 
-def _remarks(result: FitResult) -> list[str]:
+def _remarks(result: FitResult, untold: Mapping[str, Span]) -> list[str]:
     remarks = [
         "* extrapolated: motion loads cloth with its own weight, hundreds of times less than this test.",
         f"Ten fabrics: Wang et al. 2011, {TEN[0].name} to {TEN[-1].name}. 618 fabrics: Feng et al. 2022, "
@@ -88,7 +144,9 @@ def _remarks(result: FitResult) -> list[str]:
             "The weight was fitted, which motion cannot tell: weight, tension, shear and bending may all be wrong by "
             "one and the same factor. Weigh the garment and use a method with -weighed, or si."
         )
-    for c in result.combinations:
-        if not c.is_identified:
-            remarks.append(f"The takes did not tell {c.name}: what depends on it is only the start or the range.")
+    if untold:
+        remarks.append("A number with two ends is a 90 % interval: the takes do not identify it.")
+        names = [c.name for c in result.combinations if not c.is_identified]
+        if names:
+            remarks.append(f"The takes do not identify {', '.join(names)}.")
     return remarks + incomplete_notes(result.notes)

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import msgspec
 
+from fit.api.results import Simulation
 from fit.api.shown import diagnosis_tables, fit_tables
 from fit.api.tables import as_text
 from fit.recordings.intact import describe_missing
+from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.formats.test_archive import a_take
 
@@ -21,3 +23,37 @@ def test_a_fit_and_a_diagnosis_name_the_seconds_that_their_takes_lack():
         shown = as_text(tables(damaged))
         assert "missing: 2.25 to 3.25 s" in shown
         assert "Another note." not in shown
+
+
+def test_a_parameter_at_its_bound_shows_its_interval_and_says_so():
+    result = a_fit(unknown=("stretch_stiffness",))
+    stopped = [msgspec.structs.replace(p, is_at_bound=p.is_identified is False) for p in result.parameters]
+    line = next(x for x in as_text(fit_tables(msgspec.structs.replace(result, parameters=stopped))).splitlines()
+                if x.startswith("stretch_stiffness"))  # fmt: skip
+    assert line.split() == [
+        "stretch_stiffness",
+        "[N/m]",
+        "300",
+        "-",
+        "80",
+        "to",
+        "125",
+        "not",
+        "identified,",
+        "at",
+        "its",
+        "bound",
+    ]
+
+
+def test_a_simulation_with_a_fit_prints_no_value_that_the_fit_does_not_identify():
+    result = a_fit(unknown=("stretch_stiffness",))
+    values = {p.name: p.fitted for p in result.parameters}
+    shown = Simulation(
+        takes=(), values=values, fitted=tuple(result.parameters), error=result.error.train_after, by_take=()
+    )
+    rows = {line.split()[0]: line.split()[1:] for line in str(shown).splitlines()}
+    assert rows["stretch_stiffness"] == ["80", "to", "125,", "not", "identified"]
+    assert rows["shear_stiffness"] == ["30"]
+    assert shown.to_dict()["not_identified"] == ["stretch_stiffness"]
+    assert shown.to_dict()["parameters"]["stretch_stiffness"] == 100.0

@@ -55,9 +55,9 @@ def test_a_quantity_of_a_parameter_that_is_not_identified_is_not_either():
     result = a_fit(unknown=("shear_stiffness",))
     fabric = fabric_of(result)
     assert [q.name for q in fabric.not_identified] == ["shear"]
-    (line,) = [line for line in caution_lines(result, fabric) if line.startswith("shear ")]
-    assert "90 % interval 24 to 37.5" in line
-    assert "do not identify it" in line
+    (line,) = [line for line in caution_lines(result, fabric) if line.startswith("shear:")]
+    meaning = "the takes do not identify it: every value in the interval follows them"
+    assert line == f"shear: 90 % interval 24 to 37.5 N/m; {meaning}."
 
 
 def test_a_weighed_kinect_skirt_has_si_values_and_says_that_its_shear_is_no_measurement():
@@ -127,3 +127,14 @@ def test_a_combination_that_is_not_identified_keeps_its_value_apart_too():
     rows = list(csv.DictReader(io.StringIO(parameters_csv(result, None))))
     (row,) = [row for row in rows if row["kind"] == "combination"]
     assert (row["value"], row["one_of_many"]) == ("", "2.0")
+
+
+def test_a_number_that_several_parameters_make_has_the_verdict_of_its_combination():
+    """Neither Air nor Velocity is told, and the damping that they make is: 1.1 to 1.3 /s."""
+    told = Combination(
+        name="velocity damping", unit="1/s", initial=1.0, fitted=1.2, interval_low=1.1, interval_high=1.3,
+        is_identified=True,
+    )  # fmt: skip
+    result = msgspec.structs.replace(a_fit("kinect-skirt-weighed"), combinations=[told])
+    damping = fabric_of(result)["velocity_damping"]
+    assert (damping.status, damping.low, damping.high) == ("measured", 1.1, 1.3)

@@ -55,7 +55,7 @@ def test_usd_core_reads_the_same_motion(order, tmp_path):
     assert seconds == pytest.approx(order.moving.time, abs=1e-6)
     assert np.abs(read - order.moving.places).max() < TENTH
     assert stage.GetEndTimeCode() == pytest.approx(35.0)
-    assert "shear = 30 N/m, 90 % interval 24 to 37.5" in stage.GetRootLayer().documentation
+    assert "shear: 90 % interval 24 to 37.5 N/m" in stage.GetRootLayer().documentation
 
 
 def test_pygltflib_reads_the_same_motion(order, tmp_path):
@@ -152,7 +152,7 @@ def test_the_motion_as_csv(order, tmp_path):
 def test_a_kinect_skirt_moves_although_it_has_no_fabric(order):
     skirt = Order(result=a_fit("kinect-skirt"), take=order.take, spacing=0.15)
     mesh = files_of("pc2", skirt)[".obj"].decode()
-    assert "# mass = 1 x weighed, 90 % interval 0.8 to 1.25: the takes do not identify it" in mesh
+    assert "# mass: 90 % interval 0.8 to 1.25 x weighed; the takes do not identify it" in mesh
     assert np.ptp(skirt.moving.places[..., 1]) > 0.1
 
 

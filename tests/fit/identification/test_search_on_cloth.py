@@ -14,7 +14,7 @@ from fit.errors import BlowUpError
 from fit.identification.calibrate import Model, calibrate
 from fit.identification.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, begin_observed
 from fit.identification.request import request_of
-from fit.identification.trials import ObservedSettings, is_settled
+from fit.identification.trials import ObservedSettings, between_ends, is_settled, luck_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
@@ -81,6 +81,42 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     found = search.run(SI.initial, ObservedSettings(starts=1, pulls=(1.0, 0.0)))
     assert len(found.path) == 2
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
+
+
+def test_trials_that_end_apart_tell_by_how_much_chance_moves_a_cost():
+    """Logarithms 0.1 and 0.2 above the least: sqrt((0.01 + 0.04) / 2) = 0.158; a trial that blew up tells nothing."""
+    assert luck_of([100 * np.exp(0.2), 100.0, 100 * np.exp(0.1)]) == pytest.approx(np.sqrt(0.025))
+    assert luck_of([100.0, np.inf]) == luck_of([100.0]) == 0.0
+
+
+def test_ends_count_by_their_likelihood():
+    """Of 20 numbers an end that costs e^0.1 times the best has the weight 1/e; one that blew up has none."""
+    apart = np.array([[0.0, 0.0], [0.3, -0.1], [1.0, 1.0]])
+    found = between_ends(apart, np.array([0.0, 0.1, np.inf]), 20.0)
+    share = np.exp(-1) / (1 + np.exp(-1))
+    assert found == pytest.approx(share * np.array([[0.09, -0.03], [-0.03, 0.01]]))
+
+
+@pytest.mark.slow
+def test_fits_that_differ_by_a_rounding_error_end_in_each_others_intervals(monkeypatch):
+    """A known truth in air is fitted without drag, so its trials end apart.
+
+    `benchmarks/rounding.py` counts more of them.
+    """
+    case = dataclasses.replace(benchmark.make_case(0, air_drag=1.2), effects=())
+    twins = []
+    for seed in ("0", "1", "2"):
+        monkeypatch.setenv("HANGTIME_JITTER", seed)
+        twins.append(calibrate(case.takes[:1], [], case.request(search="least-squares")).parameters)
+    for mine in twins:
+        for k, p in enumerate(mine):
+            assert not p.is_identified or all(p.interval_low <= t[k].fitted <= p.interval_high for t in twins)
+    stretch, shear, bending, *_ = twins[0]
+    assert stretch.is_identified
+    assert stretch.interval_low < case.truth[0] < stretch.interval_high
+    assert shear.is_identified
+    assert shear.interval_low < case.truth[1] < shear.interval_high
+    assert not bending.is_identified  # its truth is 5e-6 N m, and it ends at 2.4e-5
 
 
 @pytest.fixture(scope="module")

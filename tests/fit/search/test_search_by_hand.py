@@ -8,7 +8,7 @@ import pytest
 from fit.search import posterior
 from fit.search.bounds import redraw, reflect
 from fit.search.cma_es import Evolution
-from fit.search.correlation import correlation_time, independent
+from fit.search.correlation import independent
 from fit.search.emulator import Emulator
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import FIRST_STEP, HOTTEST, Tempering
@@ -24,43 +24,20 @@ def valley(units):
 # --- correlation ----------------------------------------------------------------------------------
 
 
-def test_the_time_of_eight_numbers_by_hand():
-    """2, 1 and zeros: rho_0 = 1, rho_1 = (2 / 7) / (5 / 8); the next pair is nothing. tau = 1 + 2 rho_1."""
-    assert correlation_time(np.array([[2.0, 1, 0, 0, 0, 0, 0, 0]])) == pytest.approx(1 + 2 * (2 / 7) / (5 / 8))
+def test_frames_without_any_sight_have_no_part_in_the_number():
+    """2, 2, 2, 1 as in `test_search_correlation`; a take that sees nothing adds nothing."""
+    slow = np.array([np.nan] * 3 + [2.0, 2, 2, 1] + [np.nan])[:, None, None]
+    assert independent([slow]) == pytest.approx(169 / (31.6875 + 2 * 100 / 3))
+    assert independent([slow, np.full((4, 1, 1), np.nan)]) == independent([slow])
 
 
 def test_pairs_of_which_one_number_was_not_seen_do_not_count():
-    """Of 2, 1, unseen, 1 three are seen, of mean square 2; of neighbours only the first two, with a product of 2."""
-    assert correlation_time(np.array([[2.0, 1.0, np.nan, 1.0]])) == pytest.approx(3.0)
+    """2, 2, unseen, 2, 2, 1: chance leaves 3.4^2 = 11.56, and lag 0 counts 17^2 / 5 - 11.56 = 46.24.
 
-
-def test_the_sum_of_pairs_ends_before_the_first_that_is_not_positive():
-    """1, 1, -1, -1 four times: rho = 1, 1/15, -14/14, -1/13: the second pair ends it. tau = 2 (1 + 1/15) - 1."""
-    rows = np.tile([1.0, 1.0, -1.0, -1.0], 4)[None]
-    assert correlation_time(rows) == pytest.approx(2 * (1 + 1 / 15) - 1)
-
-
-def test_what_follows_a_pair_of_nothing_does_not_count():
-    """Ones four frames apart: rho_2 + rho_3 = 0 ends the sum before rho_4."""
-    assert correlation_time(np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0, 0]])) == 1.0
-
-
-def test_a_lag_without_any_pair_counts_as_nothing():
-    assert correlation_time(np.array([[1.0, np.nan, np.nan, np.nan]])) == 1.0
-
-
-def test_frames_after_the_last_sight_have_no_part_in_the_sum():
-    """Five ones: the sum ends below half of five frames, at rho_0 + rho_1, so tau = 3. With a sixth frame it was 7."""
-    take = np.array([1.0] * 5 + [np.nan] * 3)[:, None, None]
-    assert independent([take]) == pytest.approx(5 / 3)
-
-
-def test_numbers_are_divided_by_the_time_of_their_own_take():
-    """Eight numbers of tau 1.914 after three frames without any, and ten that are white, at 1."""
-    slow = np.array([np.nan] * 3 + [2.0, 1, 0, 0, 0, 0, 0, 0] + [np.nan])[:, None, None]
-    white = np.array([1.0, -1.0] * 5)[:, None, None]
-    tau = 1 + 2 * (2 / 7) / (5 / 8)
-    assert independent([slow, white, np.full((4, 1, 1), np.nan)]) == pytest.approx(8 / tau + 10)
+    Lag 1 has 10^2 / 3 of three pairs and lag 3 has 8^2 / 2 of two; lags 2, 4 and 5 have 18, 18 and 4, too little.
+    """
+    take = np.array([2.0, 2, np.nan, 2, 2, 1])[:, None]
+    assert independent([take]) == pytest.approx(289 / (46.24 + 2 * (100 / 3 + 32)))
 
 
 # --- bounds ---------------------------------------------------------------------------------------

@@ -176,7 +176,7 @@ def test_tempering_draws_from_a_known_posterior():
     line = BoundedSpace(minimum=np.zeros(1), maximum=np.ones(1), is_log=np.zeros(1, bool))
     search = Tempering(np.array([0.9]), line, 40_000, 1, numbers=24.0)
     run(search, 64, lambda c: np.exp((c[:, 0] - 0.4) ** 2 / (2 * 0.05**2 * 24.0)))
-    low, high = draw_intervals(line, search.draws).ends[0]
+    low, high = draw_intervals(line, search.draws, search.best).ends[0]
     # 2500 draws, a tenth of them independent: 0.14 s of error in a 5 % quantile, three of those.
     assert low == pytest.approx(0.4 - 1.645 * 0.05, abs=0.02)
     assert high == pytest.approx(0.4 + 1.645 * 0.05, abs=0.02)

@@ -64,17 +64,23 @@ def test_an_interval_far_wider_than_a_logarithmic_box_is_all_of_the_box_and_warn
     assert found.ends[0] == pytest.approx([1.0, 100.0], rel=1e-12)
 
 
-@pytest.mark.parametrize(("at", "beyond"), [(0.0, -1), (1.0, 1), (0.995, 1)])
-def test_a_parameter_that_its_bound_holds_is_not_identified_and_has_no_tight_interval(at, beyond):
+@pytest.mark.parametrize(("at", "beyond"), [(0.0, -1), (1.0, 1), (0.995, 1), (0.005, -1)])
+def test_a_parameter_at_its_bound_is_not_identified_and_its_interval_reaches_the_bound(at, beyond):
     """The least squares lie 0.02 beyond the box; half a width at the limit is 2.92 x 0.5 / sqrt(12) = 0.42."""
     way = at - (0.5 + beyond * 0.52)
     pushed = of_three(line(), at, values=VALUES + SLOPE * way)
-    inside = of_three(line(), at, values=VALUES - SLOPE * way if abs(way) < 0.01 else VALUES)
-    assert pushed.is_identified.tolist() == [False]
-    assert inside.is_identified.tolist() == [True]
-    width = float(np.ptp(pushed.ends[0]))
-    assert width == pytest.approx(REACH * 0.5 * PRIOR_SD, abs=0.01)
-    assert np.ptp(inside.ends[0]) < 0.01
+    inside = of_three(line(), at)  # rounding may as well leave the least squares inside
+    for found in (pushed, inside):
+        assert found.is_identified.tolist() == [False]
+        assert found.is_at_bound.tolist() == [True]
+        assert found.ends[0, int(at > 0.5)] == float(at > 0.5)
+    assert np.ptp(pushed.ends[0]) == pytest.approx(REACH * 0.5 * PRIOR_SD, abs=0.01)
+    assert np.ptp(inside.ends[0]) == pytest.approx(REACH * DEVIATION + min(at, 1 - at), rel=1e-3)
+
+
+def test_a_parameter_two_hundredths_from_its_bound_is_not_at_it():
+    near = of_three(line(), 0.98)
+    assert (near.is_identified.tolist(), near.is_at_bound.tolist()) == ([True], [False])
 
 
 def test_a_covariance_between_ends_comes_on_top_of_the_jackknifes():
@@ -149,10 +155,13 @@ def test_intervals_of_draws_are_their_quantiles_in_own_units():
     """101 places evenly over a box of 200 wide: 5 % and 95 % are 10 and 190, variance 2^2 x 101 x 102 / 12."""
     box = line(0.0, 200.0)
     draws = np.linspace(0, 200, 101)[:, None]
-    found = draw_intervals(box, draws)
+    found = draw_intervals(box, draws, np.array([100.0]))
     assert found.ends[0] == pytest.approx([10.0, 190.0])
     assert found.covariance[0, 0] == pytest.approx(2**2 * 101 * 102 / 12)
     assert (found.way.tolist(), found.spread) == ([0.0], 1.645)
     assert found.is_identified.tolist() == [False]
-    narrow = draw_intervals(box, 100 + 0.4 * (draws - 100))
+    narrow = draw_intervals(box, 100 + 0.4 * (draws - 100), np.array([100.0]))
     assert narrow.is_identified.tolist() == [True]
+    stopped = draw_intervals(box, 100 + 0.4 * (draws - 100), np.array([0.5]))
+    assert (stopped.is_identified.tolist(), stopped.is_at_bound.tolist()) == ([False], [True])
+    assert stopped.ends[0] == pytest.approx([0.0, 136.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import msgspec
 import numpy as np
@@ -28,7 +29,8 @@ from fit.virtual_tests.kes import (
     stretch_test,
     tension,
 )
-from fit.virtual_tests.sheet import sheet_of
+from fit.virtual_tests.sheet import sheet_of, untold_of
+from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
@@ -144,24 +146,63 @@ def test_a_median_fabric_is_above_half_of_618():
     assert share_below("bending warp", 0.001) == "less than 95 % of them"
 
 
+def known(result, *unknown):
+    """The same fit, whose takes identify all parameters but some."""
+    parameters = [msgspec.structs.replace(p, is_identified=p.name not in unknown) for p in result.parameters]
+    return msgspec.structs.replace(result, parameters=parameters)
+
+
+def test_a_number_that_the_takes_do_not_identify_gives_place_to_its_interval():
+    """Stretch of 80 to 125 N/m is 81.6 to 127 gf/cm, and all that follows from it is an interval; bending is told."""
+    result = known(a_fit(), "stretch_stiffness")
+    lines = {line.split("  ")[0]: line for line in sheet_of(result).splitlines()}
+    assert lines["first slope of tension"].count("81.6 to 127") == 2
+    assert " 102 " not in lines["first slope of tension"]
+    low, high = (100 * stretch_test(k)[0] for k in (125.0, 80.0))
+    assert f"{low:.3g} to {high:.3g}" in lines["EMT at 500 gf/cm *"]
+    assert " 0.143 " in lines["B, bending 0.5 to 1.5 1/cm"]
+    assert "A number with two ends is a 90 % interval: the takes do not identify it." in lines
+    assert "two ends" not in sheet_of(known(a_fit()))
+    assert set(untold_of(result)) == {
+        f"{way}.{name}"
+        for way in ("warp", "weft")
+        for name in ("first_slope", "extension", "tensile_energy", "linearity")
+    }
+
+
+def test_a_friction_that_the_takes_do_not_identify_gives_place_to_its_interval():
+    """0.05 N within 0 to 0.25 N: 2HB is 2 M / 9.80665e-3, 0 to 51."""
+    result = a_fit(effects={"bending_hysteresis": 0.05}, unknown=("bending_hysteresis",))
+    friction = next(p for p in result.parameters if p.name == "bending_hysteresis")
+    ends = [p if p is not friction else msgspec.structs.replace(p, interval_low=0.0) for p in result.parameters]
+    line = next(x for x in sheet_of(msgspec.structs.replace(result, parameters=ends)).splitlines() if "2HB" in x)
+    assert line.count("0 to 51") == 2
+
+
+def test_the_mass_that_a_method_fits_leaves_no_stiffness_known():
+    """Mass 1 of 0.8 to 1.25: the weight is 16 to 25 mg/cm^2, whatever of it was fitted."""
+    text = sheet_of(a_fit("kinect-skirt"))
+    assert re.search(r"^W, weight +mg/cm2 +16 to 25 .*not identified$", text, re.MULTILINE)
+
+
 def test_the_sheet_of_a_real_fit_says_what_motion_cannot_tell():
     garment = sheet()
     time = np.arange(0, 2, 1 / 30)
     take = simulate_take(garment, time, swing(time), material(garment))
-    result = calibrate([take], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1))
+    result = known(calibrate([take], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1)))
     text = sheet_of(result)
     fitted = {p.name: p.fitted for p in result.parameters}
     assert result.material["bending_stiffness"] == pytest.approx(fitted["bending_stiffness"])
     assert f"{fitted['bending_stiffness'] / 9.80665e-5:.3g}" in text
-    assert "W, weight                     mg/cm2               20 " in text
+    assert re.search(r"^W, weight +mg/cm2 +20 ", text, re.MULTILINE)
     assert "The weight was fitted" not in text
     assert "layers" not in text
     double = dataclasses.replace(take, garment=msgspec.structs.replace(garment, layers=2))
     twice = calibrate([double], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1))
     assert twice.material == result.material
-    text = sheet_of(twice)
+    text = sheet_of(known(twice))
     assert f"{fitted['bending_stiffness'] / 2 / 9.80665e-5:.3g}" in text
-    assert "W, weight                     mg/cm2               10 " in text
+    assert re.search(r"^W, weight +mg/cm2 +10 ", text, re.MULTILINE)
     assert "The garment is 2 layers, fitted as one" in text
 
 

@@ -210,7 +210,10 @@ def record_command(
     lamp: Annotated[
         str | None,
         typer.Option(
-            "--lamp", metavar="LED", help="Show how it goes on this LED of /sys/class/leds.", show_default="no lamp"
+            "--lamp",
+            metavar="LED",
+            help="LED of /sys/class/leds that shows the state of the recording.",
+            show_default="no lamp",
         ),
     ] = None,
 ) -> None:

@@ -264,8 +264,8 @@ def diagnose_command(
         typer.Option(
             "--by",
             metavar="WHAT",
-            help="What decides: rules, or evidence (every set of up to three effects "
-            "weighed together, on the takes fitted to).",
+            help="The way to decide. rules: rules for held-out takes. evidence: all sets of up to three effects are "
+            "weighed together, on the takes fitted to.",
         ),
     ] = "rules",
     arrows: Annotated[

@@ -19,7 +19,7 @@ from typer.main import get_command
 from formats import telling
 from formats.command_groups import OTHER, PANELS
 
-TOLD = "What is told"
+TOLD = "Output"
 # Headings of options that several commands have; others stand under "Options".
 HEADINGS = {
     "Judge on": ("--held-out", "--held-out-motion"),

@@ -252,7 +252,7 @@ def test_an_old_fit_is_simulated_on_the_usual_mesh_and_says_so(takes, fitted):
         (lambda take: hangtime.diagnose(take, without=7), "^without: is of the kind int; give a text or a list"),
         (lambda take: hangtime.diagnose(take, add=["hem"], without="hem"), "^without: hem is to be added and left out"),
         (lambda take: hangtime.diagnose(take, model=7), "^model: is of the kind int; give a text"),
-        (lambda take: hangtime.diagnose(take, by="votes"), "^by: votes decides nothing; choose one of"),
+        (lambda take: hangtime.diagnose(take, by="votes"), "^by: votes is no way to decide; choose one of"),
         (
             lambda take: hangtime.simulate(take, "fit.json"),
             "^parameters: .* str; give values by name, or a fit",

@@ -24,17 +24,17 @@ DEFAULT_CONFIG, DEFAULT_SOCKET = Path("/etc/hangtime/appliance.toml"), Path("/ru
 def add_commands(app: typer.Typer) -> None:
     """Add the appliance's commands to the `hangtime` command."""
     for name, command, words in (
-        ("daemon", daemon_command, "Be the appliance: record at the press of a button."),
+        ("daemon", daemon_command, "Run the appliance: record at the press of a button."),
         ("start", start_command, "Let the appliance begin a take."),
         ("stop", stop_command, "Let the appliance end its take."),
-        ("status", status_command, "Say how the appliance is, and what to do."),
-        ("watch", watch_command, "Say how the appliance is at every change."),
+        ("status", status_command, "Show the state of the appliance, and the next steps."),
+        ("watch", watch_command, "Show the state of the appliance at every change."),
     ):
         app.command(name, rich_help_panel=RECORD, short_help=words)(command)
 
 
 def daemon_command(config: CONFIG_OPTION = DEFAULT_CONFIG) -> None:
-    """Be the appliance: wait for the hanger, record at the press of a button, keep every take.
+    """Run the appliance: wait for the hanger, record at the press of a button, keep every take.
 
     The process is replaced by one that holds no command line: `python -m capture.appliance`.
     """
@@ -56,10 +56,10 @@ def stop_command(socket: SOCKET = DEFAULT_SOCKET) -> None:
 def status_command(
     socket: SOCKET = DEFAULT_SOCKET,
     preview: Annotated[
-        Path | None, typer.Option("--preview", metavar="FILE.png", help="Also write what the sensor sees.")
+        Path | None, typer.Option("--preview", metavar="FILE.png", help="Also write the picture that the sensor sees.")
     ] = None,
 ) -> None:
-    """Say how the appliance is: each fault in one sentence with what to do next, and what it has counted.
+    """Show the state of the appliance: each fault with its next step, and the counts.
 
     Exits with 1 while nothing can be recorded.
     """
@@ -83,7 +83,7 @@ def watch_command(
         bool, typer.Option("--json", rich_help_panel=TOLD, help="Print one object a line, for programs.")
     ] = False,
 ) -> None:
-    """Say how the appliance is at every change, until Ctrl-C."""
+    """Show the state of the appliance at every change, until Ctrl-C."""
     from capture.appliance.control import listen
 
     for told in listen(socket, "watch"):

@@ -138,7 +138,7 @@ def as_html(morning: Morning) -> str:
 def as_text(morning: Morning) -> str:
     """Return the page as text, for a mail or a terminal."""
     lines = [f"Hangtime, {morning.made}", morning.headline, ""]
-    lines += ["What needs a person:", *(f"- {who}: {what}" for who, what in morning.needs)]
+    lines += ["A person is needed for:", *(f"- {who}: {what}" for who, what in morning.needs)]
     if not morning.needs:
         lines[-1] = "Nothing needs a person."
     for finding in morning.findings:

@@ -100,8 +100,8 @@ def other_garment(result: FitResult, take: Take) -> str:
         return ""
     whose = f" ({result.garment})" if result.garment else ""
     return plain(
-        f"The take {take.take_id} is of another garment ({garment.name}) than the fit{whose}: its cut "
-        f"and weight, {1e3 * garment.areal_density:.0f} g/m2, go with the stiffness that was fitted to the other."
+        f"The take {take.take_id} is of another garment ({garment.name}) than the fit{whose}. The take's cut and "
+        f"weight, {1e3 * garment.areal_density:.0f} g/m2, go with the stiffness of the fitted garment."
     )
 
 

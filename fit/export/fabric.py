@@ -164,8 +164,8 @@ def why_no_fabric(result: FitResult) -> str:
     names = {p.name for p in result.parameters}
     if fitted := sorted(names & {"mass", "density"}):
         return (
-            f"the method {result.method} fits the {fitted[0]}, which motion does not tell, so that none of its numbers "
-            f"has an SI value; fit with si or {result.method}-weighed for those"
+            f"the method {result.method} fits the {fitted[0]}, which motion does not tell; none of its numbers has an "
+            f"SI value. Fit with si or {result.method}-weighed for those"
         )
     if not set(mat.MATERIAL_NAMES) <= result.material.keys():
         return "the fit does not hold its material; it is from an older version"

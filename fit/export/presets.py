@@ -105,8 +105,8 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
         },
         "ModelBuilder.add_usd": {
             "note": "Newton 1.8 takes the USD file's stretch as tri_ke and its bending as edge_ke. A strip is then "
-            "twice as stiff in SolverVBD, and bends too easily: multiply tri_ke by tri_ke_factor, and each edge_ke by "
-            "4 / 3 over its length, or all by edge_ke_factor.",
+            "twice as stiff in SolverVBD, and bends too easily. Multiply tri_ke by tri_ke_factor. Multiply each "
+            "edge_ke by 4 / 3 over its length, or all by edge_ke_factor.",
             "tri_ke_factor": 0.5, "edge_ke_factor": ONE_NUMBER_SHARE / spacing,
         },
         "velocity_damping": {

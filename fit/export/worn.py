@@ -206,6 +206,6 @@ def _remarks(kind: str, crossed: list[int], deepest: float, stretched: tuple[flo
         return itself, body
     far = (
         f"The {kind} is stretched by up to {100 * most:.0f} %, and {100 * MOSTLY:.0f} % of it by {100 * mostly:.0f} % "
-        "at most: it is tight for these steps, or its fabric is soft."
+        f"at most. The {kind} is tight for these steps, or its fabric is soft."
     )
     return itself, body, far

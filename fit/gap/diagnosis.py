@@ -197,7 +197,9 @@ def deciding(name: str) -> Deciding:
     for known in get_args(Deciding):
         if name == known:
             return known  # type: ignore[no-any-return]
-    raise FitError(f"{name} decides nothing", where="--by", advice=f"choose one of: {', '.join(get_args(Deciding))}")
+    raise FitError(
+        f"{name} is no way to decide", where="--by", advice=f"choose one of: {', '.join(get_args(Deciding))}"
+    )
 
 
 def fine_enough(recording: Recording) -> Resolution:

@@ -20,8 +20,9 @@ from formats.fit_records import FitParameter
 
 LISTED_EFFECTS = 3  # effects that were left out, in a sentence
 PROBABILITIES = {
-    "rules": "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, "
-    "in which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
+    "rules": "Probabilities are the shares of draws in which an effect is best and worth naming. A draw chooses "
+    "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "
+    "holds.",
     "evidence": "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",
 }
 
@@ -187,8 +188,8 @@ def notes(
     how = f"Observer pull of {observer.frequency:g} Hz" if observer.frequency else free
     said = [
         f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
-        "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "
-        "how the cloth is held and timed.",
+        "Errors are root mean square distances of the tracked points that are not on the held edge. Points on the held "
+        "edge tell how the cloth is held and timed.",
         PROBABILITIES[by],
     ]
     if floor.is_contradicted:
@@ -198,9 +199,8 @@ def notes(
         )
     if not any(map(has_static, observer.recordings)):
         said.append(
-            "Points of a silhouette sit constantly a little beside the material: each point's mean offset was taken "
-            "out, "
-            "so effects that only move the cloth's resting place cannot be seen."
+            "Points of a silhouette sit constantly a little beside the material, so each point's mean offset was taken "
+            "out. Effects that only move the cloth's resting place cannot be seen."
         )
     if not held_out:
         said.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")

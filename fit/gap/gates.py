@@ -47,22 +47,23 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     return [
         Gate(name="calibration", passed=guessed == 0, figure=guessed, limit=0.0, unit="takes",
              sentence=_measured(imported) if guessed == 0 else
-             f"The rig of {guessed} takes was never measured, so that a wrong number in it would pass for an effect: "
-             "run `hangtime calibrate` and record with the rig that it writes."),
+             f"The rig of {guessed} takes was never measured, so a wrong number in it would pass for an effect. Run "
+             "`hangtime calibrate` and record with the rig that it writes."),
         Gate(name="length", passed=shortest >= SHORTEST_MOTION, figure=shortest, limit=SHORTEST_MOTION, unit="s",
-             sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_MOTION:g} s are "
-                      "needed: record longer."),
+             sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_MOTION:g} s are needed."
+             + _unless(shortest >= SHORTEST_MOTION, "Record longer.")),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take; at least "
-             f"{1e3 * SMALLEST_SWING:.0f} mm are needed: swing it wider."),
+             f"{1e3 * SMALLEST_SWING:.0f} mm are needed." + _unless(swing >= SMALLEST_SWING, "Swing it wider.")),
         Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
-             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take; "
-             f"their noise is {1e3 * noise:.1f} mm, and {LEAST_OWN_MOTION:g} times that are needed: swing faster, or "
-             "come nearer to the sensor."),
+             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take. At least "
+             f"{LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."
+             + _unless(own >= least, "Swing faster, or come nearer to the sensor.")),
         Gate(name="repeated frames", passed=repeated <= MOST_REPEATED, figure=100 * repeated,
              limit=100 * MOST_REPEATED, unit="%",
              sentence=f"{100 * repeated:.0f} % of the frames repeat the one before; at most "
-             f"{100 * MOST_REPEATED:.0f} % may: record with a tracker that leaves out what it did not see."),
+             f"{100 * MOST_REPEATED:.0f} % may."
+             + _unless(repeated <= MOST_REPEATED, "Record with a tracker that leaves out frames that it did not see.")),
         Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
              limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
         Gate(name="clocks", passed=strange is None, figure=len(strange.take_ids) if strange else 0, limit=0.0,
@@ -71,6 +72,11 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
         Gate(name="kind of points", passed=not contradiction, figure=None, limit=None, unit="",
              sentence=contradiction or f"Nothing contradicts {every[0].garment.point_kind} points."),
     ]  # fmt: skip
+
+
+def _unless(passed: bool, advice: str) -> str:
+    """Return the advice behind a sentence where the gate did not pass."""
+    return "" if passed else f" {advice}"
 
 
 def _measured(imported: int) -> str:

@@ -131,7 +131,7 @@ def sentence_of(
     """
     if odd + even < VISIBLE:
         return (
-            "What the base fit left of the missing force is hidden in the sensor's noise: "
+            "The sensor's noise hides the missing force that the base fit left: "
             f"features of the motion explain {100 * (odd + even):.0f} % of the pull."
         )
     direction = (
@@ -141,12 +141,12 @@ def sentence_of(
         if normal < WITHIN_CLOTH
         else "in all directions, also along"
     )
-    with_velocity = "opposes motion" if power < 0 else "drives motion, which the base model damps too much,"
+    with_velocity = "opposes motion" if power < 0 else "drives motion, which the base model damps too much"
     kind = with_velocity if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
-    growth = f", grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
+    growth = f" and grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
     where = max(shares, key=lambda name: shares[name])
     return (
-        f"The missing force acts {direction} the cloth's normal ({100 * normal:.0f} %), {kind} "
-        f"(features that change sign with velocity explain {100 * odd:.0f} %, others {100 * even:.0f} %){growth}, "
-        f"and is strongest in the {where} third of the cloth ({100 * shares[where]:.0f} %)."
+        f"The missing force acts {direction} the cloth's normal ({100 * normal:.0f} %). The force {kind}{growth}: "
+        f"features that change sign with velocity explain {100 * odd:.0f} %, others {100 * even:.0f} %. "
+        f"The force is strongest in the {where} third of the cloth ({100 * shares[where]:.0f} %)."
     )

@@ -64,7 +64,7 @@ FABRICS = {
             name="silk", composition="silk, light filament weave", density=0.1, stretching_stiffness=86.0,
             bending_stiffness=1.9e-5, fibre_density=1340.0,
             source="density [U]; stiffnesses of the nearest measured fabric, a light polyester jacket cloth of "
-            "0.113 kg/m2 (`tango-red-jet-set` [W]): no measured silk was found in the open",
+            "0.113 kg/m2 (`tango-red-jet-set` [W]). No measured silk was found in the open",
         ),
         Fabric(
             name="denim", composition="11 oz denim, 99 % cotton, 1 % spandex", density=0.324,
@@ -74,7 +74,7 @@ FABRICS = {
         Fabric(
             name="cotton", composition="cotton, medium weave", density=0.197, stretching_stiffness=1000.0,
             bending_stiffness=1.4e-5, fibre_density=1540.0,
-            source="density and bending: the median fabric [F], near cotton's 0.2 kg/m2 [U]; stretching: 65/35 "
+            source="density and bending: the median fabric [F], near cotton's 0.2 kg/m2 [U]. Stretching: 65/35 "
             "cotton/polyester trousers have 2026 N/m (`royal-target` [W]), cut to the method's 1000 N/m",
         ),
         Fabric(

@@ -81,8 +81,8 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
         found.append(CameraFinding(
             name="hanger_gap", take_ids=[recording.take_id], figure=longest, unit="s", sentence=(
                 f"In {recording.take_id} the hanger's path is lost {times}, up to {longest:.2f} s, "
-                f"first at {begin:.2f} s: both sides are used, and the cloth is not judged until it has forgotten "
-                "what nobody saw."),
+                f"first at {begin:.2f} s. Both sides are used. The cloth is judged again once it has forgotten the "
+                "motion in the gap."),
         ))  # fmt: skip
     return found
 
@@ -97,10 +97,10 @@ def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
     return CameraFinding(
         name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
         sentence=(
-            f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}: at no shift "
-            f"within {LARGEST_SHIFT:g} s does the hanger's path explain {100 * LEAST_EXPLAINED:.0f} % of how the held "
-            f"row of {recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
-            "points are of the same take and which clock each has."),
+            f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}. At no shift "
+            f"within {LARGEST_SHIFT:g} s does the hanger's path explain {100 * LEAST_EXPLAINED:.0f} % of the held "
+            f"row's motion in {recording.take_id} (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path "
+            "and points are of the same take and which clock each has."),
     )  # fmt: skip
 
 
@@ -124,8 +124,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
         found.append(CameraFinding(
             name="publish_time", take_ids=[r.take_id for r, _, _ in shares], figure=figure, interval=interval,
             unit="1", sentence=(
-                f"Stamps say when a frame was published: they are late by {figure:.2f} [{interval[0]:.2f} to "
-                f"{interval[1]:.2f}] of what the interval to the frame before is longer than usual. Taken out."),
+                "Stamps say when a frame was published. They are late by a share of the interval's excess over the "
+                f"usual one: {figure:.2f} [{interval[0]:.2f} to {interval[1]:.2f}]. Taken out."),
         ))  # fmt: skip
     own = [(r, t) for r, t in mended if t.deviation > 0]
     if own:
@@ -180,8 +180,8 @@ def _edge(recordings: Sequence[Recording]) -> list[CameraFinding]:
     return [CameraFinding(
         name="held_edge", take_ids=[r.take_id for r, _ in moved], figure=float(np.hypot(down, out)), unit="m",
         sentence=(
-            f"The held edge is taken from the top row of the points at rest: {where} than the hanger's path has it, "
-            "and as long as on the flat cloth."),
+            f"The held edge is taken from the top row of the points at rest, {where} than the hanger's path has it. "
+            "The edge is as long as on the flat cloth."),
     )]  # fmt: skip
 
 
@@ -210,8 +210,8 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
         return []
     return [CameraFinding(
         name="sliding_points", take_ids=[r.take_id for r in placed], figure=slide, unit="m", sentence=(
-            f"Points of a silhouette slide over the cloth, here by {1e3 * slide:.0f} mm rms: each got the material "
-            f"place that its way from the held edge gives it; {100 * seen:.0f} % of the places are seen then."),
+            f"Points of a silhouette slide over the cloth, here by {1e3 * slide:.0f} mm rms. Each point got the "
+            f"material place of its way from the held edge. {100 * seen:.0f} % of the places are seen then."),
     )]  # fmt: skip
 
 
@@ -277,7 +277,7 @@ def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
         name="lean", take_ids=[r.take_id for r, _, _ in shown], figure=figure, interval=span, unit="rad", is_left=True,
         sentence=(
             f"At rest the cloth leans out of the vertical by {degrees[0]:.1f} degrees [{degrees[1]:.1f} to "
-            f"{degrees[2]:.1f}]: gravity or the camera is tilted, or a draught is steady. This was left in."),
+            f"{degrees[2]:.1f}]. Gravity or the camera is tilted, or a draught is steady. This was left in."),
     )]  # fmt: skip
 
 

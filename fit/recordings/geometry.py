@@ -30,8 +30,8 @@ def _refuse_a_foreign_clock(recording: Recording) -> None:
     if timing is not None and not timing.is_of_hanger:
         raise FitError(
             f"the points' clock cannot be the hanger's: at no shift within {LARGEST_SHIFT:g} s does its path explain "
-            f"{100 * LEAST_EXPLAINED:.0f} % of how the held row moves "
-            f"(at best {100 * max(timing.explained, 0.0):.0f} %)",
+            f"{100 * LEAST_EXPLAINED:.0f} % of the held row's motion "
+            f"(best: {100 * max(timing.explained, 0.0):.0f} %)",
             where=recording.take_id, advice="check that path and points are of one take, and which clock each has",
         )  # fmt: skip
 

@@ -93,7 +93,7 @@ def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) ->
     _, of, change = found
     return (
         f"The garment file {_stated(garment)} material points, but {of} the lengths between neighbours shrink and "
-        f"stretch together, by up to {100 * change:.1f} %: a silhouette's points do so, which slide over the cloth. "
+        f"stretch together, by up to {100 * change:.1f} %. A silhouette's points do so, as they slide over the cloth. "
         f"{_advice('silhouette', recordings)}"
     )
 

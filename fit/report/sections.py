@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -35,7 +34,6 @@ from formats.fit_records import ErrorFigure, FitResult
 
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
 # The order of a failed check stands behind the last colon of its sentence.
-ORDER = re.compile(r": (?:run|record|swing|check|refine|weigh|come|mend|choose)\b[^:]*\.$")
 POINTS_SHOWN = 6  # points with a curve of their own, the worst ones
 MOST_POINTS = 400  # of a curve of one point: more are finer than a screen's pixels
 
@@ -291,7 +289,7 @@ OF_A_DIAGNOSIS = {
     "not used to fit. 100 % means down to the noise; an effect that merely fits noise closes nothing.",
     "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
     "maybe not there.",
-    "p": "How often data without the effect would look this much like it.",
+    "p-value": "How often data without the effect would look this much like it.",
     "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
     "found may still be there below this.",
 }
@@ -358,7 +356,4 @@ def _gate(gate: Gate) -> dict[str, object]:
     figures = f"{number(gate.figure)}{unit}" if gate.figure is not None else "not measured"
     if gate.limit is not None:
         figures += f", limit {number(gate.limit)}{unit}"
-    said = gate.sentence
-    if gate.passed:
-        said = ORDER.sub(".", said)
-    return {"passed": gate.passed, "sentence": said, "name": words(gate.name), "figures": figures}
+    return {"passed": gate.passed, "sentence": gate.sentence, "name": words(gate.name), "figures": figures}

@@ -27,7 +27,7 @@ def parameter_table(rows: Sequence[FitParameter], meanings: Mapping[str, str] | 
 def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> Markup:
     """Return a table of effects; those of `named` are marked."""
     rows = [_effect_row(effect, effect.id in named) for effect in effects]
-    heads = ("effect", "probability", "size", "gap closed", "chance by noise (p)", "smallest that would show")
+    heads = ("effect", "probability", "size", "gap closed", "p-value", "smallest that would show")
     return table("Effects of the library", heads, rows, numeric=range(1, 6))
 
 

@@ -234,7 +234,7 @@ def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_p
     monkeypatch.setattr("fit.gap.diagnosis.diagnose", interrupted)
     done = hangtime_here("diagnose", "a.mcap", folder=tmp_path)
     assert done.returncode == 130
-    assert "No effect will be named: the shortest take lasts 2.0 s; at least 2.5 s are needed: record longer." in (
+    assert "No effect will be named: the shortest take lasts 2.0 s; at least 2.5 s are needed. Record longer." in (
         done.stderr
     )
 

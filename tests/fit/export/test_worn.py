@@ -122,8 +122,8 @@ def test_what_is_said_of_a_walk_names_crossings_overlap_and_stretch():
     assert _remarks("T-shirt", [0, 3, 1], 2e-4, (0.3, 0.08)) == (
         "The T-shirt crosses itself in 2 of 3 pictures looked at, at 4 places in all.",
         "Cloth and body overlap by up to 0.2 mm.",
-        "The T-shirt is stretched by up to 30 %, and 99 % of it by 8 % at most: it is tight for these steps, or its "
-        "fabric is soft.",
+        "The T-shirt is stretched by up to 30 %, and 99 % of it by 8 % at most. The T-shirt is tight for these "
+        "steps, or its fabric is soft.",
     )
 
 

@@ -121,19 +121,19 @@ def test_notes_say_what_limits_the_figures_and_nothing_else():
 def test_every_note_is_told_whole_and_in_its_order():
     assert said(1, 0, frequency=2.0, is_static=False, stated=2.0, by="evidence") == [
         "Observer pull of 2 Hz; mesh of 50 mm.",
-        "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "
-        "how the cloth is held and timed.",
+        "Errors are root mean square distances of the tracked points that are not on the held edge. Points on the "
+        "held edge tell how the cloth is held and timed.",
         "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",
         "The takes state that their points are off by 2.0 mm. The diagnosis measured 1.0 mm, and takes the noise floor "
         "from that.",
-        "Points of a silhouette sit constantly a little beside the material: each point's mean offset was taken out, "
-        "so effects that only move the cloth's resting place cannot be seen.",
+        "Points of a silhouette sit constantly a little beside the material, so each point's mean offset was taken out. "
+        "Effects that only move the cloth's resting place cannot be seen.",
         "No held-out take: closure is measured on the motion it was fitted to and flatters.",
         "One or two takes: the same cloth, hung anew, may differ from them by more than their noise.",
     ]
     assert said()[2] == (
-        "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
-        "which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold."
+        "Probabilities are the shares of draws in which an effect is best and worth naming. A draw chooses held-out "
+        "half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this holds."
     )
 
 

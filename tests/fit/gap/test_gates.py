@@ -156,17 +156,16 @@ GATES = [
     (
         data_gates([SLIPPED], [recorded(seconds=2.0)]),
         [
-            ("calibration", False, 1, 0.0, "takes", "The rig of 1 takes was never measured, so that a wrong number in "
-             "it would pass for an effect: run `hangtime calibrate` and record with the rig that it writes."),
-            ("length", False, 2.0, 2.5, "s", "The shortest take lasts 2.0 s; at least 2.5 s are needed: record "
+            ("calibration", False, 1, 0.0, "takes", "The rig of 1 takes was never measured, so a wrong number in "
+             "it would pass for an effect. Run `hangtime calibrate` and record with the rig that it writes."),
+            ("length", False, 2.0, 2.5, "s", "The shortest take lasts 2.0 s; at least 2.5 s are needed. Record "
              "longer."),
             ("motion", False, 20.0, 30.0, "mm", "The hanger travels 20 mm in the liveliest take; at least 30 mm are "
-             "needed: swing it wider."),
+             "needed. Swing it wider."),
             ("cloth motion", False, 1.0, 2e3 * np.sqrt(3e-6), "mm", "The points move by 1.0 mm against the hanger in "
-             "the liveliest take; their noise is 1.7 mm, and 2 times that are needed: swing faster, or come nearer to "
+             "the liveliest take. At least 2 times their noise of 1.7 mm is needed. Swing faster, or come nearer to "
              "the sensor."),
-            ("repeated frames", True, 0.0, 10.0, "%", "0 % of the frames repeat the one before; at most 10 % may: "
-             "record with a tracker that leaves out what it did not see."),
+            ("repeated frames", True, 0.0, 10.0, "%", "0 % of the frames repeat the one before; at most 10 % may."),
             ("impossible points", False, 20.0, 5.0, "%", describe_impossible(0.2)),
             ("clocks", True, 0, 0.0, "takes", "Points and hanger can have one clock in every take."),
             ("kind of points", True, None, None, "", "Nothing contradicts material points."),

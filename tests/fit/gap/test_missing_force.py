@@ -136,18 +136,19 @@ def test_a_force_that_no_power_of_the_speed_explains_has_no_exponent(monkeypatch
     rng = np.random.default_rng(3)
     found = described(monkeypatch, rows_of(rng, 2000, lambda v, a: rng.normal(size=v.shape), point=0, third=0))
     assert found.amplitude_exponent is None
-    assert "hidden in the sensor's noise" in found.sentence
+    assert "The sensor's noise hides the missing force" in found.sentence
 
 
 @pytest.mark.parametrize(
     ("odd", "even", "exponent", "words"),
     [
-        (0.6, 0.29, 2.0, "opposes motion (features that change sign with velocity explain 60 %, others 29 %), grows "),
-        (0.6, 0.31, 2.0, "is mixed (features that change sign with velocity explain 60 %, others 31 %), grows with "
-         "speed to the power 2,"),
-        (0.31, 0.6, 2.0, "is mixed (features that change sign with velocity explain 31 %, others 60 %), and is"),
+        (0.6, 0.29, 2.0, "opposes motion and grows with speed to the power 2: features that change sign with velocity "
+         "explain 60 %, others 29 %. The"),
+        (0.6, 0.31, 2.0, "The force is mixed and grows with speed to the power 2: features that change sign with "
+         "velocity explain 60 %, others 31 %."),
+        (0.31, 0.6, 2.0, "is mixed: features that change sign with velocity explain 31 %, others 60 %."),
         (0.29, 0.6, 2.0, "acts like inertia or a constant load"),
-        (0.6, 0.1, None, "others 10 %), and is strongest in the top third of the cloth (70 %)"),
+        (0.6, 0.1, None, "others 10 %. The force is strongest in the top third of the cloth (70 %)."),
         (0.15, 0.04, 2.0, "features of the motion explain 19 % of the pull"),
         (0.15, 0.06, 2.0, "opposes motion"),
     ],

@@ -226,6 +226,6 @@ def test_a_cause_is_named_as_surely_as_its_mass(share, words):
 
 def test_what_decides_nothing_is_refused_with_what_does():
     assert deciding("evidence") == "evidence"
-    with pytest.raises(FitError, match="tea leaves decides nothing") as refused:
+    with pytest.raises(FitError, match="tea leaves is no way to decide") as refused:
         deciding("tea leaves")
     assert "rules, evidence" in str(refused.value)

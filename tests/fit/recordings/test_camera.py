@@ -171,7 +171,7 @@ def test_a_take_with_a_gap_is_used_on_both_sides_of_it(lost):
         ends = path(time)[[np.flatnonzero(gap)[0] - 1, np.flatnonzero(gap)[-1] + 1], 1]
         assert min(ends) - 0.01 < across.min() <= across.max() < max(ends) + 0.01
         sentence = found_of(take)["hanger_gap"].sentence
-        assert "both sides are used" in sentence
+        assert "Both sides are used" in sentence
 
 
 def test_seconds_count_from_the_first_frame_whatever_is_seen_in_it():
@@ -189,7 +189,7 @@ def test_seconds_count_from_the_first_frame_whatever_is_seen_in_it():
         state=np.where(time < 100.79, whole.state | FrameState.HANGER_ALONE, whole.state),
     )
     assert prepare(take).begin == pytest.approx(0.8, abs=0.01)
-    assert ", first at 5.00 s: both sides" in found_of(take)["hanger_gap"].sentence
+    assert ", first at 5.00 s. Both sides" in found_of(take)["hanger_gap"].sentence
     assert "missing: 5.00 to 5.90 s" in describe_missing([take])[0]
     jumping = dataclasses.replace(take, held=take.held + 5.0 * (time > 108.01)[:, None, None])
     with pytest.raises(DriveError, match=r"the hanger jumps at 8\.0[05] s"):

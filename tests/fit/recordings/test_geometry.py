@@ -132,5 +132,5 @@ def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
     for explained, said in ((0.64, 64), (-0.2, 0)):
         timing = dataclasses.replace(recording.camera.timing, explained=explained)
         told = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, timing=timing))
-        with pytest.raises(FitError, match=rf"explain 70 % of how the held row moves \(at best {said} %\)"):
+        with pytest.raises(FitError, match=rf"explain 70 % of the held row's motion \(best: {said} %\)"):
             check_geometry(told)

@@ -130,9 +130,9 @@ def test_what_a_garment_file_leaves_out_it_means(monkeypatch, stated, word):
     recordings = [SimpleNamespace(take_id="a", is_imported=False), SimpleNamespace(take_id="b", is_imported=True)]
     assert describe_contradiction(SimpleNamespace(point_kind="material", points_are=stated), recordings) == (
         f"The garment file {word} material points, but in 2 of 2 takes the lengths between neighbours shrink and "
-        "stretch together, by up to 5.0 %: a silhouette's points do so, which slide over the cloth. State points_are = "
-        '"silhouette" in the garment file and import the takes again with --garment: a take keeps the description that '
-        "it was made with."
+        "stretch together, by up to 5.0 %. A silhouette's points do so, as they slide over the cloth. State points_are "
+        '= "silhouette" in the garment file and import the takes again with --garment: a take keeps the description '
+        "that it was made with."
     )
 
 

@@ -176,9 +176,9 @@ def test_a_passed_check_gives_no_order_and_a_failed_one_does():
     assert "at least 2.5 s are needed." in shown
     for gate in passed:
         assert gate.passed or gate.name == "calibration"
-    orders = ("record longer", "swing it wider", "swing faster", "leaves out what it did not see")
+    orders = ("Record longer", "Swing it wider", "Swing faster", "leaves out frames")
     assert not [order for order in orders if order in shown]
-    assert "record longer" in sections.gates(diagnosis(gates=failed))
+    assert "Record longer" in sections.gates(diagnosis(gates=failed))
 
 
 def test_the_garment_of_a_map_is_its_own_outline_and_not_the_hull_of_its_points():

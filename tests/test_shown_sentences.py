@@ -1,0 +1,79 @@
+"""Messages, notes, help texts, verdicts and the report's templates follow the rules of text in CONTRIBUTING.md.
+
+Every string of the program that is no docstring is measured. A value that is filled in counts as one word. Strings of
+several lines are markup or programs.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.sentences import LONGEST_SENTENCE, PRIVATE_WORDS, has_clause_as_subject, sentences_of, words_of
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
+DEFINITION = re.compile(r"(?<=\.) (?=[a-z][\w-]*(?:, [a-z][\w-]*)*: )")  # "own: ours. blender: Blender's."
+
+
+def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Strings that are no docstrings, with their lines; a value that is filled in becomes one word."""
+    passed: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr):  # a docstring
+            passed.add(id(node.value))
+        if isinstance(node, ast.JoinedStr):
+            passed |= {id(part) for part in node.values}
+            yield (
+                node.lineno,
+                "".join(str(part.value) if isinstance(part, ast.Constant) else "Value" for part in node.values),
+            )
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in passed:
+            yield node.lineno, node.value
+
+
+def texts_of_template(source: str) -> Iterator[tuple[int, str]]:
+    """Texts of a template without its tags, and texts that a screen reader speaks."""
+    spoken = re.findall(r'aria-label="([^"]*)"', source)
+    plain = re.sub(r"(?s)\{%.*?%\}|\{#.*?#\}|<(?:script|style).*?</(?:script|style)>", "", source)
+    for text in (*spoken, *re.split(r"<[^>]*>", plain)):
+        yield 0, " ".join(re.sub(r"\{\{.*?\}\}", "Value", text).split())
+
+
+def faults_of(texts: Iterator[tuple[int, str]]) -> list[str]:
+    """Lines and beginnings of the sentences that break a rule."""
+    found = []
+    for line, text in texts:
+        for sentence in sentences_of(DEFINITION.sub("\n\n", text)) if "\n" not in text else ():
+            count = words_of(sentence)
+            if count > LONGEST_SENTENCE or has_clause_as_subject(sentence) or PRIVATE_WORDS.search(sentence):
+                found.append(f"line {line}, {count} words: {sentence[:60]}")
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_sentence_that_the_program_shows_is_long_or_has_a_clause_as_its_subject(package: str) -> None:
+    found = []
+    for path in sorted((ROOT / package).rglob("*.py")):
+        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_of(strings(ast.parse(path.read_text())))]
+    for path in sorted([*(ROOT / package).rglob("*.html"), *(ROOT / package).rglob("*.j2")]):
+        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_of(texts_of_template(path.read_text()))]
+    assert found == []
+
+
+def test_a_long_message_a_clause_and_a_long_note_of_a_template_are_found() -> None:
+    many = " ".join(["word"] * 23)
+    source = (
+        f'"""{many} {many}"""\nA = "What is cut."\nB = f"{many} {{A}} and" " on."\nC = "own: {many}. none: {many}."\n'
+    )
+    assert faults_of(strings(ast.parse(source))) == [
+        "line 2, 3 words: What is cut.", f"line 3, 26 words: {many[:60]}"
+    ]  # fmt: skip
+    template = f'<p aria-label="{many} {{{{ a }}}} and on.">{{% if b %}}What is cut.{{% endif %}}</p>'
+    assert [fault.split(":")[0] for fault in faults_of(texts_of_template(template))] == [
+        "line 0, 26 words", "line 0, 3 words",
+    ]  # fmt: skip

@@ -46,6 +46,7 @@ def parsed(pattern: str, why: str) -> Rule:
 # The first rule that matches counts. A command in capitals or dots is a form to fill in.
 RULES = (
     parsed(r".*(?:\b(?:FILE|DIR|SOURCE|TAKE|KEY|NAME|STRUCK)\b|\.\.\.)", "a form to fill in"),
+    parsed(r"hangtime takes prune ", "tests/capture/sync runs it"),
     parsed(r"\S*hangtime (?:daemon|start|stop|status|watch|preview|sync)\b", "the appliance's tests run these"),
     parsed(r".*s3://", "needs a bucket; tests/fit/batch/test_batch_stores.py runs one"),
     parsed(r".*--engine blender", "needs Blender"),

@@ -22,7 +22,7 @@ from formats.toml_files import read_toml
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
 PROOF_DAYS = 7.0
-SETTINGS_ADVICE = "mend it in [sync]; docs/how-to/sync.md explains every setting"
+SETTINGS_ADVICE = "mend it in [sync]; docs/reference/sync.md explains every setting"
 
 
 class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -34,9 +34,9 @@ def test_settings_that_do_not_hold_are_one_sentence(table, words):
 
 
 def test_every_setting_is_documented():
-    """Each name of [sync] and of its retention is in the table's docstring and in the how-to."""
+    """Each name of [sync] and of its retention is in the table's docstring and in the reference."""
 
-    guide = (Path(__file__).parents[3] / "docs/how-to/sync.md").read_text()
+    guide = (Path(__file__).parents[3] / "docs/reference/sync.md").read_text()
     for struct in (SyncSettings, Retention):
         for field in msgspec.structs.fields(struct):
             assert f"`{field.name}`" in guide, field.name

@@ -61,9 +61,9 @@ def test_gaps_of_the_hanger_are_named_take_by_take():
         recording(gaps=[(1.0, 1.5)]), recording("b"), recording("c", gaps=[(3.0, 3.2), (2.0, 2.75)], begin=0.5)
     )
     assert (one.name, one.take_ids, one.figure, one.unit) == ("hanger_gap", ["a"], 0.5, "s")
-    assert one.sentence.startswith("In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s:")
+    assert one.sentence.startswith("In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s. ")
     assert (two.take_ids, two.figure) == (["c"], 0.75)
-    assert two.sentence.startswith("In c the hanger's path is lost 2 times, up to 0.75 s, first at 2.50 s:")
+    assert two.sentence.startswith("In c the hanger's path is lost 2 times, up to 0.75 s, first at 2.50 s. ")
 
 
 def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_ends_what_follows():
@@ -71,7 +71,7 @@ def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_end
             for n, e in (("a", 0.66), ("b", 0.64))]  # fmt: skip
     clock = foreign_clock(lost)
     assert (clock.name, clock.take_ids, clock.figure, clock.is_fault) == ("clocks", ["a", "b"], 0.64, True)
-    assert "hanger's in 2 takes:" in clock.sentence
+    assert "hanger's in 2 takes. " in clock.sentence
     assert "held row of b moves (at best 64 %)" in clock.sentence
     assert f"path explain {100 * LEAST_EXPLAINED:.0f} % of" in clock.sentence
     alone = foreign_clock([recording("c", timing=timing(is_of_hanger=False, explained=-0.4)), recording("d")])
@@ -115,7 +115,7 @@ def test_stamps_of_publishing_and_shifts_of_frames_are_told_of_what_was_retimed(
     one, two = late(0.0, share=0.8, share_interval=(0.7, 0.9), deviation=0.03), late(0.0, deviation=0.04, name="b")
     publish, shifts = found(one, two)
     assert (publish.name, publish.take_ids, publish.figure) == ("publish_time", ["a"], pytest.approx(0.8))
-    assert "late by 0.80 [0.70 to 0.90]" in publish.sentence
+    assert "0.80 [0.70 to 0.90]" in publish.sentence
     assert (shifts.name, shifts.take_ids, shifts.is_left) == ("frame_shifts", ["a", "b"], True)
     assert shifts.figure == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2))
     assert "by 35 ms rms" in shifts.sentence

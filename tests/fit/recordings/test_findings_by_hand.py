@@ -72,7 +72,7 @@ def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_end
     clock = foreign_clock(lost)
     assert (clock.name, clock.take_ids, clock.figure, clock.is_fault) == ("clocks", ["a", "b"], 0.64, True)
     assert "hanger's in 2 takes. " in clock.sentence
-    assert "held row of b moves (at best 64 %)" in clock.sentence
+    assert "held row's motion in b (at best 64 %)" in clock.sentence
     assert f"path explain {100 * LEAST_EXPLAINED:.0f} % of" in clock.sentence
     alone = foreign_clock([recording("c", timing=timing(is_of_hanger=False, explained=-0.4)), recording("d")])
     assert "hanger's in c:" in alone.sentence

@@ -313,6 +313,7 @@ def diagnose_command(
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
     decided = deciding(by)
+    resolution = Resolution(spacing=spacing) if spacing is not None else None
     fitted = load_fit_result(fit_file) if fit_file else None
     prepared = ready(training, testing)
     if fitted is not None and not prepared.are_of(fitted):
@@ -333,7 +334,6 @@ def diagnose_command(
     if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
         say(f"Going on with {finished} finished fits.")
     progress = ProgressLine("diagnosis")
-    resolution = Resolution(spacing=spacing) if spacing is not None else None
     try:
         with alone(out, "diagnose"):
             findings = diagnose(

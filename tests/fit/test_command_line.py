@@ -104,6 +104,7 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--spacing", "3"), "mesh spacing 3.0 m does not fit"),
         (("fit", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.0008 m to half of its smaller side"),
         (("diagnose", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.0008 m to half of its smaller side"),
+        (("diagnose", "a.mcap", "--spacing", "-1"), "--spacing: the mesh spacing is -1 m; give metres"),
         (("fit", "a.mcap", "--bounds", "velocity_damping=4:3"), "the lower bound of velocity_damping, 4, is not below"),
         (("fit", "a.mcap", "--bounds", "bent=3:20"), "there is no parameter named 'bent'"),
         (("fit", "a.mcap", "--bounds", "shear_stiffness=30"), "'shear_stiffness=30' is not NAME=LOW:HIGH"),

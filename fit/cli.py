@@ -185,7 +185,7 @@ def fit_command(
         with alone(out, "fit"):
             result = calibrate(training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show)
             progress.end()
-            aside = set_aside_other_takes(out / "fit.json", prepared)
+            aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
             save_fit_result(out / "fit.json", result)
             report = write_fit_report(out / "report.html", result, prepared, request, training[0], command_line())
             checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
@@ -350,7 +350,7 @@ def diagnose_command(
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
-            aside = set_aside_other_takes(out / "diagnosis.json", prepared)
+            aside = set_aside_other_takes(out / "diagnosis.json", prepared.are_of)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:

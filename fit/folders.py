@@ -5,12 +5,12 @@ from __future__ import annotations
 import fcntl
 import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.recordings.ready import Ready
+from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitResult
 from formats.results import load_diagnosis, load_fit_result
@@ -65,10 +65,12 @@ def alone(folder: Path, command: str) -> Iterator[None]:
         os.close(handle)
 
 
-def set_aside_other_takes(path: Path, takes: Ready) -> str:
+def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], bool]) -> str:
     """Give a fit (`fit.json`) or a diagnosis of other takes, and its report, a number; return a sentence that says so.
 
     Nothing is returned where there is none, or one of these takes, which the new one replaces.
+
+    are_of: whether the takes at hand are those of a result, as `Ready.are_of` says
     """
     if not path.exists():
         return ""
@@ -77,7 +79,7 @@ def set_aside_other_takes(path: Path, takes: Ready) -> str:
     except ResultError as error:
         whose = f"is not known to be of these takes ({error.what})"
     else:
-        if takes.are_of(kept):
+        if are_of(kept):
             return ""
         whose = f"is of other takes ({', '.join(kept.take_ids)})"
     both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))

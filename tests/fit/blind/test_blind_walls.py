@@ -8,14 +8,12 @@ from pathlib import Path
 import pytest
 
 FIT = Path(__file__).resolve().parents[3] / "fit"
-# What both stand on, none of it about cloth: errors, folders, whose takes these are, other Pythons, Taichi's start.
-SHARED = (
-    "errors.py", "folders.py", "foreign/process.py", "recordings/__init__.py", "recordings/selection.py", "runtime.py",
-)  # fmt: skip
+# What both stand on, none of it about cloth: errors, folders, other Pythons, Taichi's start, pages.
+SHARED = ("errors.py", "folders.py", "foreign/process.py", "runtime.py", "templating.py")
 LIBRARIES = ("cryptography", "formats", "msgspec", "numpy", "scipy", "taichi", "typer")
 STANDARD = (
     "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib",
-    "html", "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
+    "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
     "typing",
 )  # fmt: skip
 # What other people's engines import in a Python of their own.

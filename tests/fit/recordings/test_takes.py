@@ -119,18 +119,18 @@ def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(
     save_diagnosis(diagnosed, msgspec.structs.replace(of_a, take_contents=[content_of(a_take())]))
     report.write_text("one")
     for path in (fit, diagnosed, tmp_path / "gone.json"):
-        assert set_aside_other_takes(path, ready([a_take()], [])) == ""
-    said = set_aside_other_takes(fit, ready([a_take(hz=0.9)], []))
+        assert set_aside_other_takes(path, ready([a_take()], []).are_of) == ""
+    said = set_aside_other_takes(fit, ready([a_take(hz=0.9)], []).are_of)
     assert said == f"{fit} is of other takes (a): kept as fit.1.json, with its report."
     assert {p.name for p in tmp_path.iterdir()} == {"fit.1.json", "report.1.html", "diagnosis.json"}
     report.write_text("two")
-    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []))
+    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []).are_of)
     assert (tmp_path / "report.2.html").read_text() == "two"
     save_diagnosis(diagnosed, of_a)
-    assert set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], [])) == ""
-    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, ready([a_take("b")], []))
+    assert set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []).are_of) == ""
+    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, ready([a_take("b")], []).are_of)
     fit.write_text("{}")
-    assert "is not known to be of these takes" in set_aside_other_takes(fit, ready([a_take()], []))
+    assert "is not known to be of these takes" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
 
 
 def test_a_folder_is_one_commands_at_a_time(tmp_path):

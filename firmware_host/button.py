@@ -54,7 +54,7 @@ class ButtonContact(ABC):
 class EventContact(ButtonContact):
     """Changes of any key of a Linux input device, or from a named pipe whose writer may come and go.
 
-    Read without a library: what PyPI has for it comes with asyncio, which costs the appliance 7 MB, and is compiled
+    Read without a library: PyPI's library for it comes with asyncio, which costs the appliance 7 MB, and is compiled
     where it is installed.
     """
 

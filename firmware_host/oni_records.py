@@ -167,7 +167,7 @@ def is_sound(record: Record) -> bool:
 def summarise(path: Path) -> OniSummary:
     """Count the frames of a recording by its record headers alone (about a millisecond per hundred frames).
 
-    Properties are looked at, too; what frames hold is not.
+    Properties are looked at, too; the content of frames is not.
 
     Raises:
         RecordingError: the file is missing, damaged, no .oni recording, or holds no depth stream or no depth frame.

@@ -269,7 +269,7 @@ class OpenNI2Sensor(DepthSensor):
             last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
             depth = _millimetres(depth) if self._is_fine else depth
             colours, depths = [colour], [depth]
-            found = depth = read = colour = None  # what waits here for the next call holds no pictures
+            found = depth = read = colour = None  # the frame that waits here for the next call holds no pictures
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depths.pop(),
                 colour=colours.pop(), dropped_before=dropped, colour_late_s=late * 1e-6,
@@ -335,7 +335,7 @@ def _first_device() -> str:
 
 
 def _millimetres(tenths: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Round depth in tenths of a millimetre, uint16; what was measured stays above 0."""
+    """Round depth in tenths of a millimetre, uint16; a measured depth stays above 0."""
     return np.where(tenths > 0, np.maximum(tenths // 10 + (tenths % 10 >= 5), 1), 0).astype(np.uint16)
 
 

@@ -18,8 +18,8 @@ from formats.errors import HangtimeError, of_system
 from formats.interrupts import hold_while_importing, remember_interruptions
 from formats.terminal import say, take_streams
 
-# Sums that are split over threads are rounded differently: what a command finds must not depend on how many processors
-# there are. It is read when numpy is loaded, which is when the packages' commands are.
+# Sums that are split over threads are rounded differently: a result must not depend on the number of processors.
+# The variable is read when numpy is loaded, together with the packages' commands.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 INTERRUPTED, CUT_OFF = 130, 141  # exit codes of a shell for what SIGINT and SIGPIPE end
@@ -58,7 +58,7 @@ def root(
 
 
 def gather_commands() -> None:
-    """Add every package's commands to `app`, once; what they need of libraries they import when they run."""
+    """Add every package's commands to `app`, once; each command imports its libraries when it runs."""
     if app.registered_groups:
         return
     for entry in sorted(entry_points(group="hangtime.commands"), key=lambda e: e.name):

@@ -34,7 +34,7 @@ def listed(words: list[str]) -> str:
 
 
 def origin_of(take: Take, spans: Sequence[Span] = ()) -> float:
-    """Return when a take began, or what is left of it where the beginning is not known [s of the sensor's clock].
+    """Return when a take began, or its rest where the beginning is not known [s of the sensor's clock].
 
     spans: missing ones besides its own
     """

@@ -269,7 +269,7 @@ def _end_with(lost: dict[Path, TakeError], asked: int) -> None:
 
 
 def _lacks(take: Take, report: TakeReport) -> str:
-    """Return what a take lacks, as what is said of it; nothing of a whole one."""
+    """Return a sentence about the missing parts of a take; nothing of a whole one."""
     from formats.missing import incomplete_words
 
     scans = f"lacks {_lost_scans(report)}" if report.missing_scans else ""

@@ -1,6 +1,6 @@
 """A file while it is written: under a name of its own, by one writer at a time, and under its final name once whole.
 
-The lock is the kernel's (`man 2 flock`): it ends with the process that holds it, so that what a crashed writer left is
+The lock is the kernel's (`man 2 flock`): it ends with the process that holds it, so that a crashed writer's file is
 free. It belongs to the open file, not to the name; hence a lock counts only while the name still leads to that file.
 """
 

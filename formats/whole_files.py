@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file of a folder that is there; on any failure nothing is left and what was there before stays.
+    """Write a file of a folder that is there; on any failure the former file stays, and nothing else is left.
 
     The unfinished file has a name of its own, so that two processes may write the same file at once.
 

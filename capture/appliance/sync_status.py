@@ -83,14 +83,14 @@ class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_status(spool: Path, status: SyncStatus) -> None:
-    """Put the status in place; a full disk keeps the one before: what keeps takes safe is not written here."""
+    """Put the status in place; a full disk keeps the one before: the safety of takes is not written here."""
     content = msgspec.json.format(msgspec.json.encode(status), indent=2) + b"\n"
     with contextlib.suppress(OSError):
         write_whole(spool / FILE, content)
 
 
 def read_status(spool: Path) -> SyncStatus | None:
-    """Return how sync stands; None where it never ran or what it wrote cannot be read."""
+    """Return how sync stands; None where it never ran or its file cannot be read."""
     with contextlib.suppress(OSError, msgspec.DecodeError):
         return msgspec.json.decode((spool / FILE).read_bytes(), type=SyncStatus)
     return None
@@ -183,7 +183,7 @@ def day_of(at: str | None, now: datetime) -> str:
 
 
 def proved(proof: Proof | None, now: datetime) -> str:
-    """Return when a take was last proved and what came of it."""
+    """Return when a take was last proved, and the outcome."""
     if proof is None:
         return "never"
     words = {

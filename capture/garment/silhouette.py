@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from formats.arrays import Floats, Indices
 
-CROP_BORDER = 12  # px kept around the garment: what lies there says whether it ends or goes on behind something
+CROP_BORDER = 12  # px kept around the garment: these pixels say whether it ends or goes on behind something
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
 EDGE_BAND = 12  # px below the held edge in which the garment must be present
 
@@ -96,7 +96,7 @@ def _around(start: int, length: int, limit: int) -> slice:
 
 
 def _before_jumps(patch: NDArray[np.uint16], jump: int) -> NDArray[np.uint8]:
-    """Mark what is not just behind something nearer, 255; so that what is behind falls into another piece.
+    """Mark pixels that are not just behind something nearer, 255; so that cloth behind falls into another piece.
 
     Two pixels to every side: one beside a jump may be missing, and the closing of holes bridges one.
     """

@@ -159,7 +159,7 @@ def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: 
     if length < FAINTEST:
         return None
     share = (window - behind.astype(np.float32)) @ (toward / length**2).astype(np.float32)
-    # Another colour may also lie that way from the background: what is off the line between both is not a mixture.
+    # Another colour may also lie that way from the background: a colour off the line between both is not a mixture.
     off = np.linalg.norm(window - behind - share[..., None] * toward, axis=2)
     share = np.where(off < 0.5 * length, np.clip(share, 0.0, 1.0), 0.0)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(

@@ -198,7 +198,7 @@ class _Cloth:
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
-        """One kick and drift; what is held goes to the ends, (2, 3)."""
+        """One kick and drift; the held edge goes to the ends, (2, 3)."""
         x, v, f = self.x, self.v, self.f
         f[:] = 0.0
         f[..., 1] = self.weight

@@ -14,7 +14,7 @@ Clock = Callable[[], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Ending:
-    """When a batch stops, if ever; what a later run goes on with is left waiting.
+    """When a batch stops, if ever; the work of a later run is left waiting.
 
     The time of the day is looked up on the wall's clock, which also runs while the machine sleeps.
     """

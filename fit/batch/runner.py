@@ -31,7 +31,7 @@ FRUITLESS = 10  # connections in a row without a single outcome, after which som
 GATHER = 60.0  # s for a finished job's word to arrive
 WORKER_INTERVAL = 5.0  # s between looks for workers
 ARRIVAL = 60.0  # s: workers may take so long to start or restart, even if the patience is shorter
-SILENCE = 300.0  # s; what reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
+SILENCE = 300.0  # s; a request that reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
 THIS_MACHINE = "this machine"
 NEVER = Ending()
 

@@ -139,7 +139,7 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
 
 
 def _spent(rows: Sequence[Row], plan: Plan) -> str:
-    """Say what the search spent on a take: what it was told to, or what it did if it decides that itself."""
+    """Say the cost of the search for a take: as it was told, or as it decided itself."""
     if plan.search not in OBSERVED:
         return f"{plan.iterations} {'candidates' if plan.search in ('tempering', 'cma-es') else 'iterations'}, "
     counts = {row.result.simulations for row in rows if row.result}

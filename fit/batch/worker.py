@@ -127,7 +127,7 @@ def _write_patiently(results: Store, name: str, content: bytes, patience: float)
 def _fit(job: Job, content: bytes, results: Store) -> bytes:
     """Return the fit result as the bytes of its file.
 
-    Nothing is written on the way but an unfinished search: what a killed worker had in a folder of its own would stay.
+    Only an unfinished search is written on the way. The files of a killed worker would stay in a folder of its own.
     """
     from fit.identification.calibrate import calibrate
     from formats.archive import take_of

@@ -38,7 +38,7 @@ POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")
 
 @dataclass(frozen=True, kw_only=True)
 class Cloth:
-    """A sheet and everything that acts on it; what is 0 is exactly absent.
+    """A sheet and everything that acts on it; a size of 0 is exactly absent.
 
     - `width`, `height` [m]
     - `density` [kg/m^2]
@@ -308,7 +308,7 @@ def _rows(*shape: int) -> Floats:
 
 
 def _in_lanes(values: Floats) -> Floats:
-    """(takes, n) -> (groups x n, lanes); what is left of the last group's lanes repeats the last take."""
+    """(takes, n) -> (groups x n, lanes); the rest of the last group's lanes repeats the last take."""
     from fit.blind.kernel import TAKE_LANES
 
     groups = -(-len(values) // TAKE_LANES)

@@ -113,7 +113,7 @@ def _pair(name: str) -> Callable[[Cloth, Planted], Cloth]:
 
 
 def _hem(cloth: Cloth, planted: Planted) -> Cloth:
-    """Move mass to the hem; what scales show stays."""
+    """Move mass to the hem; the weight stays."""
     return dataclasses.replace(cloth, hem=planted.amplitude, density=cloth.density - planted.amplitude / cloth.height)
 
 

@@ -50,7 +50,7 @@ class TrackerSmoothing(Effect):
         return np.asarray(points + amplitude[0] * (np.einsum("pq,fqc->fpc", mixing, points) - points))
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return targets with the wrinkles that were ironed out, to first order: what is gone is gone for good."""
+        """Return targets with the wrinkles that were ironed out, to first order; these stay lost."""
         known = recording.has_curve  # others have no targets to be mixed in
         mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points])[known])
         share, found = min(float(amplitude[0]), 1.0), targets.copy()

@@ -114,7 +114,7 @@ def _kernels() -> tuple[Any, Any]:
                     bright = ambient + (1.0 - ambient) * ti.abs(n0 * light[0] + n1 * light[1] + n2 * light[2]) / size
                     bright = shaded[k] * bright + 1.0 - shaded[k]
                     r, g, b = bright * back[k, 0], bright * back[k, 1], bright * back[k, 2]
-                    if doubled < 0.0:  # down is positive: what turns anticlockwise to the eye turns clockwise here
+                    if doubled < 0.0:  # down is positive: a turn that the eye sees as anticlockwise is clockwise here
                         r, g, b = bright * front[k, 0], bright * front[k, 1], bright * front[k, 2]
                 red, green, blue = red + r, green + g, blue + b
             share = 1.0 / (FINER * FINER)

@@ -63,7 +63,7 @@ LOWERED = 0.38  # of how far arms stand off at first: sleeves that lie flat with
 # Phase, and how far the toe points up [rad].
 FOOT_PHASE = np.array([0.0, 0.10, 0.36, 0.45, 0.52, 0.62, 0.68, 0.84, 0.94, 1.0])
 FOOT_PITCH = np.radians([18.0, 0.0, 0.0, -6.0, -18.0, -52.0, -55.0, -4.0, 18.0, 18.0])
-SMOOTHED = 0.015  # of a stride, standard deviation: what was put together of pieces gets no jerks
+SMOOTHED = 0.015  # of a stride, standard deviation: a motion of pieces gets no jerks
 FOOT_OUT = 0.8  # times the hips' offset that ankles are from the middle
 CLEARED = 0.03  # m that a foot is lifted in its swing, beside what its turn lifts it
 LONGEST_LEG = 0.999  # of thigh and shank: no knee is quite straight

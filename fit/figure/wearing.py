@@ -30,9 +30,7 @@ BEGINS_APART = CLEARANCE + 3e-3  # m of a T-shirt's nodes from the body: between
 BODY_FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
 LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 SAMPLES_APART = 0.025  # m
-DEEPEST = (
-    0.012  # m that cloth may be inside a body: what two thighs that meet pinch is told from a leg that went through
-)
+DEEPEST = 0.012  # m that cloth may be inside a body: cloth that two thighs pinch is told from a leg that went through
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ ONE_MORE = STUDENT_95 * 2.0
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
-MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: what a camera leaves of a silhouette is no noise, and no floor holds it all
+MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette is no noise, and no floor holds it all
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 MOST_OF_LEFT = 0.6
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
@@ -239,7 +239,7 @@ class Evidence:
     def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[str, Floats], list[Floats]]:
         """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.
 
-        Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
+        Drawn are blocks of the held-out takes and an error of mesh and solver.
         """
         every = [h.errors for h in (self.base, *self.singles.values(), *several)]
         moved = solver_draws(every, self.numerics_mm, len(self.resampling.picks))

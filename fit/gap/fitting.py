@@ -154,7 +154,7 @@ class Task:
 
 
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
-    """Fit side by side: what all fits ask next is simulated in one batch, and each tries as many steps as fit in it."""
+    """Fit side by side: one batch simulates the next places of all fits, as many of each fit as the batch holds."""
     problems = [Problem(observer, task.active, task.pinned) for task in tasks]
     width = int(np.clip(CANDIDATE_LANES / len(tasks), FEWEST_RUNGS, MOST_RUNGS))
     searches = [

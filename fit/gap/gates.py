@@ -37,7 +37,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     swing = min(max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group) for group in groups)
     own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
-    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: what is too short is not rounded up to what is long enough
+    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: too short a take is not rounded up to one that is long enough
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)

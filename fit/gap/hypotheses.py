@@ -57,7 +57,7 @@ def shortlist(screened: Screened) -> list[str]:
 def further(screened: Screened, most: int) -> list[str]:
     """Return the effects that are tried beside other effects, most promising first.
 
-    They are judged by distance, so that what saves cost and brings no point nearer is left out. Static effects save
+    They are judged by distance. An effect that saves cost and brings no point nearer is left out. Static effects save
     little cost, as in `shortlist`. So those that bring points nearest are tried as well.
     """
     nearest = max(one.predicted_mm2 for one in screened.values())

@@ -68,7 +68,7 @@ JOINT_ITERATIONS = 6  # of a joint refit, along chords
 JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
 LEAST_KEPT = 0.25  # of a promised size: a fit that keeps less found another valley
 TRIED = 3  # effects that are refitted, however unlikely, where the base model needs an unknown cause
-LEAST_MOTION = 1e-3  # mm: what moves the points less does not move them
+LEAST_MOTION = 1e-3  # mm: an effect that moves the points less does not move them
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ class Search:
         return any(kept[name] < LEAST_KEPT * promised[name] for name in fitted.active)
 
     def _possible(self, mass: Mass) -> Mass:
-        """Masses without the subsets that fits refute: what keeps no promise when fitted truly, and what is brought.
+        """Masses without the subsets that fits refute: broken promises, and effects that are brought along.
 
         A secant of a strongly non-linear effect may promise what no size of the effect keeps; it then promises no more
         beside others. Brought along is an effect that a sound law of another one holds as well.

@@ -50,7 +50,7 @@ RIVAL_SHARE = 0.7  # of the closure of the best effect, from which the next best
 
 
 class Rounds:
-    """The hypotheses so far: the base model, one more effect each, and what is added to the best of them."""
+    """The hypotheses so far: the base model, one more effect each, and further effects beside the best of them."""
 
     def __init__(
         self, observer: Observer, judge: Observer, fits: list[Fitted], progress: Progress, kept: Checkpoint,

@@ -333,7 +333,7 @@ def as_sure_as(likely: float) -> str:
 
 
 def gap_numbers(evidence: Evidence) -> str:
-    """Say what the base model misses by and what the noise is."""
+    """Say the base model's error and the noise."""
     on = "on motion not used for fitting"
     if not evidence.is_held_out:
         on = "on the motion it was fitted to (no held-out take)"

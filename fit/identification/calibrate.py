@@ -260,7 +260,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
     except KeyboardInterrupt:
         saved.save(search.state())
         raise
-    saved.save(search.state())  # what follows simulates again and may fail
+    saved.save(search.state())  # the next step simulates again and may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws, search.best)
     else:
@@ -270,7 +270,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
-    """Least squares; what is kept are its looks and descents, and the distances on the way."""
+    """Least squares; the kept state is its looks and descents, and the distances on the way."""
     search, settings = begin_observed(request, model.recordings, model.distances_of)
     initial = np.array([p.initial for p in request.parameters])
     steps: list[Step] = []

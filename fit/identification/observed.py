@@ -40,7 +40,7 @@ from formats.arrays import Floats
 
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
-MOST_LOOKS = 80  # candidates looked at: what more of them find is little
+MOST_LOOKS = 80  # candidates looked at: more of them find little
 TRIALS = 3  # times at most that one begins: a wrong valley is mostly left by the second, or told by the third
 
 

@@ -281,7 +281,7 @@ class Run:
         return step, found
 
     def _again(self, end: Step, manner: LeastSquaresSettings) -> LeastSquaresResult:
-        """Return what a descent of an interrupted search had found; what it takes to know it again does not count."""
+        """Return the end of a descent of an interrupted search; the simulations that repeat it do not count."""
         counted, pull = self.search.free.simulations, self.settings.pulls[-1]
         manner = replace(manner, max_iterations=0)
         found = self._minimise(pull, end.vector, manner)
@@ -299,7 +299,7 @@ class Run:
         )  # fmt: skip
 
     def _simulate(self, vectors: Floats, pull: float) -> Floats:
-        """Residuals, (candidates, numbers); what D became is noted."""
+        """Residuals, (candidates, numbers); the values of D are noted."""
         residuals, distances = self.search.simulate(vectors, pull)
         for cost, distance in zip(self._costs(vectors, residuals), distances, strict=False):
             self.best = min(self.best, (float(cost), float(distance)))
@@ -313,7 +313,7 @@ class Run:
     def _take(self, step: Step, *, is_known: bool) -> None:
         self.path.append(step)
         self.distances = []
-        if is_known:  # what was counted then counts, not what it took to know it again
+        if is_known:  # the former count counts, not the simulations that repeat it
             self.before = self.search.free.simulations - step.simulations
         else:
             self.progress(step)
@@ -329,7 +329,7 @@ class Run:
         )
 
     def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
-        """Return intervals in the best valley, as far at least as what else would fit."""
+        """Return intervals in the best valley, at least as wide as the other places that fit."""
         space, observer = self.search.space, self.search.free
         unit = space.to_unit(best.parameters)
         between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))

@@ -58,7 +58,7 @@ class Body:
         return 2 * (min(self.half_size) + self.radius - abs(self.taper) * self.half_size[2])
 
     def distance(self, places: Floats) -> Floats:
-        """Distances [m] of places (..., 3) from its surface, negative inside: what the kernel computes."""
+        """Distances [m] of places (..., 3) from its surface, negative inside: as the kernel computes them."""
         local = (places - np.array(self.centre)) @ np.array(self.axes).T
         beyond = np.abs(local) - np.array(self.half_size)
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)

@@ -6,7 +6,7 @@ None of it needs a cloth. The steps are taken in this order:
   material points beyond `LATEST_LEFT`. Up to there the effect `time_offset` is sound.
 - skew: frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
 - edge: a clamped edge is as long as on the flat cloth. It lies at the middle of a silhouette's top row at rest.
-- frames: what the held row of a silhouette is off by is taken out of the whole frame (`fit.recordings.frame_offsets`)
+- frames: the error of a silhouette's held row is taken out of the whole frame (`fit.recordings.frame_offsets`)
 - places: points of a silhouette's grid get the material place of their way from the held edge
 
 Then it is said how far the outline is eaten (`fit.recordings.outline`), how the held row still errs, and how the cloth

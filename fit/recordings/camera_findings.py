@@ -27,7 +27,7 @@ LEAST_BY_POSE = 0.01  # m per unit of lean, the same
 
 
 def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
-    """Return what a camera made of takes, and what was done about it, in the order in which it was."""
+    """Return the camera's faults in takes, and the corrections, in their order."""
     found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings)]
     # Where points and path do not belong together, nothing more follows from both.
     sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]

@@ -46,7 +46,7 @@ def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) 
 
 
 def describe_impossible(share: float) -> str:
-    """Say what a share of impossible sightings means, and what to do."""
+    """Say the meaning of a share of impossible sightings, and the next step."""
     if share == 0.0:
         return "No point is further from the others than the cloth reaches."
     found = (

@@ -111,7 +111,7 @@ class Timing:
 
     @property
     def is_at_end(self) -> bool:
-        """Whether the latency is as large as what was looked at."""
+        """Whether the latency is as large as the largest that was looked at."""
         return abs(self.latency) >= LARGEST_SHIFT - SCAN_STEP
 
 

@@ -31,7 +31,7 @@ class Curve:
     """An error over time and, where known, that of the worst point [m], (frames,) each.
 
     - `name`: of the run, in the legend
-    - `whole` [m]: the figure of all frames, and what it is called; None: the legend shows no figures
+    - `whole` [m]: the figure of all frames, and its name; None: the legend shows no figures
     """
 
     run: str

@@ -248,7 +248,7 @@ def gates(diagnosis: Diagnosis | None) -> Markup:
 
 
 def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
-    """Return what the result took, what it was made from, and the notes."""
+    """Return the cost of the result, its inputs, and the notes."""
     figures: list[tuple[str, str]] = []
     notes: list[str] = []
     both: list[tuple[str, FitResult | Diagnosis]] = []

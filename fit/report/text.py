@@ -31,7 +31,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def instant(written: str) -> str:
-    """Return an ISO 8601 instant as day and minute in UTC; what is none stays as it is."""
+    """Return an ISO 8601 instant as day and minute in UTC; any other text stays as it is."""
     try:
         found = datetime.fromisoformat(written)
     except ValueError:

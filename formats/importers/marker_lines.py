@@ -1,7 +1,7 @@
 """The lines of text files of marker paths, cut into cells where the header says how cells are parted.
 
-The header shows which program wrote a file. Titles, comments and tables of devices may stand above the header, and
-whatever parts their words says nothing about the frames.
+The header shows which program wrote a file. Titles, comments and tables of devices may stand above the header, and the
+marks that part their words say nothing about the frames.
 
 A quotation mark is a letter, unless a cell begins and ends with one. Where commas or semicolons part cells, a cell
 that both surround may hold these too (RFC 4180); it never goes on in the next line. Tabs are always between cells.
@@ -170,7 +170,7 @@ def _text(path: Path) -> str:
 
 
 def _decoded(raw: bytes, encoding: str) -> str:
-    """Return the text of bytes; what is text but no UTF-8 is of western Windows, whose µ and ä are single bytes.
+    """Return the text of bytes; text that is no UTF-8 is of western Windows, whose µ and ä are single bytes.
 
     Raises:
         UnicodeDecodeError: it is no text.

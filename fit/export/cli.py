@@ -18,7 +18,7 @@ Spacing = Annotated[
     float | None,
     typer.Option(
         "--spacing", metavar="METRES", help="Mesh spacing.",
-        show_default="0.02; with --take, that of the fit's method",
+        show_default="0.02; with --take, that of the fit",
     ),
 ]  # fmt: skip
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")]

@@ -72,7 +72,8 @@ class Order:
         """Return the garment of the take, a swatch where there is none."""
         if self.take is None:
             return strip(EXPORTED_SIDE, EXPORTED_SIDE, self.spacing or SWATCH_SPACING)
-        return garment_sheet(self.take.garment, self.spacing or find_method(self.result.method).spacing)
+        spacing = self.spacing or self.result.spacing or find_method(self.result.method).spacing
+        return garment_sheet(self.take.garment, spacing)
 
     @property
     def grid_spacing(self) -> float:

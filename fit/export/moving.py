@@ -102,7 +102,8 @@ def motion_of(
     effects = known_effects(result)
     if layers_apart > 0 and CONTACT not in effects:
         effects += (CONTACT,)
-    simulator = Simulator(recording, effects, resolution=Resolution(spacing=spacing or method.spacing))
+    resolution = Resolution(spacing=spacing or result.spacing or method.spacing)
+    simulator = Simulator(recording, effects, resolution=resolution)
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     known = {CONTACT.name: layers_apart} | result.effects
     amplitudes = np.array([known[name] for effect in effects for name in parameter_names(effect)])

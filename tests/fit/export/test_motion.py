@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import struct
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -41,6 +43,13 @@ def test_the_motion_follows_the_hanger_and_moves(order):
     left = moving.places[:, top[np.argmin(moving.rest[top, 0])]]
     assert np.abs(left - moving.held[:, 0]).max() < TENTH
     assert np.ptp(moving.places[..., 1]) > 0.1
+
+
+def test_without_a_spacing_the_mesh_is_the_fits_own(order):
+    fitted = dataclasses.replace(order, spacing=None, result=msgspec.structs.replace(order.result, spacing=0.15))
+    assert np.array_equal(fitted.moving.places, order.moving.places)
+    assert np.array_equal(fitted.sheet.rest, order.sheet.rest)
+    assert len(dataclasses.replace(fitted, result=order.result).sheet.rest) != len(order.sheet.rest)
 
 
 def test_usd_core_reads_the_same_motion(order, tmp_path):

@@ -12,10 +12,10 @@ from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
+from formats.plain_text import CLEAR_LINE
 from formats.telling import know, tell, tell_entry
 from formats.terminal import is_watched, say
 
-CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 NOT_FIRST = (
     "this user may not run before other programs: while they are busy, frames may be lost; "
     "systemd/README.md says how to permit it"

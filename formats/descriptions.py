@@ -16,6 +16,7 @@ from formats.garment import Garment, TrackedPoint, signed_area
 from formats.plausible import LARGEST_MARKER, SMALLEST_MARKER, check_plausible_garment, check_plausible_rig, unit_of
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.toml_files import read_toml
+from formats.wrong_fields import wrong_field
 
 Description = TypeVar("Description", Garment, Rig)
 
@@ -102,23 +103,6 @@ def _load(path: Path, kind: type[Description]) -> Description:
 
 
 PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Hanger, Sensor, Calibration)}
-
-
-def wrong_field(error: msgspec.ValidationError, parts: tuple[Any, ...]) -> str:
-    """Put the field before msgspec's message, and name the closest known field of these parts for an unknown one."""
-    message = str(error)
-    unknown = re.search(r"unknown field `(.+?)`", message)
-    place = re.search(r" - at `\$\.?(.*?)`", message)
-    field = place.group(1) if place else ""
-    words = re.sub(r" - at `.*?`", "", message).removeprefix("Object ")
-    if unknown:
-        known = [f.name for part in parts for f in msgspec.structs.fields(part)]
-        import difflib  # here: no right file needs it
-
-        close = difflib.get_close_matches(unknown.group(1), known, 1)
-        hint = f"; did you mean `{close[0]}`?" if close else ""
-        return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"
-    return f"{field}: {words}" if field else words
 
 
 def check_garment(garment: Garment, where: object) -> None:

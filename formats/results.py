@@ -14,6 +14,7 @@ from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.fit_records import FitResult
 from formats.whole_files import check_ends, write_whole
+from formats.wrong_fields import wrong_field
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
@@ -107,7 +108,8 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         record = msgspec.json.decode(raw, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
         _refuse_other_version(raw, kind, where)
-        raise ResultError(f"is not a {kind.__name__}: {error}", where=where, advice="make it again") from error
+        words = "it is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
+        raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
     _check(record, where)
     return record
 

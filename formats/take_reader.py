@@ -24,6 +24,7 @@ from formats.table_memory import TableMemory
 from formats.take import Span, Take
 from formats.take_report import TakeReport
 from formats.take_writer import MOST_HEADER_BYTES, PROFILE, VERSION, binding_of
+from formats.wrong_fields import wrong_field
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
@@ -257,12 +258,16 @@ def _described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, _Wor
         rig, garment = msgspec.convert(header.get("rig"), Rig), msgspec.convert(header.get("garment"), Garment)
         check_rig(rig, path)
         check_garment(garment, path)
-    except (msgspec.ValidationError, DescriptionError) as error:
+    except msgspec.ValidationError as error:
+        words = wrong_field(error, (Rig, Garment))
+        raise TakeError(f"its rig or garment does not hold: {words}", where=path, advice="record it again") from error
+    except DescriptionError as error:
         raise TakeError(f"its rig or garment does not hold: {error}", where=path, advice="record it again") from error
     try:
         return rig, garment, msgspec.convert(header, _Words)
     except msgspec.ValidationError as error:
-        raise TakeError(f"its header does not hold: {error}", where=path, advice="record it again") from error
+        words = wrong_field(error, (_Words,))
+        raise TakeError(f"its header does not hold: {words}", where=path, advice="record it again") from error
 
 
 def _is_number(value: object, least: int, most: int) -> bool:

@@ -12,6 +12,7 @@ import sys
 from typing import Any
 
 from formats import terminal
+from formats.plain_text import lines_of
 
 
 class _Mode:
@@ -63,7 +64,7 @@ def end() -> None:
 
 
 def _print(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
+    sys.stdout.write(f"{lines_of(text)}\n")
     sys.stdout.flush()  # a full disk or a closed pipe is met here
 
 

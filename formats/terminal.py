@@ -10,6 +10,7 @@ import time as clock
 from collections.abc import Callable
 
 from formats.interrupts import raise_swallowed
+from formats.plain_text import lines_of
 
 BAR = 24  # characters of a progress bar
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the time that is left can be told
@@ -37,7 +38,7 @@ def say(text: str, end: str = "\n", *, is_error: bool = False) -> None:
     if sys.stderr is None or (_Hushed.is_on and not is_error):  # closed before us
         return
     try:
-        sys.stderr.write(text + end)  # in one piece, or lines of processes side by side run into each other
+        sys.stderr.write(lines_of(text) + end)  # in one piece, or lines of processes side by side run into each other
         sys.stderr.flush()
     except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process

@@ -10,11 +10,12 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from formats.descriptions import load_garment, load_rig, wrong_field
+from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.toml_files import read_toml
+from formats.wrong_fields import wrong_field
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
 CONTOUR = 8  # places around the silhouette for each place along a side

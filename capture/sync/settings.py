@@ -14,10 +14,10 @@ import msgspec
 from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
-from formats.descriptions import wrong_field
 from formats.errors import AddressError
 from formats.store_address import folder_of
 from formats.toml_files import read_toml
+from formats.wrong_fields import wrong_field
 
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")

@@ -61,8 +61,8 @@ def test_the_same_messages_are_a_sound_take(messages, tmp_path):
     ("changes", "words"),
     [
         ({"take_id": GONE}, "header does not hold: .*take_id"),
-        ({"take_id": 7}, "header does not hold: Expected `str`, got `int` - at `.*take_id"),
-        ({"notes": [1]}, "header does not hold: Expected `object`, got `array`"),
+        ({"take_id": 7}, "header does not hold: take_id must be text .got a whole number"),
+        ({"notes": [1]}, "header does not hold: notes must be a table .got a list"),
         ({"rig": GONE}, "rig or garment does not hold"),
         ({"format": "hangtime-take/\u00b2"}, "is of format version \u00b2"),
     ],

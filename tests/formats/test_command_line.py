@@ -322,6 +322,10 @@ def test_nothing_from_a_file_reaches_the_terminal_as_an_escape_sequence(tmp_path
         for letter in "\x1b\x07\x9b\u202e":
             assert letter not in done.stdout + done.stderr
         assert "\\x1b" in done.stdout
+    made = hangtime("swatch", tmp_path / f"a{evil[1:]}\x1b[2J.toml", "--mass", "0.05")
+    assert made.returncode == 0
+    assert not set(made.stdout + made.stderr) & set("\x1b\x07\x9b\u202e")
+    assert "\\x1b[2J.toml" in made.stdout + made.stderr
 
 
 def test_a_name_that_is_no_utf8_is_shown_byte_for_byte_and_its_json_is_utf8(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST_TEXT, counted, plain
+from formats.plain_text import CLEAR_LINE, LONGEST_TEXT, counted, lines_of, plain
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,11 @@ from formats.plain_text import LONGEST_TEXT, counted, plain
 def test_what_is_no_letter_is_shown_by_its_code(text, shown):
     """A byte of a name that is no UTF-8 stays, but for those that are control characters to a terminal."""
     assert plain(text) == shown
+
+
+def test_lines_keep_their_ends_and_the_code_that_clears_a_line_and_no_other():
+    assert lines_of(f"{CLEAR_LINE}a\n\tb\x1b[2J\r\x9b") == f"{CLEAR_LINE}a\n\tb\\x1b[2J\\r\\x9b"
+    assert lines_of("a" * (LONGEST_TEXT + 1)) == "a" * (LONGEST_TEXT + 1)
 
 
 def test_an_error_shows_a_files_text_by_its_code():

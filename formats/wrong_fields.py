@@ -1,0 +1,73 @@
+"""Say in a sentence of ours which field of a description, a configuration or a result is wrong, and how."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+
+KINDS = {
+    "str": "text", "bool": "true or false", "int": "a whole number", "float": "a number", "array": "a list",
+    "object": "a table", "null": "nothing", "datetime": "a date", "date": "a date", "time": "a time",
+}  # fmt: skip
+EXPECTED = re.compile(r"Expected `([^`]+)`(?: (matching regex|of length|>=|<=|>|<) ?(.*?))?(?:, got (.*))?$")
+BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
+
+
+def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
+    """Return the field and what it must be; name the closest known field of these parts for an unknown one."""
+    message = str(error)
+    place = re.search(r" - at `\$\.?(.*?)`", message)
+    field = place.group(1) if place else ""
+    words = re.sub(r" - at `.*?`", "", message).removeprefix("Object ")
+    if unknown := re.search(r"unknown field `(.+?)`", message):
+        known = [f.name for part in parts for f in msgspec.structs.fields(part)]
+        import difflib  # here: no right file needs it
+
+        close = difflib.get_close_matches(unknown.group(1), known, 1)
+        hint = f"; did you mean `{close[0]}`?" if close else ""
+        return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"
+    if missing := re.match(r"missing required field `(.+?)`", words):
+        return f"the field `{missing.group(1)}` is missing{' in ' + field if field else ''}"
+    if invalid := re.match(r"Invalid enum value (.+)", words):
+        choices = _choices(field, parts)
+        return f"{field} must be one of {choices} (got {invalid.group(1)})"
+    if expected := EXPECTED.match(words):
+        return f"{field or 'the file'} must be {_wanted(*expected.groups())}"
+    if not isinstance(error, msgspec.ValidationError):
+        return "the file is damaged or no JSON"
+    return f"{field}: {words}" if field else words  # of a check of ours
+
+
+def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None) -> str:
+    """Return what was wanted and what is there, of the parts of a message."""
+    wanted = " or ".join(_named(kind) for kind in kinds.split(" | "))
+    if relation == "of length":
+        wanted += f" of {limit}" if kinds != "str" else f" of {limit} letters"
+    elif relation in BOUNDS:
+        wanted += f" {BOUNDS[relation]} {limit}"
+    elif relation:
+        wanted += " of another form"
+    return wanted if got is None else f"{wanted} (got {_named(got.strip('`'))})"
+
+
+def _named(kind: str) -> str:
+    return KINDS.get(kind, kind)
+
+
+def _choices(field: str, parts: Sequence[Any]) -> str:
+    """Return the values that the last name of a field may have, of the parts that have such a field."""
+    name = re.sub(r"\[.*?\]", "", field).split(".")[-1]
+    values = [str(one) for part in parts for one in _literals(get_type_hints(part).get(name))]
+    return ", ".join(dict.fromkeys(values)) or "the known values"
+
+
+def _literals(hint: Any) -> Iterator[object]:
+    """Yield the values of a type's `Literal`, within a union too."""
+    if get_origin(hint) is Literal:
+        yield from get_args(hint)
+    else:
+        for inner in get_args(hint):
+            yield from _literals(inner)

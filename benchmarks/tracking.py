@@ -6,7 +6,7 @@ Run: python benchmarks/tracking.py [--set report-5] [--keep FOLDER] [--by garmen
 Points    error [m] of a point that is visible and was given a place. Centre also as a share of the garment's width.
 Constant  the part of a point's error that is the same in all frames of a scene, root mean square per axis. Hidden
 precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
-          clear   as in `firmware_host.synthetic.visibility`; what is neither visible nor hidden is left out
+          clear   as in `firmware_host.synthetic.visibility`; points neither visible nor hidden are left out
           strict  a point is visible if the camera's ray meets it, however little of the cloth around it shows, and in
                   the projector's shadow too; all others are hidden; none is left out
 z         (place - truth) / stated sd, per axis; its standard deviation over all points and axes.

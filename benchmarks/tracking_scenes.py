@@ -54,7 +54,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Shown:
-    """Frames of a scene with their truth: time [s]; markers, points [m]; what is seen of each point, (n, points).
+    """Frames of a scene with their truth: time [s]; markers, points [m]; the sight of each point, (n, points).
 
     in_view, pixels, share: see `firmware_host.synthetic.visibility.PointSight`
     """

@@ -63,7 +63,7 @@ class Frame:
 
 
 def check_columns(columns: Columns, *, points: int, take_id: str, first: int, after: float) -> None:
-    """Refuse what an archive cannot hold as it is.
+    """Refuse a block that an archive cannot hold as it is.
 
     first: number of the first row; after [s]: time of the row before
 

@@ -106,7 +106,7 @@ PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Ha
 
 
 def check_garment(garment: Garment, where: object) -> None:
-    """Check what a type cannot say.
+    """Check the rules that types cannot state.
 
     Raises:
         DescriptionError: an impossible garment; names the field.
@@ -280,7 +280,7 @@ def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]
 
 
 def check_rig(rig: Rig, where: object) -> None:
-    """Check what a type cannot say.
+    """Check the rules that types cannot state.
 
     Raises:
         DescriptionError: an impossible rig; names the field.

@@ -184,5 +184,5 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     base_parameters: list[FitParameter]
     notes: list[str]
     alternatives: dict[str, list[str]] = {}
-    take_contents: list[str] = []  # sha256 of what each take fitted to held
+    take_contents: list[str] = []  # sha256 of the content of each take fitted to
     camera: list[CameraFinding] = []

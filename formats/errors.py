@@ -20,8 +20,8 @@ from formats.plain_text import plain
 
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES}
 MAKE_ROOM = (
-    "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
-    "`batch` go on from it"
+    "make room on the disk, or choose another place; whole files stay, and `fit`, `diagnose`, `blind` and `batch` go "
+    "on from them"
 )
 
 

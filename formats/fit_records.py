@@ -129,7 +129,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
     engine: str = "own"  # who simulated
     spacing: float | None = None  # m, of the mesh; absent in results that are so old that they do not say
-    take_contents: list[str] = []  # sha256 of what each take fitted to held
+    take_contents: list[str] = []  # sha256 of the content of each take fitted to
     layers: int = 1  # of fabric, one on the other, that were fitted as one
     garment: str = ""  # its name; empty in results that are so old that they do not say
     garment_content: str = ""  # sha256 of its description

@@ -64,7 +64,7 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def point_kind(self) -> PointKind:
-        """Return what the tracked points are: as stated, else markers on a swatch and a silhouette's on other kinds."""
+        """Return the kind of the tracked points: as stated, else markers on a swatch and a silhouette elsewhere."""
         return self.points_are or ("material" if self.kind == "swatch" else "silhouette")
 
     @property

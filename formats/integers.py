@@ -82,7 +82,7 @@ def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
 
 
 def _predicted(order: int | Integers, one: Integers, two: Integers, three: Integers) -> Integers:
-    """Return what a row is expected to hold, from the three before it."""
+    """Return the row that the three before it predict."""
     if isinstance(order, int):
         return one if order == 1 else 2 * one - two if order == 2 else one + (one - three >> 1)
     return np.where(order == 1, one, np.where(order == 2, 2 * one - two, one + (one - three >> 1)))

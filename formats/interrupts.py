@@ -78,7 +78,7 @@ class _Imports(MetaPathFinder):
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Inside, Ctrl-C is only noted; at the end what would have handled it does. For the main thread.
+    """Inside, Ctrl-C is only noted; at the end its former handler runs. For the main thread.
 
     Raises:
         KeyboardInterrupt: somebody interrupted, and nothing else handles that.

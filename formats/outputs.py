@@ -44,7 +44,7 @@ def check_stem(name: str) -> None:
 def refuse_to_replace(path: Path, text: str | None = None) -> None:
     """Do nothing unless a file of this name is there, or the beginning of one that was never finished.
 
-    text: what is to be written, where a file that holds just this may stay.
+    text: the content to write, where a file that holds just this may stay.
 
     Raises:
         OutputError: it is there.

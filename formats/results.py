@@ -81,7 +81,7 @@ def _save(path: Path, record: FitResult | Diagnosis) -> None:
 
 
 def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
-    """Return a result as its file holds it; path: what that file will be.
+    """Return a result as its file holds it; path: where that file will be.
 
     Raises:
         ResultError: a number in it is not finite.
@@ -140,7 +140,7 @@ class _Named(msgspec.Struct):
 
 
 def _check(record: FitResult | Diagnosis, where: object) -> None:
-    """Check what a schema cannot say: finite numbers, and that named effects were tested."""
+    """Check the rules that a schema cannot state: finite numbers, and that named effects were tested."""
     _check_finite(msgspec.to_builtins(record, enc_hook=_plain), where, "")
     if isinstance(record, FitResult):
         _check_fit(record, where)

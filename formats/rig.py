@@ -1,5 +1,5 @@
 """The rig description: sensor, its direction of gravity, the hanger's markers, where the cloth hangs from them, and
-what stands near it.
+the bodies near it.
 """
 
 from __future__ import annotations

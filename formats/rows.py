@@ -17,7 +17,7 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def spreadsheet_cell(cell: object) -> object:
-    """Return what a spreadsheet shows as it stands: a text that it would run as a formula gets an apostrophe before it.
+    """Return a cell that a spreadsheet shows as it stands: an apostrophe before a text stops a formula from running.
 
     Source: OWASP, "CSV Injection".
     """

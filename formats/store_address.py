@@ -109,9 +109,7 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
 
     for sign in "#?":
         if sign in url:
-            refuse(
-                f"has a {sign} in it, and what follows that is no part of an address", f"choose a name without {sign}"
-            )
+            refuse(f"has a {sign} in it, where an address ends", f"choose a name without {sign}")
     if not url.isprintable():
         refuse("has a line break or another control character in it", "write the address again")
     if found := re.search("%[0-9A-Fa-f]{2}", url):
@@ -132,7 +130,7 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
     settings = {name: value for name, value in os.environ.items() if name.startswith(KEYS_BEGIN)} | dict(config)
     for name, value in settings.items():
         if re.search(r"[\x00-\x1f\x7f]", value):
-            refuse(f"{name} holds a line break or another control character", "set it again, without what follows it")
+            refuse(f"{name} holds a line break or another control character", "set it again, without that character")
 
 
 def _is_servers_address(text: str) -> bool:
@@ -145,7 +143,7 @@ def _is_servers_address(text: str) -> bool:
 
 
 def advice_on(error: Exception) -> str:
-    """Return what to do about an error of a bucket, by the server's own reason where it gives one."""
+    """Return the advice on an error of a bucket, by the server's own reason where it gives one."""
     if "RequestTimeTooSkewed" in str(error):
         return "set this computer's clock (timedatectl set-ntp true)"
     return "check the address, the network and the access keys"

@@ -17,10 +17,10 @@ class TableMemory:
 
     @classmethod
     def of(cls, file_bytes: int) -> Self:
-        """Return what a file of so many bytes may take."""
+        """Return the memory that a file of so many bytes may take."""
         return cls(FREE_MEMORY + MEMORY * file_bytes)
 
     def fits(self, numbers: int) -> bool:
-        """Set aside what a table takes: a still one has far more numbers than bytes, few more than STILL_TABLE."""
+        """Set aside the memory of a table: a still one has far more numbers than bytes, few more than STILL_TABLE."""
         self.left -= max(CELL_BYTES * numbers - STILL_TABLE, 0)
         return self.left > 0

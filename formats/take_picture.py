@@ -34,7 +34,7 @@ def paths_of(take: Take) -> tuple[str, list[str], Floats]:
 
 
 def _mean(values: Floats) -> Floats:
-    """Return the mean along frames of what was seen, 0 where nothing was."""
+    """Return the mean along the frames that saw something, 0 where none did."""
     seen = np.isfinite(values)
     total = np.where(seen, values, 0.0).sum(0)
     return np.asarray(total / np.maximum(seen.sum(0), 1))

@@ -100,7 +100,7 @@ def _has_header(raw: bytes) -> bool:
 
 @dataclass
 class _Contents:
-    """The messages of a file, by kind; headers by what binds the others to them."""
+    """The messages of a file, by kind; headers by the hash that binds the others to them."""
 
     headers: dict[bytes, dict[str, Any]] = field(default_factory=dict)
     blocks: list[dict[str, Any]] = field(default_factory=list)
@@ -203,7 +203,7 @@ def _sorted(messages: Iterator[bytes]) -> _Contents:
 
 
 def _unpacked(data: bytes) -> Any:
-    """Return what a message holds, None where it is malformed or has too many parts."""
+    """Return the content of a message, None where it is malformed or has too many parts."""
     count = 0
 
     def counted(container: Any) -> Any:

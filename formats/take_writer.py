@@ -38,7 +38,7 @@ LOOKED_THROUGH = 1 << 26  # bytes of an unfinished file that is looked through: 
 
 
 def binding_of(header: bytes) -> bytes:
-    """Return what ties blocks, scans and the end of a take to its header: the first bytes of its BLAKE2b hash."""
+    """Return the tie of blocks, scans and the end of a take to its header: the first bytes of its BLAKE2b hash."""
     from hashlib import blake2b  # here: OpenSSL comes with it, 4 MB that an appliance does without until it records
 
     return blake2b(header, digest_size=BINDING_BYTES).digest()
@@ -147,7 +147,7 @@ class TakeWriter:
         self._scans += 1
 
     def finish(self) -> Path:
-        """Write what is left, make it durable, and give the file its final name.
+        """Write the remaining frames, make the file durable, and give the file its final name.
 
         Raises:
             OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
@@ -173,7 +173,7 @@ class TakeWriter:
         self._unfinished.keep()
 
     def discard(self) -> None:
-        """Remove what was written, unless it was finished or kept before."""
+        """Remove the file, unless it was finished or kept before."""
         self._unfinished.discard()
 
     def __enter__(self) -> Self:

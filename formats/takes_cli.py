@@ -82,7 +82,7 @@ def show_take(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
-    """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
+    """Show the content of a take: length, rate, garment, how often each point was seen and how noisy it is."""
     from formats.archive import read_with_report
     from formats.outputs import refuse_to_replace
     from formats.summary import describe, summarise

@@ -1,4 +1,4 @@
-"""Tell what a command found: words for people, a JSON document for programs (`--json`), or nothing (`--quiet`).
+"""Tell the results of a command: words for people, a JSON document for programs (`--json`), or nothing (`--quiet`).
 
 A command calls `tell` for every sentence, with its facts as plain values. Facts of several calls make one document.
 A name with several entries, such as the takes of `hangtime takes list`, is told with `tell_entry` and becomes a list.
@@ -21,7 +21,7 @@ class _Mode:
 
 
 def begin() -> None:
-    """Forget what an earlier command of this process told, and how."""
+    """Forget the words of an earlier command of this process, and their form."""
     _Mode.as_json, _Mode.document = False, {}
     terminal.hush(is_quiet=False)
 

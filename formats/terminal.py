@@ -45,7 +45,7 @@ def say(text: str, end: str = "\n", *, is_error: bool = False) -> None:
 
 
 def is_watched() -> bool:
-    """Return whether what is said appears on a terminal."""
+    """Return whether messages appear on a terminal."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 

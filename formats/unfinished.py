@@ -93,13 +93,13 @@ class UnfinishedFile:
         sync_folder(self.path.parent)
 
     def sync(self) -> None:
-        """Put on the disk what was written."""
+        """Put the written bytes on the disk."""
         self.file.flush()
         os.fsync(self.file.fileno())
 
     def keep(self) -> None:
         """Leave the file as it is, unfinished."""
-        with contextlib.suppress(OSError):  # what was buffered is lost where the disk is full
+        with contextlib.suppress(OSError):  # buffered bytes are lost where the disk is full
             self.file.close()
 
     def discard(self) -> None:

@@ -12,7 +12,9 @@ PRIVATE_WORDS = re.compile(
     r"|no vote\b|tells? of by itself|told (?:by|that) (?:itself|so)|asks? for itself|without company",
     re.IGNORECASE,
 )
-CLAUSE = re.compile(r"(?:\*\*)?(?:What|Whatever)\b")
+CLAUSE = re.compile(
+    r"^(?:\*\*)?(?:What|Whatever)\b|; (?:and )?what(?:ever)?\b|\bwhat (?:is|was) [\w-]+ (?:is|was|stays)\b"
+)
 
 
 def blocks_of(text: str) -> list[str]:
@@ -45,5 +47,5 @@ def words_of(sentence: str) -> int:
 
 
 def has_clause_as_subject(sentence: str) -> bool:
-    """Return whether a sentence begins with a "what" clause; a question may."""
-    return bool(CLAUSE.match(sentence)) and not sentence.endswith("?")
+    """Return whether a "what" clause begins a sentence or its second half; a question may begin so."""
+    return bool(CLAUSE.search(sentence)) and not sentence.endswith("?")

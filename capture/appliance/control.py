@@ -182,7 +182,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
 def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -> bytes:
     """Return the next line, or what came of one before the other end hung up, b"" of nothing.
 
-    - `heard`: what has come already; what follows the line stays there
+    - `heard`: bytes received before; bytes behind the line stay there
     - `may_be_silent`: wait for the line's first byte for as long as it takes
 
     Raises:

@@ -68,7 +68,7 @@ def calibrate(
     sensor: DepthSensor, rig: Rig, *, plumb_ids: tuple[int, int], clip_ids: tuple[int, int], seconds: float,
     accelerometer: Estimate | None = None,
 ) -> Measured:  # fmt: skip
-    """Measure a rig from the next seconds [s] of a sensor before which everything hangs still.
+    """Measure a rig from the next seconds [s] of a sensor, while everything in its view hangs still.
 
     - `plumb_ids`: upper and lower marker of the plumb line
     - `clip_ids`: markers in the left and in the right clip, of the hanger's dictionary and size

@@ -28,7 +28,7 @@ class GarmentSight:
     - `sd` [m], (points, 3)
     - `valid`, (points,): seen and placed
     - `hidden`, (points,): something in front, a fold or the picture's border hides it (neither: it was not found, or
-      what was found is not plausible)
+      its place is not plausible)
     - `pixels` [px], (points, 2)
     - `outline` [px], (n, 2): the silhouette, empty where the garment was not found
     - `quality`, 0 to 1: the points' mean certainty, times the share of the silhouette that has depth. A valid point's

@@ -89,7 +89,7 @@ def record(
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
         NoMarkersError: the hanger was hardly ever seen; no take is left behind.
         SensorError: the sensor failed before the hanger was seen; no take is left behind.
-        OutputError: the take cannot be written, or no further; what is on the disk by then is kept and named.
+        OutputError: the take cannot be written, or no further; the part on the disk is kept and named.
     """
     if out.is_dir():
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
@@ -190,7 +190,7 @@ def _finish(writer: TakeWriter, with_hanger: int) -> None:
         writer.finish()
     except OutputError as error:
         writer.keep()
-        advice = f"what was recorded is kept as {writer.partial.name}; give it another name"
+        advice = f"the recording is kept as {writer.partial.name}; give it another name"
         raise OutputError("has come there meanwhile", where=writer.path, advice=advice) from error
     except (OSError, TakeError) as error:
         raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error

@@ -130,7 +130,7 @@ def _verified(server: Server, key: str, sums: Sums, tag: str | None, stem: str) 
             return STORE_CHECKSUM
         raise ServerError(
             f"{refused.what}, and the store gives no checksum that can be compared", where=refused.where, kind="person",
-            advice="allow the keys of this device to read what it wrote: nothing is verified without",
+            advice="allow the keys of this device to read its uploads: sync cannot verify them otherwise",
         ) from refused  # fmt: skip
     if found is None:
         raise ServerError(

@@ -51,7 +51,7 @@ def sync_now(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
 def prove_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
     """Fetch one take at random from the server, hash it and open it.
 
-    Exit code 0: what was fetched is right; 2: it is damaged or missing; 75: the server cannot be asked.
+    Exit code 0: the fetched take is right; 2: it is damaged or missing; 75: the server cannot be asked.
     """
     _start("prove", config, spool)
 
@@ -116,7 +116,7 @@ def prune_takes(
     for stem in room.left:
         tell(f"{stem} left; its receipt says where it is")
     for stem in room.changed:
-        tell(f"{stem} stays: it is not what the server verified any more; replace this device's disk")
+        tell(f"{stem} stays: it differs from the file that the server verified; replace this device's disk")
     unsafe = sum(1 for _ in Spool(told.spool).waiting(told.settings.url))
     know(
         left=list(room.left),

@@ -193,7 +193,7 @@ class Sync:
         for stem in room.left:
             LOG.info("%s: left this device; it is safe on the server", stem)
         for stem in room.changed:
-            LOG.warning("%s: stays; it is not what the server verified any more: replace this device's disk", stem)
+            LOG.warning("%s: stays; it differs from the file that the server verified: replace the disk", stem)
 
     def _tidy(self) -> None:
         """Remove what an earlier process of sync was writing when it was ended."""
@@ -253,5 +253,5 @@ def _own_disk(error: OSError, folder: Path) -> SyncError:
     return SyncError(
         f"this device cannot write receipts ({(error.strerror or 'its disk fails').lower()})",
         where=error.filename or folder,
-        advice="make room on its disk or replace it; what is on the server already is not sent twice",
+        advice="make room on its disk or replace it; takes on the server are not sent twice",
     )  # fmt: skip

@@ -133,6 +133,6 @@ def _remote(distributed: Any, workers: Workers) -> Any:
                 raise kind(
                     f"no scheduler answers there ({str(error).splitlines()[0] if str(error) else 'timed out'})",
                     where=address,
-                    advice="start it and run the batch again: what is finished is kept",
+                    advice="start it and run the batch again: finished takes are kept",
                 ) from error
         time.sleep(RETRY)

@@ -24,7 +24,7 @@ def keep(results: Store, name: str, content: bytes) -> None:
     """Write a file and its checksum.
 
     Raises:
-        BatchError, UnreachableError: one of the two cannot be written.
+        BatchError, UnreachableError: file or checksum cannot be written.
     """
     base = name.rsplit("/", 1)[-1]
     results.write(name + CHECKSUM_SUFFIX, f"{digest_of(content)}  {base}\n".encode())

@@ -132,7 +132,7 @@ def run(
             raise BatchError(
                 f"{FRUITLESS} connections in a row brought no result",
                 where=workers.scheduler or THIS_MACHINE,
-                advice="look at the logs of scheduler and workers; what is finished is kept",
+                advice="look at the logs of scheduler and workers; finished takes are kept",
             )
 
 
@@ -218,7 +218,7 @@ class _Round:
             raise UnreachableError(
                 f"there have been no workers for {(now - self.last_seen) / 60:.0f} min",
                 where=self.workers.scheduler or THIS_MACHINE,
-                advice="start workers (dask worker ... --nthreads 1) and run the batch again: what is finished is kept",
+                advice="start workers (dask worker ... --nthreads 1) and run the batch again: finished takes are kept",
             )
 
 

@@ -187,7 +187,7 @@ def store_is_full(error: OSError, where: object) -> UnreachableError:
     """Return the error of a disk that takes no more for now."""
     return UnreachableError(
         f"cannot be written ({error.strerror})", where=where,
-        advice="make room; what is finished is kept, and the same command goes on",
+        advice="make room; finished takes are kept, and the same command goes on",
     )  # fmt: skip
 
 

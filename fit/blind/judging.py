@@ -211,7 +211,7 @@ def _same_group(findings: dict[str, EffectFinding], named: tuple[str, ...], plan
 
 
 def _is_wrong(findings: dict[str, EffectFinding], name: str, cause: set[str], planted: tuple[str, ...]) -> bool:
-    """Return whether a cause that is named, with all that it may be, is none of what was planted."""
+    """Return whether a named cause, or any effect that may be it, is none of the planted ones."""
     return not (cause & set(planted) or _same_group(findings, (name,), planted))
 
 

@@ -253,7 +253,7 @@ def choose(
     mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
-    """List those watched that are within `PAIR_DISTANCE` of contact, and who takes part in them."""
+    """List the watched pairs within `PAIR_DISTANCE` of contact, and mark the spots and panels in them."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     found, with_bodies, in_pairs, facing = 0, 0, 0, 0

@@ -21,7 +21,7 @@ class Simulator(ClothModel):
         - `materials`, (candidates, parameters)
         - `amplitudes`, (candidates, components of all effects), 0 where None
         - `observer_hz`: natural frequency of the pull towards the measured points, 0 for a free rollout.
-        - `progress`: is told the share of the frames that is done, again and again; what it raises ends the simulation.
+        - `progress`: is told the share of finished frames, again and again; an exception in it ends the simulation.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.

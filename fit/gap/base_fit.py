@@ -144,7 +144,7 @@ def _looked_at(
 
 
 def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
-    """Return the first place, (parameters,), and those further down that lie apart from all before; STARTS at least."""
+    """Return the first place, (parameters,), and each later one that is far from all chosen before; STARTS at least."""
     units, chosen = Problem(observer).space.to_unit(places), [0]
     for n, unit in enumerate(units):
         if np.abs(units[chosen] - unit).max(1).min() > APART:

@@ -174,7 +174,7 @@ def has_share(errors: BlockErrors, floor_mm: float) -> bool:
 def gain_p_value(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
     """p-value of one model's leaving less than another on motion that neither was fitted to.
 
-    The share is of what is beyond the noise, or of all where there is hardly anything beyond it.
+    The share is of the error beyond the noise, or of the whole error where hardly any is beyond it.
     """
     return share_of(before, after, floor_mm**2 if has_share(before, floor_mm) else 0.0).p_value
 

@@ -67,7 +67,7 @@ def autocorrelation(grids: list[Floats], lags: int) -> Floats:
 
 
 def ringing_of(grids: list[Floats], rate: float) -> Ringing:
-    """Fit a damped oscillation to what a residual's autocorrelation shows.
+    """Fit a damped oscillation to a residual's autocorrelation.
 
     grids: the residual of each take, (frames, points, 3), nan where unseen; rate: frames per second
     """

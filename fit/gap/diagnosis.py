@@ -83,7 +83,7 @@ def diagnose(
     - `added`: names of effects that are refitted and shown even if screening finds nothing
     - `checkpoint`: folder of finished fits; the caller deletes it when the result is safe
     - `prepared`: the result of `ready` for these takes, if the caller has it already
-    - `by`: what decides: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
+    - `by`: the way to decide: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
@@ -189,10 +189,10 @@ def diagnose(
 
 
 def deciding(name: str) -> Deciding:
-    """Return what decides, by its name.
+    """Return the way to decide, by its name.
 
     Raises:
-        FitError: there is no such thing.
+        FitError: there is no such way.
     """
     for known in get_args(Deciding):
         if name == known:

@@ -86,7 +86,7 @@ def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesi
 
 
 def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
-    """Whether a further effect is seen on the held edge, beyond what laws of those before it may leave there.
+    """Whether a further effect is seen on the held edge, beyond the error that laws of those before it may leave there.
 
     The held row of silhouettes has told stamps and place of the edge already, and shows nothing more.
     """
@@ -103,7 +103,7 @@ def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bo
 def is_worth_adding(
     gap: float, left: float, gain: float, usual_share: float = 0.0, least: float = LEAST_GAIN_BY_LAW
 ) -> bool:
-    """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2].
+    """Whether a further effect that closes `gain` of the rest of a gap is needed; mean squared errors [mm^2].
 
     usual_share: `share_in_median_block` of it; least: `least_gain` beside the effects before it
     """
@@ -120,7 +120,7 @@ def are_worth_adding(
 
 
 def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
-    """Share of what one model leaves beyond the noise that another one closes, in the median half-second."""
+    """Share of one model's error beyond the noise that another model closes, in the median half-second."""
     was, now = before.sums / before.counts, after.sums / after.counts
     left = np.maximum(was - floor_mm**2, LEAST_LEFT * max(floor_mm**2, 1e-6))
     return float(np.median((was - now) / left))
@@ -217,7 +217,7 @@ class Evidence:
     def p_value(self, effect: str) -> float:
         """Family-wise p-value (Bonferroni) of a refitted effect's closing nothing.
 
-        Where the takes judged on chose nothing, the family is what was refitted. Else it is all that was screened.
+        Where the takes judged on chose nothing, the family is every refitted effect. Else it is every screened one.
         """
         family = len(self.singles) if self.is_held_out else len(self.screened)
         return min(1.0, family * gain_p_value(self.base.errors, self.singles[effect].errors, self.floor_mm))

@@ -181,7 +181,7 @@ def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
 def notes(
     training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool, by: str = "rules"
 ) -> list[str]:
-    """Say what a reader must know to judge the figures."""
+    """State the limits that a reader must know to judge the figures."""
     free = (
         "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
     )

@@ -1,7 +1,7 @@
 """Fit base parameters, alone or jointly with effects, to the observer's residuals by least squares.
 
-Searched are base parameters, on a log scale where they have one, and amplitudes in units of their typical size.
-Weak Gaussian priors (a factor of e^1.5 on log parameters) hold what the data cannot tell near its initial value.
+The unknowns are base parameters, on a log scale where they have one, and amplitudes in units of their typical size.
+Weak Gaussian priors (a factor of e^1.5 on log parameters) hold unidentifiable parameters near their initial values.
 Covariance of the estimate, robust against correlation inside blocks of half a second (the sandwich):
 
     V = H^-1 (sum_b s_b s_b^T) H^-1,    H = J^T J + prior,   s_b = J_b^T r_b

@@ -105,7 +105,7 @@ def row_off_mm(observer: Observer) -> float:
 
 
 def noisier(recording: Recording, noise: Floats, rng: np.random.Generator) -> Recording:
-    """Return a recording whose points, of so much noise [m], (points,), and hanger have their noise twice."""
+    """Return a recording with noise added once more to its points, of deviations [m], (points,), and to its hanger."""
     points = recording.points + rng.normal(size=recording.points.shape) * noise[:, None]
     held = recording.held_seen + rng.normal(size=recording.held_seen.shape) * held_noise(recording)
     return recording.with_points(points).with_held(held)

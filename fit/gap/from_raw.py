@@ -1,4 +1,4 @@
-"""The whole way from what a camera reported to what is left: the base model judged on points as they were tracked.
+"""The whole way from a camera's points to the gap: the base model judged on points as they were tracked.
 
 The camera's faults are taken out of silhouettes before anything is fitted (`fit.recordings.camera`). A gap that begins
 afterwards does not show the gain of this step. So the base model is fitted once more, to the same takes with nothing
@@ -58,7 +58,7 @@ def raw_error_mm(
 
 
 def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
-    """Return a gap with what the base model misses the raw points by, and the share closed on the way from there.
+    """Return a gap with the base model's error on the raw points, and the share closed on the way from there.
 
     Raw points that hardly miss by more than the floor leave no gap to close a share of.
     """
@@ -71,7 +71,7 @@ def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
 
 
 def sentence(gap: Gap) -> str:
-    """Say how far it is from the raw points to what is left; nothing where nothing was taken out of them."""
+    """Say how far it is from the raw points to the gap; nothing where nothing was taken out of them."""
     if gap.raw_mm is None or gap.closure_from_raw is None:
         return ""
     after = (gap.with_effect_mm or gap.base_mm).value

@@ -27,7 +27,7 @@ FORGOTTEN_SHARE = 0.2  # of the sensor's noise
 
 
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
-    """Is there enough data, and does anything move, both in what is fitted to and in what is judged on?
+    """Is there enough data, and does anything move, both in the takes fitted to and in those judged on?
 
     Single takes may be still: a hanger at rest shows what leans the cloth.
     """

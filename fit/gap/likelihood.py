@@ -212,7 +212,7 @@ def _offsets(every: list[_Series]) -> _Offsets:
 
 
 def _filter(time: Floats, seen: Booleans) -> tuple[Floats, Floats, Floats]:
-    """Gains and deviations, (frames, series), and what is remembered, (frames,), of white and slow noise."""
+    """Gains and deviations, (frames, series), and memory, (frames,), of white and slow noise."""
     phi = np.exp(-np.diff(time, prepend=time[0]) / SLOW_LASTS)
     variance = np.full(seen.shape[1], SLOW_SHARE**2)
     gain, sd = np.zeros(seen.shape), np.ones(seen.shape)

@@ -1,6 +1,6 @@
 """Describe the missing force from the observer's pull alone, without any library.
 
-The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor
+The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is the force that the model lacks. Sensor
 noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. The force
 is split into its part along the cloth's normal n and the rest. It is regressed on features of the observer's own
 motion. Odd features under time reversal are velocities and dissipative. Even features are accelerations and constants,

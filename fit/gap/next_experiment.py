@@ -237,7 +237,7 @@ def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) ->
 
 
 def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i: int, j: int) -> float:
-    """Norm of what is left of c_i beside base parameters and, unless j is -1, any multiple of c_j."""
+    """Norm of the rest of c_i beside base parameters and, unless j is -1, any multiple of c_j."""
     precision = np.diag(Problem(observer).prior_sd ** -2)
     columns = jacobian
     if j >= 0:

@@ -21,7 +21,7 @@ The size s has two priors, and they are two hypotheses. `known`: log-normal of w
 where any law leaves LEAST_BY_LAW of a gap, to LAW_DEVIATIONS deviations (`fit.gap.evidence`).
 
 `wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: something is at work that the library does not hold.
-Twins, which look alike beside the base, are never in one subset: their difference is what no take shows.
+Twins, which look alike beside the base, are never in one subset: no take shows their difference.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ class Search:
         return found
 
     def _refutes(self, linear: Linear, fitted: Fitted) -> bool:
-        """Whether a true fit keeps nothing of what was promised: of the cost, or of an effect's size."""
+        """Whether a true fit keeps nothing of the promised saving: of the cost, or of an effect's size."""
         if fitted.cost >= (1 - COST_TOLERANCE) * self.about.cost:
             return True
         promised = linear.sizes(fitted.active)
@@ -285,8 +285,8 @@ class Search:
     def _possible(self, mass: Mass) -> Mass:
         """Masses without the subsets that fits refute: broken promises, and effects that are brought along.
 
-        A secant of a strongly non-linear effect may promise what no size of the effect keeps; it then promises no more
-        beside others. Brought along is an effect that a sound law of another one holds as well.
+        A secant of a strongly non-linear effect may promise a saving that no size of the effect keeps; it then promises
+        no more beside others. Brought along is an effect that a sound law of another one holds as well.
         """
         for n, subset in enumerate(mass.among):
             fitted = self.found.fits.get(subset)

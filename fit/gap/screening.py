@@ -105,7 +105,7 @@ Screened = dict[str, Signature]  # every screened effect, by its name
 
 
 def cosine(one: Signature, other: Signature) -> float:
-    """Cosine between what two effects, each alone, would explain of the residual; 0 where one explains nothing."""
+    """Cosine between two effects' parts of the residual, each explained alone; 0 where one explains nothing."""
     lengths = float(np.linalg.norm(one.contribution) * np.linalg.norm(other.contribution))
     return float(one.contribution @ other.contribution) / lengths if lengths > 0.0 else 0.0
 

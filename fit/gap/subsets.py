@@ -42,7 +42,7 @@ LOG_ROOT = 0.5 * float(np.log(2 * np.pi))
 class Columns:
     """Components of the effects that may be at work, in the order of the rows of `Sums` after residual and Jacobian.
 
-    effects: names, one per column; low, high, (columns,): ranges in typical sizes, less what the fit has of them
+    effects: names, one per column; low, high, (columns,): ranges in typical sizes, less the fit's own sizes
     """
 
     effects: tuple[str, ...]

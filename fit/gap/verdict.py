@@ -40,7 +40,7 @@ def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> 
 
 
 def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
-    """Whether one effect of a fit may be no more than what a sound law of another one brings along."""
+    """Whether one effect of a fit may be no more than a sound law of another one brings along."""
     brought = 0.0
     for other in fitted.active:
         share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
@@ -51,7 +51,7 @@ def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict, the effects it names, the sentence, and of one of several what may stand in its place."""
+    """The verdict, the effects it names, the sentence, and the effects that may stand in the place of each."""
 
     verdict: str
     named: list[str]
@@ -236,7 +236,7 @@ def _likely(evidence: Evidence, passing: list[str]) -> list[str]:
 
 
 def _near(evidence: Evidence, best: str, other: str, share: float) -> bool:
-    """Whether another effect closes at least a share of what the best one closes."""
+    """Whether another effect closes at least a share of the best one's closure."""
     first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
     return first is not None and second is not None and second.value > share * first.value
 

@@ -1,16 +1,16 @@
 """The verdict as a posterior: `hangtime diagnose --by evidence`.
 
-Chosen on the takes fitted to alone (`fit.gap.posterior`); the takes judged on are opened once, for the closure of what
-was chosen. Probabilities are masses: of an effect, that of all subsets which hold it and leave a known discrepancy.
+Chosen on the takes fitted to alone (`fit.gap.posterior`); the takes judged on are opened once, for the closure of the
+chosen set. Probabilities are masses: of an effect, that of all subsets which hold it and leave a known discrepancy.
 
 | most of the mass | verdict |
 |---|---|
 | no effect, known discrepancy | `none`, or `inconclusive` under a pull that hides typical sizes |
 | any subset, wide discrepancy | `unknown` |
 | subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
-| subsets of two or three | `several`, of each cause what may stand in its place |
+| subsets of two or three | `several`, with the effects that may stand in each one's place |
 
-Of what the mass prefers, the first set is named in which no size may be nothing; without one there is no name.
+The verdict names the heaviest set in which no size may be nothing; without such a set it names nothing.
 An effect that closes less than SMALLEST_CLOSURE of the gap on motion that nothing was chosen on is no cause: `unknown`.
 Gates and `numerics` are those of `fit.gap.verdict`.
 """
@@ -32,7 +32,7 @@ from formats.arrays import Floats
 
 
 def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]) -> Found:
-    """Weigh every subset of effects, refit those that may win, and judge what was refitted; `rounds` takes it all.
+    """Weigh every subset of effects, refit those that may win, and judge the refits; `rounds` takes it all.
 
     added: names of effects that are refitted and shown whatever their mass
     """
@@ -85,7 +85,7 @@ def inclusion(found: Found) -> dict[str, float]:
 
 
 def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
-    """Say what most of the mass says."""
+    """Word the answer that has most of the mass."""
     failed = [g for g in evidence.gates if not g.passed and g.name not in {"mesh and step", "base fit"}]
     figures = gap_numbers(evidence)
     if failed:

@@ -28,7 +28,7 @@ class Body:
     taper: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise FitError for what is no body."""
+        """Raise FitError for numbers that make no body."""
         sizes = (*self.half_size, self.radius)
         axes, place = np.array(self.axes, float), f"body at {self.centre}"
         if not (np.isfinite((*self.centre, *sizes)).all() and min(sizes) >= 0 and max(sizes) > 0):

@@ -40,7 +40,7 @@ NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eate
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSteps:
-    """Which of a camera's faults are taken out: all, but for whoever wants to know what each of them is worth.
+    """Which of a camera's faults are taken out: all, except where the worth of each is measured.
 
     stamps: a constant latency and a share of the interval before; frames: offsets of whole frames
     """
@@ -173,7 +173,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
 
 
 def steadied(seen: Seen, held: Curve, garment: Garment) -> Seen:
-    """Return frames of a silhouette moved back by what their held row is off by, and say by how much."""
+    """Return frames of a silhouette moved back by the error of their held row, and say by how much."""
     grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
         return seen
@@ -191,7 +191,7 @@ def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
 
 
 def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
-    """Return the findings on frames whose points get their places: what is eaten, how the row errs, how cloth leans."""
+    """Return the findings on frames with placed points: losses of the outline, errors of the row, lean of the cloth."""
     grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge":
         return seen.camera

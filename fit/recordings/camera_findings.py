@@ -88,7 +88,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
-    """Return what to say of takes whose points cannot have the hanger's clock; None where all can."""
+    """Return the finding on takes whose points cannot have the hanger's clock; None where all can."""
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
     lost = [(r, t) for r, t in timed if not t.is_of_hanger]
     if not lost:

@@ -5,8 +5,8 @@ moves. All points of a frame share this error: over time they are smoother about
 (`benchmarks/real_cloth_frames.py`). A frame's own lateness does this, and a picture that was registered late does. Both
 move the row and the cloth alike. So the row's error is taken out of the whole frame, whatever its cause.
 
-An error that follows the hanger's place is a scale or a turn. It is left for the diagnosis: e_f is what a line through
-the place of the hanger's middle leaves. With the hanger's speed v_f,
+An error that follows the hanger's place is a scale or a turn. It is left for the diagnosis: e_f is the rest beside a
+line through the place of the hanger's middle. With the hanger's speed v_f,
 
     e_f = n_f + d_f,   n_f ~ N(0, n^2),   d_f ~ N(0, (k v_f)^2)
     k^2 = sum (e_f^2 - n^2) / sum v_f^2
@@ -50,7 +50,7 @@ class FrameOffsets:
 
     - `moved` [m], (frames, 3): world frame; 0 where the row is not seen
     - `rms` [m]: over the frames in which the hanger moves
-    - `left` [m]: root mean square deviation of what was taken out
+    - `left` [m]: root mean square deviation of the offsets taken out
     """
 
     moved: Floats

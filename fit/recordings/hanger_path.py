@@ -1,4 +1,4 @@
-"""The path of the held ends: whether it can be followed, and the spline through it, led across what is missing.
+"""The path of the held ends: whether it can be followed, and the spline through it, led across gaps.
 
 Piecewise cubic Hermite polynomials lead the path across gaps longer than `LONGEST_GAP`. They keep the monotony of each
 coordinate, so they never overshoot. The true motion there is not known. The cloth is simulated, but it is not judged in
@@ -87,7 +87,7 @@ def gaps_of(seen: Floats) -> list[tuple[float, float]]:
 
 
 def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
-    """Return when what the cloth does follows from a path that was seen, (n,): not in gaps, nor soon after them."""
+    """Return when the cloth's motion follows from a path that was seen, (n,): not in gaps, nor soon after them."""
     known = np.ones(len(instants), bool)
     for begin, end in gaps:
         known &= ~((instants > begin) & (instants < end + SETTLING_TIME))

@@ -109,7 +109,7 @@ def _motion(places: Floats) -> float:
 
 
 def describe_missing(takes: Sequence[Take]) -> list[str]:
-    """Return a warning for each take that is incomplete: what is missing, and what of it is used."""
+    """Return a warning for each take that is incomplete: its missing parts, and the parts that are used."""
     found = []
     for take in takes:
         if take.is_complete:

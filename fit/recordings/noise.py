@@ -1,7 +1,7 @@
-"""White noise of a recording: of its points and of its hanger's path, the larger of what is stated and what shows.
+"""White noise of a recording: of its points and of its hanger's path, the larger of stated and measured noise.
 
 Sixth differences of the frames show it. Below 20 frames a second swings show in them as well. There noise is the
-deviation of what hangs at rest, before the hanger first moves.
+deviation of points at rest, before the hanger first moves.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Outline:
 
 
 def find_outline(time: Floats, points: Floats, ends: Floats, length: Floats, grid: Grid) -> Outline | None:
-    """Return what is eaten of a grid's outline; None where too few frames show it.
+    """Return the losses of a grid's outline; None where too few frames show it.
 
     - `time` [s], (frames,)
     - `points` [m], (frames, points, 3): as tracked, NaN where not seen

@@ -6,7 +6,7 @@ camera sees of it. With the pairs p of neighbours down the cloth, or along the h
 
     c(t) = median_p |x_p1 - x_p2| / d_p,   change^2 = (1.4826 MAD_t c)^2 - noise^2,   noise^2 = 3.14 s^2 / (d^2 P)
 
-change is the larger of the two directions; noise is what white noise s per axis of P pairs leaves in the median.
+change is the larger of the two directions; noise is the deviation of the median of P pairs with s of white noise.
 Markers on simulated swatches, twelve blind cases and three fabrics of motion capture, change by 0.1 to 0.9 %.
 Re-gridded silhouettes of sixteen real takes (github Alados5/tfm_matlab) change by 2.2 to 6.5 %. A change between both
 decides nothing.
@@ -71,7 +71,7 @@ def common_change(points: Floats, valid: Booleans, places: Floats, sd: float) ->
 
 
 def kind_shown(recording: Recording) -> tuple[str, float] | None:
-    """Return what the points of a recording behave like, `material` or `silhouette`, and their common change.
+    """Return the kind that the points of a recording behave like, `material` or `silhouette`, and their common change.
 
     None where too few points lie near each other, or where the change lies between both.
     """
@@ -102,7 +102,7 @@ def describe_steady(garment: Garment, recordings: Sequence[Recording]) -> str:
     """Say that the points of a stated silhouette stay on the cloth; nothing where they do not, or nobody can tell.
 
     It is no contradiction: a camera that sees all of the cloth lays the same grid over it in every frame. Markers that
-    were described as a silhouette look alike, and lose what their own lengths tell.
+    were described as a silhouette look alike, and lose the information of their own lengths.
     """
     found = _against(garment, recordings)
     if found is None or found[0] != "material":
@@ -130,7 +130,7 @@ def _advice(kind: str, recordings: Sequence[Recording]) -> str:
 
 
 def _against(garment: Garment, recordings: Sequence[Recording]) -> tuple[str, str, float] | None:
-    """Return what most recordings show against the garment file: the kind, in which of them, and the common change."""
+    """Return the kind that most recordings show against the garment file, the takes that show it, and their change."""
     shown = [(r.take_id, *found) for r in recordings if (found := kind_shown(r)) is not None]
     against = [(take, kind, change) for take, kind, change in shown if kind != garment.point_kind]
     if 2 * len(against) <= len(shown):

@@ -51,7 +51,7 @@ def smoothing_spline(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> 
 
 
 def low_pass(time: Floats, values: Floats, cut_off: float) -> Floats:
-    """Return `values`, (frames, ...), without what is faster than the cut-off [Hz]; same filter for every column."""
+    """Return `values`, (frames, ...), without motion faster than the cut-off [Hz]; same filter for every column."""
     columns = values.reshape(len(time), -1)
     return np.asarray(smoothing_spline(time, columns, cut_off)(time)).reshape(values.shape)
 
@@ -123,7 +123,7 @@ def _coefficients(time: Floats, basis: Any, bands: tuple[Floats, Floats], values
 
 
 def _weight(cut_off: float, rate: float) -> float:
-    """The lambda whose low-pass halves what is at the cut-off [Hz]."""
+    """The lambda whose low-pass halves motion at the cut-off [Hz]."""
     return float(_weight_at(np.array(2 * np.pi * cut_off / rate)))
 
 

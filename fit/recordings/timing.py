@@ -21,7 +21,7 @@ residual r, both over sigma,
 
 It counts where it is certain: three of its half seconds' standard errors beyond the noise. Few frames at rest tell
 little of that, so sigma is one for the three axes here. Median absolute deviations of m frames tell as much as a mean
-square of n = 3 * 0.37 m numbers. Then sigma^2 may be n / q times what was measured, with q the chi-squared number of n
+square of n = 3 * 0.37 m numbers. Then sigma^2 may be n / q times the measured one, with q the chi-squared number of n
 degrees of freedom at 1 in 740.
 
 The frames themselves are moved back across the cloth, and not in time (`fit.recordings.frame_offsets`).
@@ -122,7 +122,7 @@ def is_sure(interval: tuple[float, float]) -> bool:
 
 
 def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:
-    """Return what the held row says of the stamps; None where the take is too short or the hanger too still.
+    """Return the held row's finding on the stamps; None where the take is too short or the hanger too still.
 
     - `time` [s], (frames,)
     - `row` [m], (frames, 3): its middle, NaN where not seen
@@ -160,7 +160,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
 
 @dataclass(frozen=True)
 class _Scan:
-    """The held row of one take and the path that it is held against; used: what counts; noise per axis [m], (3,)."""
+    """The held row of one take and the path it is held against; used: counted frames; noise per axis [m], (3,)."""
 
     time: Floats
     row: Floats

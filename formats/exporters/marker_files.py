@@ -27,7 +27,7 @@ MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
 
 def marker_tracks(take: Take) -> MarkerTracks:
-    """Return the paths of what a take tracks, from its first frame at 0 s."""
+    """Return the paths of a take's tracked points, from its first frame at 0 s."""
     labels, positions = list(take.garment.point_names), take.points
     apart = np.abs(take.held[:, :, None] - take.points[:, None]).max(3)
     alike = np.where(take.held_valid[:, :, None], apart < ON_POINT, True)  # a point that was not seen is not alike

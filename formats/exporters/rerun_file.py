@@ -44,7 +44,7 @@ def write_rrd(path: Path, take: Take) -> None:
 
 
 def _send_still(rerun: Any, stream: Any, take: Take) -> None:
-    """Send what holds for the whole take: the frame, gravity, and the descriptions as text."""
+    """Send the facts of the whole take: the frame, gravity, and the descriptions as text."""
     gravity = np.asarray(take.rig.gravity)
     axis = int(np.abs(gravity).argmax())
     upright = f"RIGHT_HAND_{'XYZ'[axis]}_{'UP' if gravity[axis] < 0 else 'DOWN'}"
@@ -63,7 +63,7 @@ def _send_still(rerun: Any, stream: Any, take: Take) -> None:
 
 
 def _send_moving(rerun: Any, stream: Any, take: Take) -> None:
-    """Send what changes from frame to frame."""
+    """Send the values of every frame."""
 
     def times(seconds: Floats) -> list[Any]:
         nanoseconds = np.rint(seconds * 1e6).astype("timedelta64[us]").astype("timedelta64[ns]")

@@ -118,7 +118,7 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
 
 
 def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
-    """Return what to say of a path's clock, refusing a path that is not where pictures have the held corners.
+    """Return the note on a path's clock, refusing a path that is not where pictures have the held corners.
 
     time [s], (frames,); corners [m], (frames, 2, 3), NaN where not seen; without any, nothing is checked
 
@@ -145,7 +145,7 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
 
 
 def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = None) -> str:
-    """Return what to say of a clock that is off by less than a fit finds, '' where none shows; refuse a larger shift.
+    """Return the note on a clock that is off by less than a fit finds, '' where none shows; refuse a larger shift.
 
     - `time` [s], (frames,); `seen` [m], (frames, 2, 3): the held ends, in either order, NaN where not seen
     - `best` [m]: from the held corners at any small shift, in the median; None where the ends are not where the hand is

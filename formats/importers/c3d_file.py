@@ -87,7 +87,7 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
 
 
 def _parameters(path: Path, data_at: int) -> Parameters:
-    """Return what the parameters of a file say, whose data begin at a byte; the section may be longer than it states.
+    """Return the parameters of a file whose data begin at a byte; the section may be longer than it states.
 
     Raises:
         TakeError: they do not hold together.
@@ -177,7 +177,7 @@ class _Header:
 
 
 def _refuse_a_short_file(path: Path, size: int) -> _Header:
-    """Refuse a file that ends before the last frame that its header states; return what its header says."""
+    """Refuse a file that ends before the last frame that its header states; return its header."""
     with path.open("rb") as file:
         head = file.read(BLOCK_BYTES)
         if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:

@@ -101,7 +101,7 @@ class Parameters:
         return np.zeros(0) if kind == TEXT else numbers_of(raw, kind, self.processor).astype(float)
 
     def texts(self, group: str, name: str) -> list[str]:
-        """Return the texts of a parameter, none where there is no such one."""
+        """Return the texts of a parameter; an empty list where the file has no such parameter."""
         kind, sides, raw = self._found.get((group, name), (BYTE, [], b""))
         if kind != TEXT or not raw:
             return []

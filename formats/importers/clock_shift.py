@@ -134,7 +134,7 @@ def _residual(seen: Floats, path: Floats) -> Floats:
 
 
 def _median(values: Floats, axis: int) -> Floats:
-    """Return the median of what is no NaN, of many rows at once; the axis stays, with one place."""
+    """Return the medians of many rows at once, without NaN; the axis stays, with one place."""
     ordered, count = np.sort(values, axis=axis), np.isfinite(values).sum(axis, keepdims=True)
     low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[axis] - 1)
     return np.asarray((np.take_along_axis(ordered, low, axis) + np.take_along_axis(ordered, high, axis)) / 2)

@@ -1,4 +1,4 @@
-"""Read the arrays that an importer needs of an `.npz` archive, and refuse what is none."""
+"""Read the arrays that an importer needs of an `.npz` archive, and refuse other files."""
 
 from __future__ import annotations
 

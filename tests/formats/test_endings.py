@@ -63,7 +63,7 @@ def test_a_full_disk_is_one_sentence_that_names_the_file_and_leaves_what_was_the
     done = run(SAVES, "save", tmp_path, preexec_fn=at_most(100))
     assert done.returncode == 2
     assert done.stderr.startswith(f"hangtime: {tmp_path}/diagnosis.json: cannot be written (File too large); make room")
-    assert "what was whole before stays" in done.stderr
+    assert "whole files stay" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert (tmp_path / "diagnosis.json").read_bytes() == before
     assert os.listdir(tmp_path) == ["diagnosis.json"]

@@ -134,5 +134,5 @@ def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named
     content[100] ^= 1
     three[1].path.write_bytes(content)
     told = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
-    assert "take-000002 stays: it is not what the server verified any more; replace this device's disk" in told
+    assert "take-000002 stays: it differs from the file that the server verified; replace this device's disk" in told
     assert [take.sequence for take in spool.takes()] == [2]

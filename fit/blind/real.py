@@ -287,7 +287,7 @@ def _filled(take: Take) -> Floats:
 
 
 def _with_points(take: Take, points: Floats) -> Take:
-    """Points that were not seen stay unseen."""
+    """Return a take with other places of its points; points that were not seen stay unseen."""
     return replace(take, points=np.where(take.points_valid[..., None], points, np.nan))
 
 

@@ -114,7 +114,7 @@ class Model:
         return self.distances_of(self.points(vectors))
 
     def distances_of(self, points: list[Floats]) -> Floats:
-        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
+        """`distances` of points simulated already [m], (candidates, frames, points, 3) a take."""
         by_take = [objective.total(o, p) for o, p in zip(self.objectives, points, strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
 

@@ -32,8 +32,11 @@ def plain(text: object) -> str:
 def lines_of(text: str) -> str:
     """Return text of several lines for a terminal, each as `plain` returns it, of any length.
 
-    Names of files and words from files are in it. The code that clears a line (`CLEAR_LINE`) stays.
+    Names of files and words from files are in it. The code that clears a line (`CLEAR_LINE`) stays, and so does a
+    carriage return at the begin, by which a line replaces itself.
     """
+    if text.startswith("\r") and not text.startswith(CLEAR_LINE):
+        return "\r" + lines_of(text[1:])
     shown = ("".join(letter if letter in "\n\t" or is_harmless(letter) else _escaped(letter) for letter in part)
              for part in text.split(CLEAR_LINE))  # fmt: skip
     return CLEAR_LINE.join(shown)

@@ -26,6 +26,7 @@ def test_what_is_no_letter_is_shown_by_its_code(text, shown):
 
 def test_lines_keep_their_ends_and_the_code_that_clears_a_line_and_no_other():
     assert lines_of(f"{CLEAR_LINE}a\n\tb\x1b[2J\r\x9b") == f"{CLEAR_LINE}a\n\tb\\x1b[2J\\r\\x9b"
+    assert lines_of("\rhalf\r") == "\rhalf\\r"
     assert lines_of("a" * (LONGEST_TEXT + 1)) == "a" * (LONGEST_TEXT + 1)
 
 

@@ -128,7 +128,10 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     damaged = findings.damaged + contents.damaged
     blocks, strange = _in_order(contents.blocks, ours)
     ends = [end for end in contents.ends if end.get("take") == ours and _is_end(end, version)]
-    damaged += strange + len(contents.ends) - len(ends)
+    others = {key for key in contents.headers if key != ours} if version > 1 else set()
+    other_blocks = sum(block.get("take") in others for block in contents.blocks)
+    other_ends = sum(end.get("take") in others for end in contents.ends)
+    damaged += strange - other_blocks + len(contents.ends) - len(ends) - other_ends
     memory = TableMemory.of(len(raw))
     columns, kept, lost = _decoded(blocks, len(garment.points), version, memory)
     columns, kept, out_of_order = _increasing(columns, kept) if kept else (columns, kept, 0)
@@ -152,6 +155,7 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     return take, TakeReport(
         frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged, is_complete=end is not None,
         missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans, trailing_bytes=findings.trailing,
+        other_blocks=other_blocks,
     )  # fmt: skip
 
 

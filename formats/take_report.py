@@ -13,6 +13,7 @@ class TakeReport:
 
     - `missing_frames`: None where the end of the take is not known
     - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
+    - `other_blocks`: that belong to another take in the same file, whose header is there too
     - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
     """
 
@@ -25,6 +26,7 @@ class TakeReport:
     missing_scans: int
     spans: tuple[Span, ...]
     trailing_bytes: int
+    other_blocks: int = 0
 
     @property
     def is_sound(self) -> bool:
@@ -33,5 +35,5 @@ class TakeReport:
 
     @property
     def is_damaged(self) -> bool:
-        """True where a block does not hold, or where something follows the end of the archive."""
-        return self.damaged_blocks > 0 or self.trailing_bytes > 0
+        """True where a block does not hold or is of another take, or where something follows the end of the archive."""
+        return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_blocks > 0

@@ -121,6 +121,8 @@ def verify_takes(paths: Takes) -> None:
             rest += f"; missing: {missing_words(take, report.spans)}{frames}"
         if report.missing_scans:
             rest += f"; missing: {_lost_scans(report)}"
+        if report.other_blocks:
+            rest += f"; {_of_another(report)}"
         if report.trailing_bytes:
             rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
         if not report.is_sound:
@@ -132,12 +134,19 @@ def verify_takes(paths: Takes) -> None:
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
-            missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes, is_complete=take.is_complete,
+            missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
+            other_blocks=report.other_blocks, is_complete=take.is_complete,
             missing=missing_words(take),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
         raise typer.Exit(2)
+
+
+def _of_another(report: TakeReport) -> str:
+    from formats.plain_text import counted
+
+    return f"{counted(report.other_blocks, 'block')} of another take in this file, which is not read"
 
 
 def _lost_scans(report: TakeReport) -> str:
@@ -165,25 +174,41 @@ def recover_takes(
     from formats.missing import missing_words
     from formats.plain_text import plain
 
+    names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
+    targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
+    refuse_the_same_name(targets, "recover one of them into another --out")
     all_read = True
-    for path in paths:
+    for path, target in zip(paths, targets, strict=True):
         try:
             take, report = read_with_report(path)
         except TakeError as error:
             tell_entry("takes", f"lost: {error}", file=None, frames=0, missing="", lost_scans=0, error=str(error))
             all_read = False
             continue
-        name = path.name.removesuffix(".partial").removesuffix(".mcap")
-        target = write_take((out or path.parent) / f"{name}.recovered.mcap", take, overwrite=overwrite)
+        write_take(target, take, overwrite=overwrite)
         lost = missing_words(take)
         told = f"missing: {lost}" if lost else "nothing is missing"
         scans = f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
-        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}"
+        other = f"; {_of_another(report)}" if report.other_blocks else ""
+        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}{other}"
         tell_entry(
             "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
         )
     if not all_read:
         raise typer.Exit(2)
+
+
+def refuse_the_same_name(targets: list[Path], advice: str) -> None:
+    """Refuse, before anything is written, files of which one would replace another.
+
+    Raises:
+        OutputError: two have one name.
+    """
+    from formats.errors import OutputError
+
+    for target in targets:
+        if targets.count(target) > 1:
+            raise OutputError(f"two takes would become {target.name}", where=target.parent, advice=advice)
 
 
 def export_takes(
@@ -202,7 +227,7 @@ def export_takes(
     Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
     from formats.archive import read_with_report
-    from formats.errors import OutputError, TakeError
+    from formats.errors import TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
@@ -214,9 +239,9 @@ def export_takes(
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
     }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
+    if to is not ExportKind.PARQUET:
+        refuse_the_same_name(targets, "export one of them elsewhere")
     for target in targets:
-        if targets.count(target) > 1 and to is not ExportKind.PARQUET:
-            raise OutputError(f"two takes would become {target.name}", where=out, advice="export one of them elsewhere")
         if not overwrite:
             refuse_to_replace(target)
     lost: dict[Path, TakeError] = {}

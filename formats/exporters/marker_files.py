@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.arrays import Floats
-from formats.errors import TakeError
+from formats.errors import OutputError, TakeError
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import write_bytes
 from formats.take import Take
@@ -22,6 +22,7 @@ from formats.take import Take
 HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
+POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
 LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d writes nothing of a longer one
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
@@ -77,8 +78,14 @@ def write_c3d(path: Path, take: Take) -> None:
     file["data"]["meta_points"]["residuals"] = np.where(seen.T[None], 0.0, -1.0)
     with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
         plain = os.path.join(folder, "file.c3d")
-        file.write(plain)
-        write_bytes(path, Path(plain).read_bytes())
+        file.write(plain)  # ezc3d says nothing of a disk that is full
+        raw = Path(plain).read_bytes() if os.path.exists(plain) else b""
+        if len(raw) < positions[..., 0].size * POINT_BYTES:
+            raise OutputError(
+                "the folder for temporary files has no room for the C3D file", where=tempfile.gettempdir(),
+                advice="make room there, or name another folder in TMPDIR",
+            )  # fmt: skip
+        write_bytes(path, raw)
 
 
 def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:

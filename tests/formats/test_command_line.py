@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -367,3 +368,26 @@ def test_a_plain_sh_shows_the_completion_of_its_users_shell_or_says_which_shells
     done = subprocess.run(["sh", "-c", words], env={**os.environ, "SHELL": shell}, capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert (done.stdout if code == 0 else done.stderr).startswith(said)
+
+
+def test_takes_that_would_be_recovered_into_one_file_are_refused_before_any_is_lost(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_take(tmp_path / name / "one.mcap", replace(a_take(), take_id=name))
+    both = (tmp_path / "a" / "one.mcap", tmp_path / "b" / "one.mcap")
+    done = hangtime("takes", "recover", *both, "--out", tmp_path / "out", "--overwrite")
+    assert done.returncode == 2
+    assert "two takes would become one.recovered.mcap; recover one of them into another --out" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_blocks_of_another_take_in_a_file_are_named_as_such_and_not_as_damaged(tmp_path):
+    first, second = (write_take(tmp_path / f"{name}.mcap", replace(a_take(), take_id=name)) for name in ("a", "b"))
+    joined = tmp_path / "joined.mcap"
+    joined.write_bytes(first.read_bytes() + second.read_bytes())
+    done = hangtime("takes", "verify", joined)
+    assert done.returncode == 2
+    assert "of another take in this file, which is not read" in done.stdout
+    assert " blocks," not in done.stdout
+    recovered = hangtime("takes", "recover", joined)
+    assert re.search(r"nothing is missing; \d+ blocks? of another take in this file", recovered.stdout)

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from formats.archive import write_take
-from formats.errors import TakeError
+from formats.errors import OutputError, TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
 from formats.exporters.rerun_file import write_rrd
@@ -23,6 +23,7 @@ from formats.garment import TrackedPoint
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
 from tests.fit.here import hangtime_here
+from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import a_scan, a_take
 
 MANY = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -56,6 +57,18 @@ def test_csv_comes_back_to_a_micrometre_and_a_microsecond(tmp_path, take):
     tracks = read_marker_tracks(tmp_path / "a.csv")
     same(tracks, take, 0.51e-6)
     np.testing.assert_allclose(tracks.time, take.time - take.time[0], atol=0.51e-6)
+
+
+@pytest.mark.parametrize("room", [0, 1000, 20_000])
+def test_a_c3d_file_for_which_there_is_no_room_is_refused_and_leaves_nothing(tmp_path, room):
+    """ezc3d writes what it can and says nothing; the whole file has more than 20 kB."""
+    pytest.importorskip("ezc3d")
+    take = a_take(frames=600)
+    write_c3d(tmp_path / "whole.c3d", take)
+    assert (tmp_path / "whole.c3d").stat().st_size > 20_000
+    with no_file_beyond(room), pytest.raises(OutputError, match="no room for the C3D file"):
+        write_c3d(tmp_path / "a.c3d", take)
+    assert [path.name for path in tmp_path.iterdir()] == ["whole.c3d"]
 
 
 @given(take=takes())

@@ -193,7 +193,8 @@ def record_command(
     garment: Annotated[Path, typer.Option("--garment", metavar="GARMENT.toml", help="Outline, weight and points.")],
     out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write, *.mcap.")],
     seconds: Annotated[
-        float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
+        float | None,
+        typer.Option("--seconds", min=1.0, max=86400.0, help="Stop after so long.", show_default="the end"),
     ] = None,
     pick: Annotated[
         tuple[str, str] | None,

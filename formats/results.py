@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from codecs import BOM_UTF8
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -105,7 +106,7 @@ def _load(path: Path, kind: type[Result]) -> Result:
 
 def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     try:
-        record = msgspec.json.decode(raw, type=kind)
+        record = msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
         _refuse_other_version(raw, kind, where)
         words = "it is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))

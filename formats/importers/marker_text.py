@@ -64,6 +64,11 @@ def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> F
                 f"ends within line {rows.numbers[k]}, after {len(row)} of its {width} cells", where=path,
                 advice="it is cut off: copy or export it again",
             )  # fmt: skip
+        if not is_exact and len(row) < width and _is_cut(row):
+            raise TakeError(
+                f"line {rows.numbers[k]} ends within a number, after {len(row)} of its {width} cells", where=path,
+                advice="the line is cut off: copy or export the file again",
+            )  # fmt: skip
         cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
         if len(cells) != width:
             raise TakeError(
@@ -77,6 +82,21 @@ def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> F
                 advice="mend that line",
             ) from error  # fmt: skip
     return values
+
+
+def _is_cut(row: list[str]) -> bool:
+    """Return whether the last cell of a row lacks digits behind its point that all other places of the row have.
+
+    Many programs write every place with as many digits. A cell without some of them was cut, and its number is
+    another one. The first two cells are a frame's number and time.
+    """
+    written = {count for cell in row[2:-1] if (count := _digits(cell))}
+    return len(written) == 1 and bool(row[-1].strip()) and _digits(row[-1]) < min(written)
+
+
+def _digits(cell: str) -> int:
+    """Return how many digits stand behind the point, or the decimal comma, of a cell."""
+    return len(cell.strip().replace(",", ".").partition(".")[2])
 
 
 def _row(cells: list[str]) -> list[float]:

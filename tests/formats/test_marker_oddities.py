@@ -39,6 +39,19 @@ def test_a_last_line_that_is_cut_is_named_and_one_without_its_end_is_read(tmp_pa
         read_marker_tracks(path)
 
 
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "csv"])
+def test_a_line_in_the_middle_that_is_cut_within_a_number_is_named(tmp_path, name):
+    """A place of 1.500000 would else be one of 1, in a frame whose other markers are gaps."""
+    path = tmp_path / f"a.{name}"
+    lines = WRITERS[name](np.abs(drawn()) + 1.0).splitlines()
+    separator = "\t" if "\t" in lines[-2] else ","
+    cells = lines[-2].split(separator)
+    cut = separator.join([*cells[:6], cells[6][:3]])
+    path.write_text("\n".join([*lines[:-2], cut, lines[-1], ""]))
+    with pytest.raises(TakeError, match=rf"line {len(lines) - 1} (ends within a number|has 7 columns)"):
+        read_marker_tracks(path)
+
+
 @pytest.mark.parametrize("word", ["NaN", "-nan(ind)", "1.#QNAN", "-1.#IND", "#N/A", "NA", "null", "-", "-0.000"])
 def test_a_gap_is_a_gap_in_every_programs_word(tmp_path, word):
     path = tmp_path / "a.csv"

@@ -62,6 +62,12 @@ def test_a_named_effect_must_be_among_the_findings(tmp_path):
         save_diagnosis(tmp_path / "d.json", bad)
 
 
+def test_a_result_behind_a_byte_order_mark_is_read(tmp_path):
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    (tmp_path / "fit.json").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "fit.json").read_bytes())
+    assert load_fit_result(tmp_path / "fit.json") == fit_result()
+
+
 def test_a_wrong_field_is_named(tmp_path):
     save_fit_result(tmp_path / "fit.json", fit_result())
     (tmp_path / "fit.json").write_text((tmp_path / "fit.json").read_text().replace('"seed"', '"sead"'))

@@ -65,7 +65,7 @@ def import_recordings(
     from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
-    from formats.outputs import check_name, refuse_to_replace, write_description
+    from formats.outputs import check_name, refuse_to_replace, unwritable, write_description
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
 
     described = load_garment(garment, anyway=anyway) if garment is not None else None
@@ -97,10 +97,11 @@ def import_recordings(
     for take in takes:
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)
+        target = out / f"{take.take_id}.mcap"
         try:
-            target = write_take(out / f"{take.take_id}.mcap", take, overwrite=overwrite)
+            write_take(target, take, overwrite=overwrite)
         except OSError as error:
-            raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
+            raise unwritable(target, error) from error
         length = float(take.time[-1])
         front = take.notes.get("front")
         words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (

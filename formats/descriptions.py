@@ -21,6 +21,7 @@ from formats.wrong_fields import wrong_field
 Description = TypeVar("Description", Garment, Rig)
 
 MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
+MOST_LETTERS = 1000  # letters of a garment's or a point's name: tables and pages show it
 MOST_CORNERS = 1000  # of an outline, and of all holes together
 HEAVIEST_GARMENT = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
@@ -144,6 +145,8 @@ def check_garment(garment: Garment, where: object) -> None:
     for name in names:
         if names.count(name) > 1:
             refuse(f"points: the name {name!r} is used twice")
+    if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS:
+        refuse(f"a name has {longest} letters, at most {MOST_LETTERS} can be used")
     for point in garment.points:
         if _distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
             refuse(f"points: {point.name!r} lies outside the outline")
@@ -193,6 +196,8 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
         for point in garment.points:
             if _distance_outside(np.array(point.at_m), hole) == 0:
                 refuse(f"points: {point.name!r} lies in hole {number}")
+    if len(set(garment.seams)) < len(garment.seams):
+        refuse("seams: one is there twice")
     for pair in garment.seams:
         if not all(0 <= corner < len(outline) for corner in pair) or (pair[1] - pair[0]) % len(outline) != 1:
             refuse(f"seams: {list(pair)} are not neighbouring corners of the outline, clockwise, counted from 0")

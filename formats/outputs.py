@@ -139,8 +139,11 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def unwritable(path: Path, error: OSError) -> OutputError:
-    """Return the error of a file that cannot be written; only a full disk asks for room."""
-    advice = "make room on the disk" if error.errno in FULL else "check the folder"
+    """Return the error of a file that cannot be written, with the next step by its cause."""
+    if error.errno == errno.ENAMETOOLONG:
+        advice = "give the file that it is made from a shorter name"
+    else:
+        advice = "make room on the disk" if error.errno in FULL else "check the folder"
     return OutputError(f"cannot be written ({error.strerror})", where=path, advice=advice)
 
 

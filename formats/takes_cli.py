@@ -172,6 +172,7 @@ def recover_takes(
     from formats.archive import read_with_report, write_take
     from formats.errors import TakeError
     from formats.missing import missing_words
+    from formats.outputs import unwritable
     from formats.plain_text import plain
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
@@ -185,7 +186,10 @@ def recover_takes(
             tell_entry("takes", f"lost: {error}", file=None, frames=0, missing="", lost_scans=0, error=str(error))
             all_read = False
             continue
-        write_take(target, take, overwrite=overwrite)
+        try:
+            write_take(target, take, overwrite=overwrite)
+        except OSError as error:
+            raise unwritable(target, error) from error
         lost = missing_words(take)
         told = f"missing: {lost}" if lost else "nothing is missing"
         scans = f"; lost: {_lost_scans(report)}" if report.missing_scans else ""

@@ -391,3 +391,13 @@ def test_blocks_of_another_take_in_a_file_are_named_as_such_and_not_as_damaged(t
     assert " blocks," not in done.stdout
     recovered = hangtime("takes", "recover", joined)
     assert re.search(r"nothing is missing; \d+ blocks? of another take in this file", recovered.stdout)
+
+
+def test_a_take_whose_name_is_too_long_for_another_file_says_what_to_do(tmp_path):
+    path = write_take(tmp_path / f"{'n' * 240}.mcap", a_take())
+    done = hangtime("takes", "recover", path)
+    assert done.returncode == 2
+    assert (
+        "recovered.mcap: cannot be written (File name too long); give the file that it is made from a shorter name"
+        in (done.stderr)
+    )

@@ -172,6 +172,8 @@ def test_holes_seams_and_grain_come_back_from_the_file_and_take_their_area(tmp_p
         (cut(holes_m=((*HOLE, HOLE[0]),)), "hole 1 touches itself, or has a corner twice"),
         (cut(holes_m=(HOLE, tuple((x - 0.1, y) for x, y in HOLE))), "hole 2 overlaps"),
         (cut(holes_m=(HOLE, tuple((x - 0.01, y) for x, y in HOLE))), "hole 2 overlaps"),
+        (cut(seams=((1, 2), (3, 0), (1, 2))), "seams: one is there twice"),
+        (cut(name="a" * 1001), "a name has 1001 letters, at most 1000 can be used"),
         (cut(seams=((0, 2),)), r"seams: \[0, 2\] are not neighbouring"),
         (cut(seams=((1, 0),)), r"seams: \[1, 0\] are not neighbouring"),
         (cut(grain_degrees=120.0), "grain_degrees must be between -90 and 90"),

@@ -114,6 +114,7 @@ def test_a_place_that_is_not_valid_may_be_anything():
         (np.arange(61) / 30, [31, 30]),  # the frame that reaches a second ends the block
         ([0.0, 0.5, 0.9, 3.0, 3.5], [3, 2]),  # 3 s are not within two of the first: they begin a block
         ([0.0, 0.5, 1.9, 3.0], [3, 1]),  # 1.9 s are
+        ([0.0, 0.5, 2.0, 3.0], [2, 2]),  # nor are 2 s
         ([0.0, 5.0], [1, 1]),
         (np.arange(MOST_ROWS + 10) * 1e-4, [MOST_ROWS, 10]),
         ([], []),

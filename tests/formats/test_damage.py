@@ -20,7 +20,7 @@ from formats.chunks import MCAP_MAGIC, Findings, messages_in
 from formats.errors import TakeError
 from formats.surface import places_of
 from tests.fit.here import hangtime_here
-from tests.formats.damage import PAGE, chunks_of, damaged, is_wrong
+from tests.formats.damage import PAGE, chunks_of, damaged, is_wrong, without_end
 from tests.formats.test_archive import a_scan, a_take
 
 
@@ -186,6 +186,19 @@ def test_what_follows_the_end_of_a_take_is_counted_and_no_frame_is_lost(kind, ra
     assert re.search(
         rf"^damaged +a.mcap: 150 frames in 5 blocks.*; {len(behind)} bytes? follows? its end; ", said.stdout
     )
+
+
+@pytest.mark.parametrize(("frames", "chosen"), [((60, 240), "b"), ((240, 60), "a"), ((60, 60), "b")])
+def test_of_two_takes_without_an_end_the_one_of_most_blocks_is_read_or_else_the_last(tmp_path, frames, chosen):
+    both = [
+        without_end(write_take(tmp_path / f"{name}.mcap", replace(a_take(frames=count), take_id=name)).read_bytes())
+        for name, count in zip("ab", frames, strict=True)
+    ]
+    path = tmp_path / "both.mcap"
+    path.write_bytes(both[0] + both[1])
+    take, report = read_with_report(path)
+    assert (take.take_id, len(take.time), report.is_complete) == (chosen, max(frames), False)
+    assert report.other_blocks == min(frames) // 30
 
 
 def test_a_damaged_take_with_a_whole_one_behind_it_is_the_damaged_one(raw, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
@@ -54,6 +54,18 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     partial = unfinished_name(path)
     if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
         raise left_unfinished(partial)
+
+
+def refuse_an_input(target: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to write over one of the files that are read, whatever may be replaced.
+
+    Raises:
+        OutputError: the target is one of them.
+    """
+    for path in inputs:
+        with contextlib.suppress(OSError):
+            if target.samefile(path):
+                raise OutputError("would replace the take that is read", where=target, advice="give another name")
 
 
 def _holds(path: Path, content: bytes) -> bool:

@@ -84,7 +84,7 @@ def show_take(
 ) -> None:
     """Show the content of a take: length, rate, garment, how often each point was seen and how noisy it is."""
     from formats.archive import read_with_report
-    from formats.outputs import refuse_to_replace
+    from formats.outputs import refuse_an_input, refuse_to_replace
     from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
@@ -93,6 +93,7 @@ def show_take(
     lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
     tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans)
     if plot is not None:
+        refuse_an_input(plot, [path])
         if not overwrite:
             refuse_to_replace(plot)
         draw_png(take, plot)
@@ -236,7 +237,7 @@ def export_takes(
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
     from formats.missing import missing_words
-    from formats.outputs import output_folder, refuse_to_replace
+    from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
     from formats.plain_text import counted, plain
 
     writers = {
@@ -246,6 +247,7 @@ def export_takes(
     if to is not ExportKind.PARQUET:
         refuse_the_same_name(targets, "export one of them elsewhere")
     for target in targets:
+        refuse_an_input(target, paths)
         if not overwrite:
             refuse_to_replace(target)
     lost: dict[Path, TakeError] = {}

@@ -99,6 +99,8 @@ def is_garment_covered(depth: NDArray[np.uint16], held: Floats, camera: Sensor) 
 
     depth [mm], (H, W); held [m], (2, 3): ends of the held edge.
     """
+    if not np.isfinite(held).all():  # a hanger along gravity has no edge below it
+        return False
     z = held[:, 2:]
     ends = held[:, :2] / z * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     low, high = ends.min(0), ends.max(0)

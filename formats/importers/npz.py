@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection
@@ -42,7 +43,10 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
         return found
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
-    except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
+    except (
+        ValueError, TypeError, EOFError, RuntimeError, MemoryError, SyntaxError, tokenize.TokenError,
+        zipfile.BadZipFile, zlib.error,
+    ) as error:  # fmt: skip
         raise TakeError("is an .npz archive that is damaged or holds objects", where=path, advice=advice) from error
 
 

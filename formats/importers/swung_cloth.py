@@ -85,6 +85,10 @@ def import_swung_cloth(
     width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
+    if not valid.any():
+        raise TakeError(
+            "no point was ever seen", where=path, advice="give a recording that has finite points where `valid` is true"
+        )
     held, own, clock = data["hanger_corners"].astype(float), None, ""
     if not anyway:
         _check_places(points, valid, held, rest, path)

@@ -401,3 +401,17 @@ def test_a_take_whose_name_is_too_long_for_another_file_says_what_to_do(tmp_path
         "recovered.mcap: cannot be written (File name too long); give the file that it is made from a shorter name"
         in (done.stderr)
     )
+
+
+def test_a_take_is_never_replaced_by_what_is_made_of_it(tmp_path):
+    path = write_take(tmp_path / "a.mcap", a_take())
+    whole = path.read_bytes()
+    (tmp_path / "link.png").symlink_to(path)
+    for words in (
+        ("show", path, "--png", path), ("show", path, "--png", tmp_path / "link.png"),
+        ("export", path, "--to", "parquet", "--out", path),
+    ):  # fmt: skip
+        done = hangtime("takes", *words, "--overwrite")
+        assert done.returncode == 2
+        assert "would replace the take that is read; give another name" in done.stderr
+        assert path.read_bytes() == whole

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import zipfile
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -36,6 +39,8 @@ def with_value(place, value):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"valid": lambda valid: valid & False}, "no point was ever seen"),
+        ({"points": lambda points: points + np.inf}, "no point was ever seen"),
         ({"points": lambda points: points + 1e300}, "the array 'points' has places beyond 1000 m"),
         ({"t": with_value(3, np.nan)}, "does not increase from frame to frame, first at frame 3, at nan s"),
         ({"t": with_value(0, np.nan)}, "first at frame 0, at nan s"),
@@ -209,6 +214,13 @@ def test_places_that_contradict_each_other_are_refused(tmp_path, change, sentenc
     np.savez(tmp_path / "a.npz", **{**data, **{name: data[name] * np.array(by) for name, by in change.items()}})
     with pytest.raises(TakeError, match=sentence):
         import_swung_cloth(tmp_path / "a.npz")
+
+
+def test_an_array_whose_head_is_cut_is_one_sentence(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("t.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", 9) + b'{"descr":')
+    with pytest.raises(TakeError, match=r"is an \.npz archive that is damaged or holds objects"):
+        load_arrays(tmp_path / "a.npz", ["t"], most_bytes=8000, advice="give less")
 
 
 def test_arrays_of_small_numbers_count_as_what_an_import_makes_of_them(tmp_path):

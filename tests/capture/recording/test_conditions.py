@@ -353,3 +353,8 @@ def test_every_bit_has_a_name_and_a_line_in_the_specification():
     assert bits == set(STATE_NAMES) == {1 << k for k in range(13)}
     text = (Path(__file__).parents[3] / "formats/SPEC.md").read_text()
     assert all(f"| {bit} |" in text for bit in bits)
+
+
+def test_a_held_edge_that_is_nowhere_is_not_covered():
+    """Gravity along the hanger leaves no direction in which the cloth hangs."""
+    assert not is_garment_covered(np.full((480, 640), 500, np.uint16), np.full((2, 3), np.nan), CAMERA)

@@ -25,19 +25,17 @@ def valley(units):
 
 
 def test_frames_without_any_sight_have_no_part_in_the_number():
-    """2, 2, 2, 1 as in `test_search_correlation`; a take that sees nothing adds nothing."""
-    slow = np.array([np.nan] * 3 + [2.0, 2, 2, 1] + [np.nan])[:, None, None]
-    assert independent([slow]) == pytest.approx(169 / (31.6875 + 2 * 100 / 3))
+    """16 ones as in `test_search_correlation`; a take that sees nothing adds nothing."""
+    slow = np.array([np.nan] * 3 + [1.0] * 16 + [np.nan])[:, None, None]
+    assert independent([slow]) == pytest.approx(256 / 145)
     assert independent([slow, np.full((4, 1, 1), np.nan)]) == independent([slow])
 
 
 def test_pairs_of_which_one_number_was_not_seen_do_not_count():
-    """2, 2, unseen, 2, 2, 1: chance leaves 3.4^2 = 11.56, and lag 0 counts 17^2 / 5 - 11.56 = 46.24.
-
-    Lag 1 has 10^2 / 3 of three pairs and lag 3 has 8^2 / 2 of two; lags 2, 4 and 5 have 18, 18 and 4, too little.
-    """
-    take = np.array([2.0, 2, np.nan, 2, 2, 1])[:, None]
-    assert independent([take]) == pytest.approx(289 / (46.24 + 2 * (100 / 3 + 32)))
+    """16 ones, the second unseen: lags 1 to 5 have 13, 13, 12, 11 and 10 pairs, and more than 10.83 count."""
+    take = np.ones(16)
+    take[1] = np.nan
+    assert independent([take[:, None]]) == pytest.approx(225 / (14 + 2 * (13 + 13 + 12 + 11)))
 
 
 # --- bounds ---------------------------------------------------------------------------------------

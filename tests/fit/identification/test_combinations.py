@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fit.cloth.material import DENSITY, MATERIAL_NAMES, STRETCH
 from fit.identification.combinations import describe_combinations
-from fit.methods import LEAN, MOCAP_SWATCH
+from fit.methods import KINECT_SKIRT_WEIGHED, LEAN, MOCAP_SWATCH
 from fit.search.intervals import Intervals
 from fit.search.least_squares import BoundedSpace
 
@@ -102,3 +103,55 @@ def test_a_combination_of_several_that_hangs_on_one_is_as_little_known_as_that_o
     assert (bending.is_identified, bending.is_at_bound) == (False, True)
     assert bending.interval_high == pytest.approx(1e-3)
     assert found["stretch stiffness / density"].is_identified
+
+
+def share_of_the_ranges(share, **more):
+    """Stretching over density, of a fit whose variances are a share of the ranges' own."""
+    space = BoundedSpace(minimum=MOCAP_SWATCH.minimum, maximum=MOCAP_SWATCH.maximum, is_log=MOCAP_SWATCH.is_log)
+    covariance = np.diag(share * space.slope(np.array(WITH_DENSITY)) ** 2 / 12)
+    return described(covariance, WITH_DENSITY, MOCAP_SWATCH, **more)["stretch stiffness / density"]
+
+
+@pytest.mark.parametrize(("share", "is_identified"), [(0.49**2, True), (0.51**2, False)])
+def test_a_combination_is_identified_below_half_of_the_ranges_deviation(share, is_identified):
+    assert share_of_the_ranges(share).is_identified == is_identified
+
+
+def test_a_combination_that_is_not_identified_reaches_the_ends_of_its_unknown_parameters():
+    """Stretching of 30 to 1000 N/m at 0.2 kg/m^2, though the linear model says far less; density 0.1 is known."""
+    ends = [[30.0, 1000.0], [1e-6, 2e-4], [0.99, 1.01], [0.01, 0.201], [0.99, 1.01]]
+    wide = share_of_the_ranges(0.51**2, spread=0.01, ends=ends, unknown=(0,))
+    assert (wide.interval_low, wide.interval_high) == pytest.approx((150.0, 5000.0))
+
+
+def test_a_combination_that_hangs_on_two_may_be_known_though_one_is_at_its_bound():
+    """Stretching alone supplies less than nine tenths of what the ranges allow of its ratio to the density."""
+    found = share_of_the_ranges(0.01, unknown=(0,), at_bound=(0,))
+    assert (found.is_identified, found.is_at_bound) == (True, False)
+
+
+def test_a_combination_that_falls_with_its_parameter_has_its_ends_in_order():
+    """100 N/m over a density of 0.1 to 0.25 kg/m^2: 400 to 1000 m^2/s^2."""
+
+    def materials(vectors):
+        rows = np.zeros((len(vectors), len(MATERIAL_NAMES)))
+        rows[:, STRETCH], rows[:, DENSITY] = 100.0, vectors[:, 0]
+        return rows
+
+    space = BoundedSpace(minimum=np.array([0.05]), maximum=np.array([0.5]), is_log=np.zeros(1, bool))
+    known = intervals(np.array([[0.02**2]]), [0.2], ends=[[0.1, 0.25]])
+    (stretch,) = describe_combinations(materials, space, np.array([0.3]), np.array([0.2]), known)
+    assert (stretch.interval_low, stretch.interval_high) == pytest.approx((400.0, 1000.0))
+
+
+def test_a_damping_of_0_has_an_interval_and_warns_of_no_logarithm():
+    """Spring 0 to 2.5 of Blender's is a bending damping time of 0 to 1 ms."""
+    vector = [30.0, 20.0, 0.0, 5.0, 0.95]
+    ends = [[29.0, 31.0], [19.0, 21.0], [0.0, 2.5], [4.0, 6.0], [0.94, 0.96]]
+    with np.errstate(all="raise"):
+        found = described(
+            np.diag(np.full(5, 0.01)), vector, KINECT_SKIRT_WEIGHED, ends=ends, unknown=(2,), at_bound=(2,)
+        )
+    damping = found["bending damping time"]
+    assert (damping.interval_low, damping.interval_high) == pytest.approx((0.0, 1e-3))
+    assert damping.is_at_bound

@@ -340,7 +340,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
-    if free := [p.name for p, is_known in zip(request.parameters, is_identified, strict=True) if not is_known]:
+    if free := [p.name for p in described if not (p.is_identified or p.is_at_bound)]:
         notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
     if stopped := [p.name for p in described if p.is_at_bound]:
         notes.append(STOPPED.format(names=", ".join(stopped)))

@@ -58,6 +58,9 @@ def test_a_quantity_of_a_parameter_that_is_not_identified_is_not_either():
     (line,) = [line for line in caution_lines(result, fabric) if line.startswith("shear:")]
     meaning = "the takes do not identify it: every value in the interval follows them"
     assert line == f"shear: 90 % interval 24 to 37.5 N/m; {meaning}."
+    bare = [msgspec.structs.replace(p, interval_low=None, interval_high=None) for p in result.parameters]
+    result = msgspec.structs.replace(result, parameters=bare)
+    assert f"shear: no interval; {meaning}." in caution_lines(result, fabric_of(result))
 
 
 def test_a_weighed_kinect_skirt_has_si_values_and_says_that_its_shear_is_no_measurement():

@@ -241,3 +241,14 @@ def test_a_clock_that_runs_fast_is_no_property_of_the_cloth():
     drifting = calibration.Model([prepare(a_take())], asked(effects=["clock_drift"]))
     vector = np.array([*asked().method.initial, 0.03])
     assert drifting.material(vector) == pytest.approx(plain.material | drifting.material(np.append(vector[:-1], 0.0)))
+
+
+def test_a_parameter_at_its_bound_is_noted_as_such_and_not_among_those_that_many_values_fit():
+    """The start of the damping, 1 /s, is the lower end of its range, and no other place is better."""
+    result = calibrate([a_take()], [], asked(bounds=["velocity_damping=1:4"]))
+    stopped = [p.name for p in result.parameters if p.is_at_bound]
+    free = [p.name for p in result.parameters if not (p.is_identified or p.is_at_bound)]
+    assert "velocity_damping" in stopped
+    assert free
+    assert any(note.startswith(f"At its bound: {', '.join(stopped)}. ") for note in result.notes)
+    assert any(note.startswith(f"Not identified: {', '.join(free)}. ") for note in result.notes)

@@ -13,6 +13,7 @@ import pytest
 
 from fit.report.answer import run_names
 from fit.report.kept import load_motions, save_motions
+from fit.report.methods import method_figures
 from fit.report.origin import Origin
 from fit.report.page import write_report
 from fit.report.plot import COLOURS, draw_plot
@@ -136,6 +137,19 @@ def test_a_plot_draws_each_run_in_its_colour_and_nothing_where_no_free_point_is_
     drawn = (lost == blue).all(axis=2).any(axis=0)
     assert not drawn[84 + 380 : 84 + 710].any()
     assert drawn[84 : 84 + 360].mean() > 0.9
+
+
+def test_a_combination_in_the_report_has_a_verdict_and_a_value_only_where_the_takes_identify_it():
+    rows = []
+    for is_identified, is_at_bound in ((True, False), (False, False), (False, True)):
+        one = Combination(
+            name="velocity damping", unit="1/s", initial=1.0, fitted=0.625, interval_low=0.5, interval_high=0.75,
+            is_identified=is_identified, is_at_bound=is_at_bound,
+        )  # fmt: skip
+        page = method_figures(msgspec.structs.replace(a_fit(), combinations=[one]))
+        text = " ".join(re.sub("<[^>]*>", " ", page[page.index("velocity damping") :]).split())
+        rows.append(("0.625" in text, text.rsplit("1/s ", 1)[-1]))
+    assert rows == [(True, "identified"), (False, "not identified"), (False, "not identified, at its bound")]
 
 
 def test_a_parameter_that_motion_identifies_as_it_is_stands_once_in_a_comparison(tmp_path):

@@ -30,6 +30,7 @@ from fit.virtual_tests.kes import (
     tension,
 )
 from fit.virtual_tests.sheet import sheet_of, untold_of
+from formats.fit_records import Combination
 from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
@@ -170,6 +171,43 @@ def test_a_number_that_the_takes_do_not_identify_gives_place_to_its_interval():
     }
 
 
+def line_of(result, name):
+    """The line of the sheet that begins with a name."""
+    return next(x for x in sheet_of(result).splitlines() if x.startswith(name))
+
+
+def test_an_interval_in_the_sheet_is_of_one_layer():
+    """Of two layers that slide: 80 to 125 N/m are 40 to 62.5 N/m of each, 40.8 to 63.7 gf/cm; of 2HB likewise."""
+    assert line_of(known(a_fit(layers=2), "stretch_stiffness"), "first slope").count("40.8 to 63.7") == 2
+    friction = a_fit(effects={"bending_hysteresis": 0.3}, unknown=("bending_hysteresis",), layers=2)
+    assert line_of(friction, "2HB").count("10.2 to 51") == 2
+
+
+def test_a_number_without_interval_is_called_not_identified_once_a_column():
+    result = known(a_fit(), "bending_stiffness")
+    assert re.search(r"[^,]  not identified$", line_of(result, "B, bending"))
+    bare = [msgspec.structs.replace(p, interval_low=None, interval_high=None) for p in result.parameters]
+    assert line_of(msgspec.structs.replace(result, parameters=bare), "B, bending").count("not identified") == 3
+
+
+def test_a_parameter_at_an_end_of_its_range_decides_what_it_decides_elsewhere():
+    """A stretch stiffness at its largest is 1000 N/m or whatever the range ends with, and so not told all the same."""
+    for p in known(a_fit()).parameters[:1]:
+        result = known(a_fit(values={p.name: p.maximum}), p.name)
+        assert "warp.first_slope" in untold_of(result)
+
+
+def test_the_sheet_names_the_combinations_that_are_not_identified_and_no_others():
+    told, untold = (
+        Combination(
+            name=name, unit="m2/s2", initial=1.0, fitted=1.0, interval_low=0.5, interval_high=2.0, is_identified=is_told
+        )
+        for name, is_told in (("shear stiffness / density", True), ("stretch stiffness / density", False))
+    )
+    result = msgspec.structs.replace(known(a_fit(), "stretch_stiffness"), combinations=[told, untold])
+    assert "The takes do not identify stretch stiffness / density." in sheet_of(result).splitlines()
+
+
 def test_a_friction_that_the_takes_do_not_identify_gives_place_to_its_interval():
     """0.05 N within 0 to 0.25 N: 2HB is 2 M / 9.80665e-3, 0 to 51."""
     result = a_fit(effects={"bending_hysteresis": 0.05}, unknown=("bending_hysteresis",))
@@ -180,9 +218,10 @@ def test_a_friction_that_the_takes_do_not_identify_gives_place_to_its_interval()
 
 
 def test_the_mass_that_a_method_fits_leaves_no_stiffness_known():
-    """Mass 1 of 0.8 to 1.25: the weight is 16 to 25 mg/cm^2, whatever of it was fitted."""
-    text = sheet_of(a_fit("kinect-skirt"))
-    assert re.search(r"^W, weight +mg/cm2 +16 to 25 .*not identified$", text, re.MULTILINE)
+    """Mass 1 of 0.8 to 1.25 makes a weight of 16 to 25 mg/cm^2, and mass 2 twice as much."""
+    for mass, ends in ((1.0, "16 to 25"), (2.0, "32 to 50")):
+        line = line_of(a_fit("kinect-skirt", values={"mass": mass}), "W, weight")
+        assert re.search(rf"^W, weight +mg/cm2 +{ends} .*not identified$", line)
 
 
 def test_the_sheet_of_a_real_fit_says_what_motion_cannot_tell():

@@ -21,6 +21,7 @@ SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
 SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
 NARROWEST, WIDEST = 10.0, 150.0  # degrees that a depth sensor's picture spans: those of rooms have 40 to 90
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
+LARGEST_LEAP = 600.0  # s between two frames of one take: five times its longest recording; a simulation goes through it
 RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
@@ -108,13 +109,19 @@ def unit_of(value: float, least: float, most: float) -> str:
 
 
 def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse increasing times [s], (frames,), that no camera has: frame numbers, milliseconds, microseconds.
+    """Refuse increasing times [s], (frames,), that no camera has: frame numbers, other units, a leap of minutes.
 
     Raises:
         ImplausibleError: names the spacing and the unit that was probably meant.
     """
-    apart = float(np.median(np.diff(time))) if len(time) > 1 else 1 / SLOWEST
+    steps = np.diff(time)
+    apart = float(np.median(steps)) if len(steps) else 1 / SLOWEST
     if apart * 1.001 >= 1 / FASTEST and apart <= 1.001 / SLOWEST:
+        if len(steps) and (longest := float(steps.max())) > LARGEST_LEAP:
+            raise ImplausibleError(
+                f"its times leap by {longest:g} s after {time[int(steps.argmax())] - time[0]:.2f} s", where=where,
+                advice=_advice("split the recording there, or mend its clock", offers_anyway),
+            )  # fmt: skip
         return
     if apart > 1 / SLOWEST:
         fitting = [name for name, unit in CLOCKS if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]

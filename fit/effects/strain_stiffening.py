@@ -4,8 +4,8 @@
 
 The amplitude is a, never negative.
 
-Gentle motion shows little of it. Cloth under its own weight stretches by a few thousandths, so that its stiffness
-grows by a tenth. Hard jerks show more.
+Believe it only where the cloth is jerked hard. Cloth under its own weight stretches by a few thousandths, so that its
+stiffness grows by a tenth, and gentle motion shows little of it.
 
 Source: H. Wang, J. O'Brien, R. Ramamoorthi, "Data-driven elastic models for cloth" (SIGGRAPH 2011), section 5. Measured
 stiffness grows 5 to 10 times over 15 % strain, an a of 30 to 60.

@@ -12,9 +12,8 @@ from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
-from formats.plain_text import CLEAR_LINE
 from formats.telling import know, tell, tell_entry
-from formats.terminal import is_watched, say
+from formats.terminal import CLEAR_LINE, is_watched, say
 
 NOT_FIRST = (
     "this user may not run before other programs: while they are busy, frames may be lost; "
@@ -253,25 +252,24 @@ def record_command(
     def show(frames: int, total: int | None, hanger_share: float) -> None:
         if is_terminal and frames % 5 == 0:
             of = f" of {total}" if total else ""
-            text = f"{clear}{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
-            say(text, end="")
+            say(f"{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %", begin=clear, end="")
 
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
-        say(f"{clear}{time:6.1f} s  {said.words}{advice}")
+        say(f"{time:6.1f} s  {said.words}{advice}", begin=clear)
         if lamps:
             try:
                 show_condition(lamps[0], condition)
             except LampError as error:
                 lamps.clear()
-                say(f"{clear}{time:6.1f} s  without the lamp: {error}")
+                say(f"{time:6.1f} s  without the lamp: {error}", begin=clear)
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with stopped_like_ctrl_c() as stop:
         with ExitStack() as opened:
-            opened.callback(say, clear, end="")
+            opened.callback(say, "", begin=clear, end="")
             lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
             precedence = Precedence()
             if names_live_sensor(sensor):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 LONGEST_TEXT = 2000  # characters of one text
-CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 
@@ -30,16 +29,8 @@ def plain(text: object) -> str:
 
 
 def lines_of(text: str) -> str:
-    """Return text of several lines for a terminal, each as `plain` returns it, of any length.
-
-    Names of files and words from files are in it. The code that clears a line (`CLEAR_LINE`) stays, and so does a
-    carriage return at the begin, by which a line replaces itself.
-    """
-    if text.startswith("\r") and not text.startswith(CLEAR_LINE):
-        return "\r" + lines_of(text[1:])
-    shown = ("".join(letter if letter in "\n\t" or is_harmless(letter) else _escaped(letter) for letter in part)
-             for part in text.split(CLEAR_LINE))  # fmt: skip
-    return CLEAR_LINE.join(shown)
+    """Return text of several lines for a terminal, of any length: names of files and words from files are in it."""
+    return "".join(letter if letter in "\n\t" or is_harmless(letter) else _escaped(letter) for letter in text)
 
 
 def counted(number: int, word: str) -> str:

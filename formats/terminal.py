@@ -12,6 +12,7 @@ from collections.abc import Callable
 from formats.interrupts import raise_swallowed
 from formats.plain_text import lines_of
 
+CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 BAR = 24  # characters of a progress bar
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the time that is left can be told
 
@@ -30,15 +31,17 @@ def is_hushed() -> bool:
     return _Hushed.is_on
 
 
-def say(text: str, end: str = "\n", *, is_error: bool = False) -> None:
+def say(text: str, end: str = "\n", *, begin: str = "", is_error: bool = False) -> None:
     """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere.
 
-    is_error: said even where `--quiet` asks for silence
+    - `begin`, `end`: codes that the terminal obeys, such as `CLEAR_LINE`; the text between them holds none
+    - `is_error`: said even where `--quiet` asks for silence
     """
     if sys.stderr is None or (_Hushed.is_on and not is_error):  # closed before us
         return
     try:
-        sys.stderr.write(lines_of(text) + end)  # in one piece, or lines of processes side by side run into each other
+        # In one piece, or lines of processes side by side run into each other.
+        sys.stderr.write(begin + lines_of(text) + end)
         sys.stderr.flush()
     except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
@@ -102,7 +105,7 @@ class ProgressLine:
             bar = "#" * filled + "." * (BAR - filled)
             width = max(20, min(100, _columns()) - len(self._title) - BAR - 12)
             words = f"{text}, {left}" if left else text
-            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", end="")
+            say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
         elif share >= self._last + 0.1:
             say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")
             self._last = share

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import CLEAR_LINE, LONGEST_TEXT, counted, lines_of, plain
+from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain
 
 
 @pytest.mark.parametrize(
@@ -24,9 +24,9 @@ def test_what_is_no_letter_is_shown_by_its_code(text, shown):
     assert plain(text) == shown
 
 
-def test_lines_keep_their_ends_and_the_code_that_clears_a_line_and_no_other():
-    assert lines_of(f"{CLEAR_LINE}a\n\tb\x1b[2J\r\x9b") == f"{CLEAR_LINE}a\n\tb\\x1b[2J\\r\\x9b"
-    assert lines_of("\rhalf\r") == "\rhalf\\r"
+def test_lines_keep_their_ends_and_tabs_and_no_code_of_a_terminal():
+    assert lines_of("\r\x1b[Ka\n\tb\x1b[2J\r\x9b") == "\\r\\x1b[Ka\n\tb\\x1b[2J\\r\\x9b"
+    assert lines_of("\rhalf\r") == "\\rhalf\\r"
     assert lines_of("a" * (LONGEST_TEXT + 1)) == "a" * (LONGEST_TEXT + 1)
 
 

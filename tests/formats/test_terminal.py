@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from formats import terminal
-from formats.terminal import ProgressLine, hush, in_words, say, take_streams
+from formats.terminal import CLEAR_LINE, ProgressLine, hush, in_words, say, take_streams
 
 
 def test_a_message_and_the_end_of_its_line_are_written_in_one_piece():
@@ -32,6 +32,11 @@ class Clock:
 
     def __call__(self):
         return self.now
+
+
+def test_codes_go_before_and_behind_a_text_and_none_of_its_own_reaches_the_terminal(capsys):
+    say(f"a{CLEAR_LINE}b", begin=CLEAR_LINE, end="\r")
+    assert capsys.readouterr().err == f"{CLEAR_LINE}a\\r\\x1b[Kb\r"
 
 
 def test_progress_tells_the_time_that_is_left_from_the_speed_of_this_process(capsys):

@@ -18,8 +18,6 @@ from fit.errors import FitError
 from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
-Indices = Integers
-
 
 @dataclass(frozen=True)
 class PlainGrid:
@@ -33,14 +31,14 @@ class PlainGrid:
     """
 
     rest: Floats
-    quads: Indices
-    held_nodes: Indices
+    quads: Integers
+    held_nodes: Integers
     held_fraction: Floats
-    point_nodes: Indices
+    point_nodes: Integers
     point_weights: Floats
 
     @property
-    def triangles(self) -> Indices:
+    def triangles(self) -> Integers:
         """Return the same surface for drawing, (2 faces, 3)."""
         return np.concatenate([self.quads[:, :3], self.quads[:, [0, 2, 3]]])
 

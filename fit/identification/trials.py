@@ -345,7 +345,7 @@ class Run:
                 return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
 
             pieces = independent(observer.by_place(best.residuals[observer.layout.is_judged]))
-            pieces = min(pieces, 2 / max(luck_of(self.least), 2 / pieces))
+            pieces = 2 / max(luck_of(self.least), 2 / pieces)
             drawn = draw(cost, places, pieces, self.settings.seed) - unit
             spread = np.sqrt(np.maximum((drawn**2).mean(0), np.diag(between_ends(apart, rise, pieces))))
         else:

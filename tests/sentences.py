@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 LONGEST_SENTENCE = 25  # words (CONTRIBUTING.md, "Text")
 END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
@@ -44,6 +45,17 @@ def sentences_of(text: str) -> list[str]:
 
 def words_of(sentence: str) -> int:
     return sum(bool(re.search(r"\w", word)) for word in sentence.split())
+
+
+def faults_of(texts: Iterable[tuple[int, str]]) -> list[str]:
+    """Lines and beginnings of the sentences of texts, each with its line, that break a rule."""
+    found = []
+    for line, text in texts:
+        for sentence in sentences_of(text):
+            count = words_of(sentence)
+            if count > LONGEST_SENTENCE or has_clause_as_subject(sentence) or PRIVATE_WORDS.search(sentence):
+                found.append(f"line {line}, {count} words: {sentence[:60]}")
+    return found
 
 
 def has_clause_as_subject(sentence: str) -> bool:

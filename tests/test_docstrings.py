@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sentences import LONGEST_SENTENCE, PRIVATE_WORDS, has_clause_as_subject, sentences_of, words_of
+from tests.sentences import faults_of
 
 ROOT = Path(__file__).parent.parent
 ROOMS = sorted(
@@ -55,27 +55,22 @@ def prose_of(text: str) -> str:
     return "\n".join("" if WITHOUT_PROSE.match(line) else line for line in text.splitlines())
 
 
-def faults_of(source: str) -> list[str]:
-    """Lines and beginnings of the sentences that break a rule."""
-    found = []
-    for line, text in [*docstrings(ast.parse(source)), *comments(source)]:
-        for sentence in sentences_of(prose_of(text)):
-            count = words_of(sentence)
-            if count > LONGEST_SENTENCE or has_clause_as_subject(sentence) or PRIVATE_WORDS.search(sentence):
-                found.append(f"line {line}, {count} words: {sentence[:60]}")
-    return found
+def faults_written(source: str) -> list[str]:
+    """Lines and beginnings of the sentences of docstrings and comments that break a rule."""
+    texts = (*docstrings(ast.parse(source)), *comments(source))
+    return faults_of((line, prose_of(text)) for line, text in texts)
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_sentence_of_docstrings_and_comments_is_long_or_has_a_clause_as_its_subject(room: str) -> None:
     files = sorted((ROOT / room).glob("*.py"))
     assert files
-    assert [f"{path.name}: {fault}" for path in files for fault in faults_of(path.read_text())] == []
+    assert [f"{path.name}: {fault}" for path in files for fault in faults_written(path.read_text())] == []
 
 
 def test_a_long_docstring_a_long_comment_and_a_clause_are_found_and_an_equation_is_not() -> None:
     long = " ".join(["word"] * 26) + "."
     source = f'"""A module.\n\n{long}\n\n    {long}\n"""\nA = 1  # What is cut\n# {long[:65]}\n# {long[65:]}\n'
-    assert [fault.split(":")[0] for fault in faults_of(source)] == [
+    assert [fault.split(":")[0] for fault in faults_written(source)] == [
         "line 1, 26 words", "line 7, 3 words", "line 8, 26 words",
     ]  # fmt: skip

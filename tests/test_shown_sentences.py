@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sentences import LONGEST_SENTENCE, PRIVATE_WORDS, has_clause_as_subject, sentences_of, words_of
+from tests.sentences import faults_of
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
@@ -45,24 +45,18 @@ def texts_of_template(source: str) -> Iterator[tuple[int, str]]:
         yield 0, " ".join(re.sub(r"\{\{.*?\}\}", "Value", text).split())
 
 
-def faults_of(texts: Iterator[tuple[int, str]]) -> list[str]:
-    """Lines and beginnings of the sentences that break a rule."""
-    found = []
-    for line, text in texts:
-        for sentence in sentences_of(DEFINITION.sub("\n\n", text)) if not MARKUP.search(text) else ():
-            count = words_of(sentence)
-            if count > LONGEST_SENTENCE or has_clause_as_subject(sentence) or PRIVATE_WORDS.search(sentence):
-                found.append(f"line {line}, {count} words: {sentence[:60]}")
-    return found
+def faults_shown(texts: Iterator[tuple[int, str]]) -> list[str]:
+    """Lines and beginnings of the sentences that break a rule, in texts that are no markup."""
+    return faults_of((line, DEFINITION.sub("\n\n", text)) for line, text in texts if not MARKUP.search(text))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_sentence_that_the_program_shows_is_long_or_has_a_clause_as_its_subject(package: str) -> None:
     found = []
     for path in sorted((ROOT / package).rglob("*.py")):
-        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_of(strings(ast.parse(path.read_text())))]
+        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_shown(strings(ast.parse(path.read_text())))]
     for path in sorted([*(ROOT / package).rglob("*.html"), *(ROOT / package).rglob("*.j2")]):
-        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_of(texts_of_template(path.read_text()))]
+        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_shown(texts_of_template(path.read_text()))]
     assert found == []
 
 
@@ -72,11 +66,11 @@ def test_a_long_message_a_clause_and_a_long_note_of_a_template_are_found() -> No
         f'"""{many} {many}"""\nA = "What is cut."\nB = f"{many} {{A}} and" " on."\nC = "own: {many}. none: {many}."\n'
         f'D = "Go on; what is cut stays."\nE = "{many}\\nto the end."\nF = "import re\\n{many} <p>{many}"\n'
     )
-    assert faults_of(strings(ast.parse(source))) == [
+    assert faults_shown(strings(ast.parse(source))) == [
         "line 2, 3 words: What is cut.", f"line 3, 26 words: {many[:60]}",
         "line 5, 6 words: Go on; what is cut stays.", f"line 6, 26 words: {many[:60]}",
     ]  # fmt: skip
     template = f'<p aria-label="{many} {{{{ a }}}} and on.">{{% if b %}}What is cut.{{% endif %}}</p>'
-    assert [fault.split(":")[0] for fault in faults_of(texts_of_template(template))] == [
+    assert [fault.split(":")[0] for fault in faults_shown(texts_of_template(template))] == [
         "line 0, 26 words", "line 0, 3 words",
     ]  # fmt: skip

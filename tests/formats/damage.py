@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+import zlib
 
 import msgpack
 import numpy as np
+import zstandard
 
 from formats.archive import take_of
 from formats.chunks import Findings, messages_in
@@ -83,3 +85,19 @@ def is_wrong(raw, sound):
     if (take.take_id, take.rig, take.garment) != (sound.take_id, sound.rig, sound.garment):
         return True
     return len(take.time) < len(sound.time) and (take.is_complete or not take.missing)
+
+
+def chunk_of(content, *, crc=None, compression=b"zstd"):
+    """A chunk of one message; crc: instead of the right one."""
+    data = msgpack.packb(content) if not isinstance(content, bytes) else content
+    return chunk_of_records(
+        struct.pack("<BQHIQQ", 5, 22 + len(data), 1, 0, 0, 0) + data, crc=crc, compression=compression
+    )
+
+
+def chunk_of_records(records, *, crc=None, compression=b"zstd"):
+    packed = zstandard.compress(records) if compression == b"zstd" else records
+    crc = zlib.crc32(records) if crc is None else crc
+    body = struct.pack("<QQQII", 0, 0, len(records), crc, len(compression)) + compression
+    body += struct.pack("<Q", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from formats.archive import read_take, verify_take, write_take
+from formats.archive import read_take, write_take
 from formats.descriptions import load_garment
 from formats.rig import Calibration
 from formats.summary import describe, summarise
@@ -240,44 +240,6 @@ def test_sums_are_rounded_alike_on_one_processor_and_on_all():
     assert said[0] == said[1] != ""
 
 
-def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
-    """The third of five blocks is damaged; what is recovered is sound, and still says what is missing."""
-    path = write_take(tmp_path / "a.mcap", a_take())
-    raw = bytearray(path.read_bytes())
-    third = [begin for begin, _, content in chunks_of(bytes(raw)) if content.get("first") == 62]
-    raw[third[0] + 200] ^= 1
-    path.write_bytes(raw)
-    before = read_take(path)
-    done = hangtime("takes", "recover", path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == f"{tmp_path}/a.recovered.mcap: 119 frames, missing: 2.03 to 3.10 s\n"
-    after = read_take(tmp_path / "a.recovered.mcap")
-    assert (after.missing, after.is_complete) == (before.missing, False)
-    np.testing.assert_array_equal(after.points, before.points)
-    verified = hangtime("takes", "verify", tmp_path / "a.recovered.mcap")
-    assert verified.returncode == 0
-    assert verified.stdout.endswith("119 frames in 4 blocks; an earlier file had lost 2.03 to 3.10 s\n")
-    assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
-
-
-def test_recover_goes_on_after_a_file_of_which_nothing_can_be_read(tmp_path):
-    empty, path = tmp_path / "empty.mcap", write_take(tmp_path / "a.mcap", a_take())
-    empty.touch()
-    done = hangtime("takes", "recover", empty, path)
-    assert done.returncode == 2
-    assert done.stdout.splitlines() == [
-        f"lost: {empty}: is empty; give a take archive", f"{tmp_path}/a.recovered.mcap: 150 frames, nothing is missing"
-    ]  # fmt: skip
-
-
-def test_recover_makes_a_sound_file_of_what_an_interrupted_recording_left(tmp_path):
-    raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
-    (tmp_path / "b.mcap.partial").write_bytes(without_end(raw))
-    done = hangtime("takes", "recover", tmp_path / "b.mcap.partial", "--out", tmp_path / "out")
-    assert done.stdout == f"{tmp_path}/out/b.recovered.mcap: 150 frames, missing: from 4.97 s on\n"
-    assert verify_take(tmp_path / "out/b.recovered.mcap").is_sound
-
-
 def test_list_names_every_take_and_what_is_left_of_it(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     (tmp_path / "deeper").mkdir()
@@ -370,17 +332,6 @@ def test_a_plain_sh_shows_the_completion_of_its_users_shell_or_says_which_shells
     assert (done.stdout if code == 0 else done.stderr).startswith(said)
 
 
-def test_takes_that_would_be_recovered_into_one_file_are_refused_before_any_is_lost(tmp_path):
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        write_take(tmp_path / name / "one.mcap", replace(a_take(), take_id=name))
-    both = (tmp_path / "a" / "one.mcap", tmp_path / "b" / "one.mcap")
-    done = hangtime("takes", "recover", *both, "--out", tmp_path / "out", "--overwrite")
-    assert done.returncode == 2
-    assert "two takes would become one.recovered.mcap; recover one of them into another --out" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_blocks_of_another_take_in_a_file_are_named_as_such_and_not_as_damaged(tmp_path):
     first, second = (write_take(tmp_path / f"{name}.mcap", replace(a_take(), take_id=name)) for name in ("a", "b"))
     joined = tmp_path / "joined.mcap"
@@ -391,16 +342,6 @@ def test_blocks_of_another_take_in_a_file_are_named_as_such_and_not_as_damaged(t
     assert " blocks," not in done.stdout
     recovered = hangtime("takes", "recover", joined)
     assert re.search(r"nothing is missing; \d+ blocks? of another take in this file", recovered.stdout)
-
-
-def test_a_take_whose_name_is_too_long_for_another_file_says_what_to_do(tmp_path):
-    path = write_take(tmp_path / f"{'n' * 240}.mcap", a_take())
-    done = hangtime("takes", "recover", path)
-    assert done.returncode == 2
-    assert (
-        "recovered.mcap: cannot be written (File name too long); give the file that it is made from a shorter name"
-        in (done.stderr)
-    )
 
 
 def test_a_take_is_never_replaced_by_what_is_made_of_it(tmp_path):

@@ -1,0 +1,190 @@
+"""Hostile files cost little memory and time, and one sentence."""
+
+from __future__ import annotations
+
+import os
+import struct
+import time
+import tracemalloc
+
+import pytest
+
+from formats.archive import read_take, take_of
+from formats.chunks import MCAP_MAGIC, Findings, messages_in
+from formats.errors import TakeError
+from formats.surface import places_of
+from tests.formats.damage import chunk_of, chunk_of_records, chunks_of
+
+
+@pytest.mark.parametrize("inner", [b"", b"zstd"])
+def test_false_chunk_starts_within_each_other_are_read_in_linear_time(raw, inner):
+    """390 kB of them took 34 s: the work on 4 times as many is counted, at most 6 times as much."""
+    head = raw[: chunks_of(raw)[1][0]]
+
+    def work(count):
+        size = 49 + len(inner) + 5
+        parts = []
+        for k in range(count):  # each claims to reach to the end of the file
+            rest = (count - k) * size - 49 - len(inner)
+            body = struct.pack("<BQQQQII", 6, 40 + len(inner) + rest, 0, 0, 1000, 7, len(inner)) + inner
+            parts.append(body + struct.pack("<Q", rest) + b"\x28\xb5\x2f\xfd\0")
+        findings = Findings()
+        start = time.process_time()
+        list(messages_in(head + b"".join(parts), findings))
+        return time.process_time() - start
+
+    few, many = min(work(1500) for _ in range(3)), min(work(6000) for _ in range(3))
+    assert many < 10 * few + 0.5
+
+
+def peak_of(read):
+    tracemalloc.start()
+    try:
+        read()
+    except TakeError as error:
+        said = str(error)
+    else:
+        said = ""
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return most, said
+
+
+BOMBS = {
+    "lists": b"\x91" * 1_000_000 + b"\x90",
+    "many lists": b"\xdd\x00\x98\x96\x80" + b"\x90" * 10_000_000,
+    "a long list": b"\xdd\xff\xff\xff\xff",
+    "maps": b"\x82\xa6format\xaehangtime-take/2\xa5notes\xdd\x00\x4c\x4b\x40" + b"\x80" * 5_000_000,
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_message_that_swells_is_damage(raw, name):
+    """Kilobytes that unpack to millions of containers: at most 64 MB, and the take is read."""
+    at = chunks_of(raw)[1][0]
+    bomb = raw[:at] + chunk_of(BOMBS[name]) + raw[at:]
+    assert len(bomb) < len(raw) + 40_000
+    most, said = peak_of(lambda: take_of(bomb, "bomb"))
+    assert said == ""
+    assert most < 64 << 20
+    assert len(take_of(bomb, "bomb").time) == 150
+
+
+def test_many_blocks_that_say_that_nothing_moved_are_bounded(raw):
+    """1000 blocks of 4096 still frames claim 2 GB in 180 kB of file: at most 256 MB are taken."""
+    blocks = [content for _, _, content in chunks_of(raw) if "table" in content]
+    columns = 28 + 8 * 4
+    still = bytes(5 * columns + 4)
+    at = chunks_of(raw)[1][0]
+    more = b"".join(
+        chunk_of(blocks[0] | {"first": 1000 + 4096 * k, "frames": 4096, "start": 10**9 + k * 10**7, "table": still})
+        for k in range(1000)
+    )
+    most, _ = peak_of(lambda: take_of(raw[:at] + more + raw[at:], "bomb"))
+    assert most < 256 << 20
+
+
+@pytest.mark.parametrize("record", [bytes(9), b"\x05" + struct.pack("<Q", 22) + bytes(22)])
+def test_many_records_in_few_bytes_are_bounded(raw, record):
+    """A hundred kilobytes of millions of records; the take before them is read."""
+    whole = raw[: chunks_of(raw)[-1][1]]  # without the end of the file, behind which nothing is read
+    bomb = whole + chunk_of_records(record * ((1 << 24) // len(record))) * 8
+    start = time.process_time()
+    assert len(take_of(bomb, "bomb").time) == 150
+    findings = Findings()
+    list(messages_in(bomb[len(whole) :], findings))
+    assert findings.records < 150_000
+    assert time.process_time() - start < 5
+
+
+def test_a_pipe_is_no_take(tmp_path):
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(TakeError, match="is a pipe or a device"):
+        read_take(tmp_path / "a.mcap")
+
+
+def test_many_large_scans_in_few_bytes_are_bounded(raw):
+    """Three kilobytes claim 300 scans of 327,680 places: at most 256 MB and a few seconds are taken."""
+    at = chunks_of(raw)[1][0]
+    scan = {"take": chunks_of(raw)[1][2]["take"], "grid_size": 512, "contour_size": 65536}
+    still = {"grid": bytes(24), "contour": bytes(24)}
+    more = b"".join(chunk_of(scan | still | {"surface": k}) for k in range(300))
+    bomb = raw[:at] + more + raw[at:]
+    start = time.process_time()
+    most, said = peak_of(lambda: take_of(bomb, "bomb"))
+    assert said == ""
+    assert most < 256 << 20
+    assert time.process_time() - start < 5
+    assert 0 < len(take_of(bomb, "bomb").scans) < 10
+
+
+def test_a_scan_has_the_places_of_its_grid_and_those_around_it():
+    assert places_of({"grid_size": 5, "contour_size": 12}) == 37
+    for size, count in ((-1, 0), (513, 0), (0, 65537), (True, 0), (1.0, 0), (0, None)):
+        with pytest.raises(ValueError, match="cannot be"):
+            places_of({"grid_size": size, "contour_size": count})
+
+
+def test_a_take_that_lost_all_of_its_blocks_is_not_said_to_have_ended_early(raw):
+    begin, end = chunks_of(raw)[1][0], chunks_of(raw)[-1][0]
+    for broken, sentence in (
+        (raw[:begin] + bytes(end - begin) + raw[end:], "holds none of the 150 frames that it had; copy it again"),
+        (raw[:begin] + bytes(len(raw) - begin), "holds no frame that is sound; copy it again"),
+        (raw[: begin + 200], "holds no frame; it ended in its first second or is cut off"),
+    ):
+        with pytest.raises(TakeError, match=sentence):
+            take_of(broken, "lost")
+
+
+def test_a_take_whose_time_stands_still_in_every_block_is_one_sentence(raw):
+    blocks = [content for _, _, content in chunks_of(raw) if "table" in content]
+    still = chunk_of(blocks[0] | {"table": bytes(5 * (28 + 8 * 4) + 4)})
+    at = chunks_of(raw)[1][0]
+    with pytest.raises(TakeError, match="holds no frame"):
+        take_of(raw[:at] + still, "still")
+
+
+def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
+    path = tmp_path / "huge.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQI", 1, 12, 4) + b"ros2" + bytes(4))
+    with path.open("r+b") as file:
+        file.truncate(300 * 10**9)
+    most, said = peak_of(lambda: read_take(path))
+    assert "is no take: it has 300.0 GB and its profile says ros2" in said
+    assert most < 32 << 20
+
+
+def test_a_file_of_nothing_is_held_once(tmp_path):
+    """128 MB of holes behind the magic: they are read once, and searched in 60 MB."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        file.write(MCAP_MAGIC)
+        file.truncate(1 << 27)
+    most, said = peak_of(lambda: read_take(path))
+    assert "holds no readable header" in said
+    assert most < (1 << 27) + 60e6
+
+
+def test_an_archive_of_another_profile_is_named_and_not_read_whole(tmp_path):
+    path = tmp_path / "ros.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQI", 1, 12, 4) + b"ros2" + bytes(4))
+    with path.open("r+b") as file:
+        file.truncate(10**9)
+    most, said = peak_of(lambda: read_take(path))
+    assert "is not a take archive: its profile says ros2" in said
+    assert most < 64 << 20
+
+
+def test_an_archive_of_another_compression_is_named(raw):
+    """As a tool that compresses with lz4 would write it."""
+    chunks = chunks_of(raw)
+    lz4 = raw[: chunks[0][0]] + b"".join(chunk_of(c, compression=b"lz4") for _, _, c in chunks) + raw[chunks[-1][1] :]
+    with pytest.raises(TakeError, match="is compressed with lz4, which is not read; compress it with zstd"):
+        take_of(lz4, "lz4")
+
+
+def test_an_archive_without_compression_is_read(raw):
+    chunks = chunks_of(raw)
+    header = chunk_of(b"".join(messages_in(raw[chunks[0][0] : chunks[0][1]], Findings())), compression=b"")
+    plain = raw[: chunks[0][0]] + header + raw[chunks[0][1] :]
+    assert len(take_of(plain, "plain").time) == 150

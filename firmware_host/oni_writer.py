@@ -40,6 +40,7 @@ from firmware_host.oni_records import (
     RecordType,
 )
 from formats.rig import Sensor
+from formats.system_causes import step_to_write
 
 MAX_DEPTH = 10000  # mm, the PS1080's largest depth
 UNKNOWN_COUNT, UNKNOWN_TIME = 0xFFFFFFFF, 0xFFFFFFFFFFFFFFFF
@@ -88,7 +89,7 @@ class OniWriter:
             self._file = path.open("w+b")
         except OSError as error:
             raise RecordingError(
-                f"the recording cannot be written ({error.strerror})", where=path, advice="choose another folder"
+                f"the recording cannot be written ({error.strerror})", where=path, advice=step_to_write(error)
             ) from error
         self._begun = False
         self._write_header(UNKNOWN_TIME, 0)
@@ -165,7 +166,7 @@ class OniWriter:
         return RecordingError(
             f"writing the recording failed ({error.strerror})",
             where=self.path,
-            advice="make room on the disk, or write to another one",
+            advice=step_to_write(error),
         )
 
     def _begin(self) -> None:

@@ -14,6 +14,7 @@ from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitResult
 from formats.results import load_diagnosis, load_fit_result
+from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
 
 
@@ -27,7 +28,7 @@ def make_folder(folder: Path, *files: str) -> Path:
         make_writable(folder)
     except OSError as error:
         raise FitError(
-            f"cannot be used as a folder for results ({error.strerror})", where=folder, advice="choose another one"
+            f"cannot be used as a folder for results ({error.strerror})", where=folder, advice=step_to_write(error)
         ) from error
     for name in files:
         if (folder / name).is_dir():

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formats.anyway import Anyway
 from formats.command_groups import TAKES, group_of
-from formats.takes_cli import add_takes_commands
+from formats.takes_cli import add_takes_commands, end_with
 from formats.telling import tell, tell_entry
+
+if TYPE_CHECKING:  # a take needs numpy, and --help does not
+    from formats.take import Take
 
 MOST_NAMES = 5  # of markers in one sentence
 
@@ -58,19 +61,19 @@ def import_recordings(
     ),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already in that folder.")] = False,
 ) -> None:  # fmt: skip
-    """Turn other people's recordings into takes, with a rig and a garment description beside them."""
-    from formats.archive import write_take
+    """Turn other people's recordings into takes, with a rig and a garment description beside them.
+
+    Exit code 2: at least one recording cannot be imported; the others are, and the end names each that is lost.
+    """
     from formats.descriptions import load_garment
     from formats.errors import OutputError, TakeError
     from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
-    from formats.outputs import check_name, refuse_to_replace, unwritable, write_description
-    from formats.two_clocks import hanger_gap, shows_hanger, shows_points
+    from formats.outputs import check_name, refuse_to_replace
 
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
-    takes = []
     for path in paths:
         check_name(path)
         if [other.stem for other in paths].count(path.stem) > 1:
@@ -91,41 +94,51 @@ def import_recordings(
                     where="--hanger",
                     advice="leave out --hanger",
                 )
-            takes.append(import_marker_take(path, described, options))
-        else:
-            takes.append(import_swung_cloth(path, described, hanger=hanger, anyway=anyway))
-    for take in takes:
-        write_description(out / "rig.toml", take.rig, overwrite=overwrite)
-        write_description(out / "garment.toml", take.garment, overwrite=overwrite)
-        target = out / f"{take.take_id}.mcap"
+    lost: dict[Path, TakeError] = {}
+    for path in paths:
         try:
-            write_take(target, take, overwrite=overwrite)
-        except OSError as error:
-            raise unwritable(target, error) from error
-        length = float(take.time[-1])
-        front = take.notes.get("front")
-        words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (
-            f", its front looks along {front}" * bool(front)
-        )
-        clock = take.notes.get("clock")
-        if not shows_points(take).all():
-            words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
-            words += hanger_gap(take)
-        unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
-        if unseen:
-            words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
-        if clock:
-            words += f"\nWarning: {clock}"
-        tell_entry(
-            "takes",
-            words,
-            file=str(target),
-            frames=len(take.time),
-            duration_s=length,
-            front=front,
-            never_seen=unseen,
-            clock=clock,
-        )
+            if path.suffix.lower() in FILE_ENDINGS and described is not None:
+                take = import_marker_take(path, described, options)
+            else:
+                take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
+        except TakeError as error:
+            if str(error.where).startswith("--"):  # an option is wrong for every recording
+                raise
+            lost[path] = error
+            continue
+        _write_imported(take, out, overwrite)
+    end_with(lost, len(paths))
+
+
+def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
+    """Write a take with rig and garment beside it, and tell of it."""
+    from formats.archive import write_take
+    from formats.outputs import unwritable, write_description
+    from formats.two_clocks import hanger_gap, shows_hanger, shows_points
+
+    write_description(out / "rig.toml", take.rig, overwrite=overwrite)
+    write_description(out / "garment.toml", take.garment, overwrite=overwrite)
+    target = out / f"{take.take_id}.mcap"
+    try:
+        write_take(target, take, overwrite=overwrite)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    length = float(take.time[-1])
+    front = take.notes.get("front")
+    words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (f", its front looks along {front}" * bool(front))
+    clock = take.notes.get("clock")
+    if not shows_points(take).all():
+        words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
+        words += hanger_gap(take)
+    unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
+    if unseen:
+        words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
+    if clock:
+        words += f"\nWarning: {clock}"
+    tell_entry(
+        "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen,
+        clock=clock,
+    )  # fmt: skip
 
 
 def describe_swatch(

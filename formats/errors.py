@@ -17,12 +17,9 @@ from __future__ import annotations
 import errno
 
 from formats.plain_text import plain
+from formats.system_causes import FULL, ONLY_WRITING, step_to_read, step_to_write
 
-UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES}
-MAKE_ROOM = (
-    "make room on the disk, or choose another place; whole files stay, and `fit`, `diagnose`, `blind` and `batch` go "
-    "on from them"
-)
+WHOLE_STAY = "whole files stay, and `fit`, `diagnose`, `blind` and `batch` go on from them"
 
 
 class HangtimeError(Exception):
@@ -66,9 +63,17 @@ class ResultError(HangtimeError):
 
 def of_system(error: OSError) -> HangtimeError | None:
     """Return what to tell of an error of the system; nothing where nobody can act on it."""
-    if error.errno not in UNWRITABLE and error.filename is None:
-        return None
-    what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
     where = error.filename or "output"  # what stdout raises names nothing
-    advice = MAKE_ROOM if error.errno in UNWRITABLE else "check the path"
-    return HangtimeError(f"{what} ({error.strerror})", where=where, advice=advice)
+    if error.errno in ONLY_WRITING:
+        advice = f"{step_to_write(error)}; {WHOLE_STAY}" if error.errno in FULL else step_to_write(error)
+        return HangtimeError(f"cannot be written ({error.strerror})", where=where, advice=advice)
+    if error.filename is None:
+        return None
+    return HangtimeError(f"cannot be used ({error.strerror})", where=where, advice=_step_to_use(error))
+
+
+def _step_to_use(error: OSError) -> str:
+    """Return the next step where nobody knows whether a file was to be read or written."""
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return "get the permission for it, or choose another place"
+    return step_to_read(error)

@@ -100,6 +100,7 @@ def finish(root: Any) -> None:
             continue
         for parameter in command.params:
             _worded(parameter)
+            _leave_to_the_reader(parameter)
             heading = next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), None)
             if heading is not None and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
@@ -155,6 +156,14 @@ def _worded(parameter: Any) -> Any:
     elif parameter.metavar is None and not described.is_choice:
         parameter.metavar = WORDS.get(described.annotation)
     return parameter
+
+
+def _leave_to_the_reader(parameter: Any) -> None:
+    """Let no command end before its work because one of its files cannot be read: whoever reads it says why not."""
+    described = getattr(parameter, "type_descriptor", None)  # as in `_worded`
+    checked: Any = getattr(parameter, "type", None) if described is None else described.parameter_info
+    if getattr(checked, "readable", False):
+        checked.readable = False
 
 
 def _panel_of(part: Any, otherwise: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -11,10 +10,9 @@ from formats.descriptions import check_garment, check_rig, dump_description, loa
 from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.system_causes import step_to_write
 from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
-
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk or a quota on which somebody may make room
 
 
 def check_name(path: Path) -> None:
@@ -93,7 +91,7 @@ def make_output_folder(folder: Path) -> None:
         make_writable(folder)
     except OSError as error:
         raise OutputError(
-            f"cannot be made or written to ({error.strerror})", where=folder, advice="choose another folder"
+            f"cannot be made or written to ({error.strerror})", where=folder, advice=step_to_write(error)
         ) from error
 
 
@@ -125,7 +123,7 @@ def make_parent(path: Path) -> None:
         make_folders(path.parent)
     except OSError as error:
         raise OutputError(
-            f"cannot be made ({error.strerror})", where=path.parent, advice="choose another folder"
+            f"cannot be made ({error.strerror})", where=path.parent, advice=step_to_write(error)
         ) from error
 
 
@@ -152,11 +150,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def unwritable(path: Path, error: OSError) -> OutputError:
     """Return the error of a file that cannot be written, with the next step by its cause."""
-    if error.errno == errno.ENAMETOOLONG:
-        advice = "give the file that it is made from a shorter name"
-    else:
-        advice = "make room on the disk" if error.errno in FULL else "check the folder"
-    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=advice)
+    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error))
 
 
 def write_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.fit_records import FitResult
+from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
 
@@ -100,7 +101,7 @@ def _load(path: Path, kind: type[Result]) -> Result:
             raise ResultError(f"has {size / 1e9:.1f} GB, which no result has", where=path, advice="check the path")
         raw = path.read_bytes()
     except OSError as error:
-        raise ResultError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+        raise ResultError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     return _decoded(raw, kind, path)
 
 

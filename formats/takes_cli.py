@@ -43,17 +43,22 @@ def list_takes(
     """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
     from formats.archive import read_with_report
     from formats.errors import TakeError
+    from formats.files_below import files_below
     from formats.missing import missing_words
     from formats.motion import kind_of
     from formats.plain_text import plain
+    from formats.system_causes import step_to_read
 
     if not folder.is_dir():
         raise TakeError("is no folder", where=folder, advice="give a folder; `hangtime takes show` shows one take")
-    paths = sorted(p for pattern in ("*.mcap", "*.mcap.partial") for p in folder.rglob(pattern))
-    if not paths:
+    try:
+        paths, locked = files_below(folder, ".mcap", ".mcap.partial")
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=folder, advice=step_to_read(error)) from error
+    if not paths and not locked:
         raise TakeError("holds no takes", where=folder, advice="`hangtime record` and `hangtime import` make some")
     all_read = True
-    for path in paths:
+    for path in sorted([*paths, *locked]):
         try:
             take, report = read_with_report(path)
         except TakeError as error:
@@ -266,7 +271,7 @@ def export_takes(
                 f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
                 incomplete=lacking,
             )  # fmt: skip
-        _end_with(lost, len(paths))
+        end_with(lost, len(paths))
         return
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):
@@ -281,10 +286,10 @@ def export_takes(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
             )  # fmt: skip
-        _end_with(lost, len(paths))
+        end_with(lost, len(paths))
 
 
-def _end_with(lost: dict[Path, TakeError], asked: int) -> None:
+def end_with(lost: dict[Path, TakeError], asked: int) -> None:
     """Name the takes that were lost of those that were asked for, and end with exit code 2 where there are any.
 
     Raises:

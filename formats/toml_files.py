@@ -13,6 +13,7 @@ from typing import Any
 
 from formats.errors import DescriptionError, HangtimeError
 from formats.plain_text import encoding_of
+from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LARGEST_TOML = 1 << 20  # bytes of a file
@@ -33,7 +34,7 @@ def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> di
         with path.open("rb") as file:
             raw = file.read(LARGEST_TOML + 1)
     except OSError as error:
-        raise failure(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+        raise failure(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     return parse_toml(raw, path, failure)
 
 

@@ -27,7 +27,9 @@ from formats.archive import TakeWriter, read_take
 from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
+from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
+from formats.system_causes import step_to_write
 
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
@@ -115,8 +117,7 @@ def record(
                 overwrite=overwrite,
             )  # fmt: skip
         except OSError as error:
-            advice = "choose another folder"
-            raise OutputError(f"cannot be written ({error.strerror})", where=out, advice=advice) from error
+            raise unwritable(out, error) from error
         try:
             for came in _frames(sensor, stop):
                 seen = reader.read(came)
@@ -130,7 +131,8 @@ def record(
                     if seen.scan is not None:
                         writer.append_scan(seen.scan)
                 except OSError as error:
-                    raise _broken_off(writer, tally.with_hanger, f"writing failed ({error.strerror})") from error
+                    what = f"writing failed ({error.strerror})"
+                    raise _broken_off(writer, tally.with_hanger, what, error) from error
                 tell(tally.add(seen))
                 if watch is not None and reader.frame is not None and reader.sight is not None:
                     watch(reader.frame, reader.sight.hanger, reader.sight.cloth)
@@ -149,7 +151,7 @@ def record(
         except OutputError:
             raise
         except BaseException as error:
-            broken = _broken_off(writer, tally.with_hanger, f"recording broke off: {error}")
+            broken = _broken_off(writer, tally.with_hanger, f"recording broke off: {error}", error)
             if not writer.partial.exists():
                 raise
             if isinstance(error, HangtimeError):
@@ -193,7 +195,7 @@ def _finish(writer: TakeWriter, with_hanger: int) -> None:
         advice = f"the recording is kept as {writer.partial.name}; give it another name"
         raise OutputError("has come there meanwhile", where=writer.path, advice=advice) from error
     except (OSError, TakeError) as error:
-        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
+        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}", error) from error
 
 
 def _lack_of_room(out: Path) -> OutputError | None:
@@ -213,11 +215,12 @@ def _lack_of_room(out: Path) -> OutputError | None:
     )  # fmt: skip
 
 
-def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
+def _broken_off(writer: TakeWriter, with_hanger: int, what: str, cause: BaseException) -> OutputError:
     """Close a take that cannot go on; keep it if it shows the hanger and can be read."""
     if with_hanger < FEWEST_HANGERS or not writer.is_readable:
         writer.discard()
-        return OutputError(what, where=writer.path, advice="make room on the disk")
+        advice = step_to_write(cause) if isinstance(cause, OSError) else "record it again"
+        return OutputError(what, where=writer.path, advice=advice)
     writer.keep()
     return OutputError(
         what, where=writer.partial, advice="what was recorded until then can be read with `hangtime takes show`"

@@ -67,7 +67,10 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     """
     names = takes.names("", ".mcap")
     if not names:
-        raise BatchError("holds no take (*.mcap)", where=takes.url, advice="check the address")
+        folder = takes.path("")
+        is_missing = folder is not None and not folder.is_dir()
+        what = "is no folder that is there" if is_missing else "holds no take (*.mcap)"
+        raise BatchError(what, where=takes.url, advice="check the address")
     failed = set(results.names("failed", ".json"))
     physics = physics_version()
     found, sizes = Survey(), {}

@@ -12,8 +12,9 @@ from typing import Any, Protocol
 
 from fit.errors import BatchError, UnreachableError
 from formats.errors import AddressError
-from formats.outputs import FULL
+from formats.files_below import files_below
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
+from formats.system_causes import FULL, step_to_read, step_to_write
 from formats.take_reader import LARGEST_FILE
 from formats.whole_files import check_ends, write_whole
 
@@ -71,11 +72,20 @@ class Folder:
     def names(self, below: str, suffix: str) -> list[str]:
         """Return the names below this one that end in the suffix, sorted; links to folders are not followed.
 
-        A pipe, a device or a link that leads nowhere is among them, so that it is said and not left out.
+        A pipe, a device and a link that leads nowhere are among them, so that they are said and not left out. So is a
+        folder that cannot be listed.
+
+        Raises:
+            BatchError: the folder itself cannot be listed.
         """
         top = self.root / below
-        named = top.rglob(f"*{suffix}") if top.is_dir() else ()
-        return sorted(p.relative_to(self.root).as_posix() for p in named if not p.is_dir())
+        try:
+            found, locked = files_below(top, suffix)
+        except OSError as error:
+            raise BatchError(f"cannot be read ({error.strerror})", where=top, advice=step_to_read(error)) from error
+        return sorted(
+            path.relative_to(self.root).as_posix() for path in [*locked, *(p for p in found if not p.is_dir())]
+        )
 
     def has(self, name: str) -> bool:
         """Return whether there is such a file."""
@@ -90,7 +100,7 @@ class Folder:
                 return file.read()
         except OSError as error:
             raise BatchError(
-                f"cannot be read ({error.strerror})", where=self.root / name, advice="check path and permissions"
+                f"cannot be read ({error.strerror})", where=self.root / name, advice=step_to_read(error)
             ) from error
 
     def write(self, name: str, content: bytes) -> None:
@@ -108,7 +118,7 @@ class Folder:
             if error.errno in FULL:
                 raise store_is_full(error, path) from error
             raise BatchError(
-                f"cannot be written ({error.strerror})", where=path, advice="check space and permissions"
+                f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error)
             ) from error
 
     def remove(self, name: str) -> None:
@@ -187,7 +197,7 @@ def store_is_full(error: OSError, where: object) -> UnreachableError:
     """Return the error of a disk that takes no more for now."""
     return UnreachableError(
         f"cannot be written ({error.strerror})", where=where,
-        advice="make room; finished takes are kept, and the same command goes on",
+        advice=f"{step_to_write(error)}; finished takes are kept, and the same command goes on",
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from fit.batch.store import Store, open_store, store_is_full
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError
-from formats.outputs import FULL
+from formats.system_causes import FULL
 
 
 @dataclass(frozen=True, kw_only=True)

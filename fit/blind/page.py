@@ -11,6 +11,7 @@ from fit.blind.rates import Rate
 from fit.blind.scoring import HEADLINE_BIN, Rates, Score, headline, load_score
 from fit.errors import FitError
 from fit.templating import environment
+from formats.system_causes import step_to_write
 from formats.whole_files import write_whole
 
 # Asked of the own generator at 2 to 4 times the minimum detectable amplitude; null and unknown cases have no amplitude.
@@ -66,7 +67,7 @@ def write_page(answers: Path, out: Path) -> Path:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_whole(out, render(score).encode())
     except OSError as error:
-        raise FitError(f"cannot be written ({error.strerror})", where=out, advice="choose another --out") from error
+        raise FitError(f"cannot be written ({error.strerror})", where=out, advice=step_to_write(error)) from error
     return out
 
 

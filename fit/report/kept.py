@@ -17,6 +17,7 @@ from fit.report.origin import Origin
 from formats.arrays import Floats, Indices
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
+from formats.system_causes import step_to_write
 from formats.whole_files import check_ends, write_whole
 
 FORMAT = "hangtime-report-motion/1"
@@ -72,7 +73,7 @@ def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, crea
         write_whole(path, packed.getvalue())
     except OSError as error:
         raise FitError(
-            f"the report's motion cannot be written ({error.strerror})", where=path, advice="choose another folder"
+            f"the report's motion cannot be written ({error.strerror})", where=path, advice=step_to_write(error)
         ) from error
 
 

@@ -19,6 +19,7 @@ from fit.report.templating import render
 from fit.report.text import instant
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
+from formats.system_causes import step_to_write
 from formats.whole_files import write_whole
 
 PAGE_BUDGET = 1_450_000  # bytes of the whole file: what most programs still send by mail without a word
@@ -53,7 +54,7 @@ def write_report(
         write_whole(path, page.encode())
     except OSError as error:
         raise FitError(
-            f"the report cannot be written ({error.strerror})", where=path, advice="choose another folder"
+            f"the report cannot be written ({error.strerror})", where=path, advice=step_to_write(error)
         ) from error
     return path
 

@@ -110,7 +110,9 @@ def test_a_disk_that_is_full_at_the_end_is_told_by_our_error_and_the_file_is_clo
     writer._file.flush()
     resource.setrlimit(resource.RLIMIT_FSIZE, (writer.path.stat().st_size, limits[1]))
     try:
-        with pytest.raises(RecordingError, match=r"a.oni: writing the recording failed \(File too large\); make room"):
+        with pytest.raises(
+            RecordingError, match=r"a.oni: writing the recording failed \(File too large\); raise the limit"
+        ):
             writer.close()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -130,7 +130,7 @@ def test_a_disk_that_is_full_leaves_one_sentence_and_no_file(
     monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(6))
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
     try:
-        with pytest.raises(RecordingError, match=r"writing the recording failed \(File too large\); make room"):
+        with pytest.raises(RecordingError, match=r"writing the recording failed \(File too large\); raise the limit"):
             recording.make_recording(tmp_path, "take")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -142,7 +142,10 @@ def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
 ) -> None:
     monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(2))
     (tmp_path / "take.truth.npz").mkdir()
-    with pytest.raises(OutputError, match=r"take.truth.npz: cannot be written \(Is a directory\); check the folder"):
+    with pytest.raises(
+        OutputError,
+        match=r"take.truth.npz: cannot be written \(Is a directory\); give another name: a folder has this one",
+    ):
         recording.make_recording(tmp_path, "take", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["take.truth.npz"]
 

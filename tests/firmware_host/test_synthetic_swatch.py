@@ -103,7 +103,7 @@ def test_a_full_disk_leaves_no_half_file_under_a_final_name(tmp_path, monkeypatc
     """The process may write no file longer than this [bytes]; the truth takes 0.98 MB, the markers 1.1 MB."""
     still = np.broadcast_to(np.float64(-0.1), (500, 81, 3))
     monkeypatch.setattr(synthetic, "swung_markers", lambda *_, **__: still)
-    sentence = rf"{first}: cannot be written \(File too large\); make room on the disk"
+    sentence = rf"{first}: cannot be written \(File too large\); raise the limit"
     with no_file_beyond(room), pytest.raises(OutputError, match=sentence):
         make_swatch_take(tmp_path, fabric="silk")
     assert sorted(path.name for path in tmp_path.iterdir()) == left

@@ -62,7 +62,9 @@ def test_a_full_disk_is_one_sentence_that_names_the_file_and_leaves_what_was_the
     before = (tmp_path / "diagnosis.json").read_bytes()
     done = run(SAVES, "save", tmp_path, preexec_fn=at_most(100))
     assert done.returncode == 2
-    assert done.stderr.startswith(f"hangtime: {tmp_path}/diagnosis.json: cannot be written (File too large); make room")
+    assert done.stderr.startswith(
+        f"hangtime: {tmp_path}/diagnosis.json: cannot be written (File too large); raise the limit"
+    )
     assert "whole files stay" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert (tmp_path / "diagnosis.json").read_bytes() == before

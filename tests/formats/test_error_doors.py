@@ -12,7 +12,7 @@ import pytest
 from formats import command, store_address
 from formats.archive import write_take
 from formats.descriptions import check_garment, check_rig, dump_description
-from formats.errors import MAKE_ROOM, DescriptionError, HangtimeError, TakeError
+from formats.errors import WHOLE_STAY, DescriptionError, HangtimeError, TakeError
 from formats.importers.c3d_file import LARGEST_C3D
 from formats.importers.marker_lines import LARGEST_TEXT
 from formats.importers.marker_tracks import write_marker_csv
@@ -85,8 +85,8 @@ def desk(tmp_path):
             "import m.csv --garment long.toml",
             "long.toml: has more than 1048576 bytes, which no such file has; check the path",
         ),
-        ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made (Not a directory); choose "
-         "another folder"),
+        ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made (Not a directory); give "
+         "another path: a part of this one is a file"),
         ("swatch s.toml --mass 0.05 --markers 2", "s: a swatch has too few markers along each side (got 2); give 4 or "
          "more"),
         ("swatch s.toml --mass 0.05 --markers 45", "s: 45 markers along each side are more than the 2000 that a take "
@@ -278,8 +278,15 @@ def _fails_with(error):
          "'.[batch]'"),
         (ModuleNotFoundError(name="mcap"), "mcap is not installed; in Hangtime's checkout: scripts/setup"),
         (OSError(errno.ENOSPC, "No space left on device"), "output: cannot be written (No space left on device); "
-         f"{MAKE_ROOM}"),
-        (OSError(errno.EISDIR, "Is a directory", "a"), "a: cannot be used (Is a directory); check the path"),
+         f"make room on the disk, or choose another one; {WHOLE_STAY}"),
+        (OSError(errno.EROFS, "Read-only file system", "a"), "a: cannot be written (Read-only file system); choose "
+         "another folder: the disk of this one is read-only"),
+        (OSError(errno.EACCES, "Permission denied", "a"), "a: cannot be used (Permission denied); get the permission "
+         "for it, or choose another place"),
+        (OSError(errno.EISDIR, "Is a directory", "a"), "a: cannot be used (Is a directory); give a file: this is a "
+         "folder"),
+        (OSError(errno.EXDEV, "Invalid cross-device link", "a"), "a: cannot be used (Invalid cross-device link); check "
+         "the path"),
     ],
 )  # fmt: skip
 def test_what_only_the_system_says_becomes_one_sentence(monkeypatch, tmp_path, error, sentence):

@@ -192,7 +192,7 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("batch", "nowhere"), "nowhere: holds no take (*.mcap)"),
+        (("batch", "nowhere"), "nowhere: is no folder that is there"),
         (("batch", "ftp://example.org/takes"), "is neither a folder nor a bucket"),
         (("batch", ".", "--method", "guess"), "there is no method named 'guess'"),
         (("batch", ""), "no folder or bucket was given"),

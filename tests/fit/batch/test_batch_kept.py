@@ -163,10 +163,10 @@ def test_a_full_disk_is_waited_for_as_a_bucket_out_of_reach_is(night):
         result=result_name(job.key), is_kept=lambda: False, digests={job.take: job.digest}, done="fitted", make=make,
         tidy=lambda: None,
     )  # fmt: skip
-    with no_file_beyond(8), pytest.raises(UnreachableError, match="make room") as told:
+    with no_file_beyond(8), pytest.raises(UnreachableError, match="raise the limit") as told:
         results.write("fits/a.json", b"nine bytes")
     assert told.value.exit_code == 75
-    with pytest.raises(UnreachableError, match="make room"):
+    with pytest.raises(UnreachableError, match="raise the limit"):
         run_errand(job, errand, results)
     assert not results.has(failure_name(job.key))
 

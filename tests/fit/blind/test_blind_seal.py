@@ -62,6 +62,6 @@ def test_of_a_key_that_no_disk_holds_nothing_is_left(tmp_path):
     full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}
     done = subprocess.run([sys.executable, *make], capture_output=True, text=True, **full)
     assert done.returncode == 2
-    assert "set/sealed/key: cannot be written (File too large); make room" in done.stderr
+    assert "set/sealed/key: cannot be written (File too large); raise the limit" in done.stderr
     assert "Traceback" not in done.stderr
     assert list((tmp_path / "set/sealed").iterdir()) == []

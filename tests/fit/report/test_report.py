@@ -279,7 +279,7 @@ def test_unwritable_folder_is_one_clear_sentence_and_leaves_nothing(tmp_path):
     with pytest.raises(FitError, match="cannot be written"):
         write_report(tmp_path / "nowhere" / "r.html", fit=None, diagnosis=None)
     (tmp_path / "r.html").mkdir()
-    with pytest.raises(FitError, match="choose another folder"):
+    with pytest.raises(FitError, match="give another name: a folder has this one"):
         write_report(tmp_path / "r.html", fit=None, diagnosis=None)
     assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
 

@@ -1,0 +1,45 @@
+"""The next step by the cause for which the system refuses a file: in one place, for all who write and read.
+
+The causes are those of `man 3 errno` that a person can change.
+"""
+
+from __future__ import annotations
+
+import errno
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk, a quota or a limit that somebody may widen meanwhile
+ONLY_WRITING = {*FULL, errno.EROFS}  # no reader meets these
+TO_WRITE = {
+    errno.ENOSPC: "make room on the disk, or choose another one",
+    errno.EDQUOT: "make room in your quota, or choose another disk",
+    errno.EFBIG: "raise the limit on the size of files (`ulimit -f`), or choose another disk",
+    errno.EROFS: "choose another folder: the disk of this one is read-only",
+    errno.EACCES: "choose another folder, or get the permission to write to this one",
+    errno.EPERM: "choose another folder, or get the permission to write to this one",
+    errno.ENAMETOOLONG: "choose a shorter name: the system allows no longer one",
+    errno.EISDIR: "give another name: a folder has this one",
+    errno.ENOTDIR: "give another path: a part of this one is a file",
+    errno.EEXIST: "give another name: a file has this one",
+    errno.ENOENT: "make its folder first, or give another path",
+    errno.ELOOP: "give another path: a link of this one leads to itself",
+    errno.EIO: "choose another disk: this one fails",
+    errno.EINVAL: "give the name of a file",
+}
+TO_READ = {
+    errno.EACCES: "get the permission to read it",
+    errno.EPERM: "get the permission to read it",
+    errno.EISDIR: "give a file: this is a folder",
+    errno.ENOTDIR: "check the path: a part of it is a file",
+    errno.ELOOP: "check the path: a link of it leads to itself",
+    errno.EIO: "copy the file from elsewhere: its disk fails",
+}
+
+
+def step_to_write(error: OSError) -> str:
+    """Return the next step of a person whose file cannot be written."""
+    return TO_WRITE.get(error.errno or 0, "choose another place")
+
+
+def step_to_read(error: OSError) -> str:
+    """Return the next step of a person whose file cannot be read."""
+    return TO_READ.get(error.errno or 0, "check the path")

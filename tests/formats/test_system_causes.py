@@ -1,0 +1,128 @@
+"""Whoever cannot write a file says the cause that the system gives, and the step that helps against just that."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from fit.batch.store import Folder
+from fit.errors import BatchError, FitError, UnreachableError
+from fit.folders import make_folder
+from fit.report.page import write_report
+from formats.archive import write_take
+from formats.errors import HangtimeError, OutputError
+from formats.outputs import make_output_folder, make_parent, write_bytes
+from formats.system_causes import FULL, TO_READ, step_to_read, step_to_write
+from tests.formats.test_archive import a_take
+from tests.formats.unprivileged import hangtime_unprivileged
+from tests.repository import ROOT
+
+LONG = "n" * 240
+ON_DISK = """
+import sys
+from pathlib import Path
+from formats.errors import HangtimeError
+from formats.outputs import make_output_folder, write_bytes
+try:
+    make_output_folder(Path(sys.argv[1]))
+    write_bytes(Path(sys.argv[1]) / "a", bytes(1 << 20))
+except HangtimeError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "step"),
+    [
+        (errno.ENOSPC, "make room on the disk, or choose another one"),
+        (errno.EDQUOT, "make room in your quota, or choose another disk"),
+        (errno.EFBIG, "raise the limit on the size of files (`ulimit -f`), or choose another disk"),
+        (errno.EROFS, "choose another folder: the disk of this one is read-only"),
+        (errno.EACCES, "choose another folder, or get the permission to write to this one"),
+        (errno.ENAMETOOLONG, "choose a shorter name: the system allows no longer one"),
+        (errno.EISDIR, "give another name: a folder has this one"),
+        (errno.ENOTDIR, "give another path: a part of this one is a file"),
+        (errno.EXDEV, "choose another place"),
+    ],
+)
+def test_every_cause_has_its_own_step_and_a_disk_that_is_full_is_tried_again(monkeypatch, tmp_path, number, step):
+    """The disk refuses at the opening of the file, as it does in each of these cases."""
+    assert step_to_write(OSError(number, "")) == step
+
+    def refuse(*_, **__):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(OutputError) as refused:
+        write_bytes(tmp_path / "a", b"")
+    assert str(refused.value) == f"{tmp_path}/a: cannot be written ({os.strerror(number)}); {step}"
+    with pytest.raises(BatchError) as kept:
+        Folder(tmp_path).write("a", b"")
+    assert kept.value.advice.startswith(step)
+    assert isinstance(kept.value, UnreachableError) == (number in FULL)
+
+
+@pytest.mark.parametrize(
+    ("path", "step"),
+    [
+        (LONG + "/" + LONG * 2, "choose a shorter name"),
+        ("file/below", "give another path: a part of this one is a file"),
+        ("file", "give another name: a file has this one"),
+    ],
+)
+def test_every_writer_of_a_folder_asks_for_the_same_step(tmp_path, path, step):
+    (tmp_path / "file").touch()
+    makers = (make_output_folder, make_folder, lambda folder: make_parent(folder / "a"))
+    for make in makers:
+        with pytest.raises(HangtimeError) as refused:
+            make(tmp_path / path)
+        assert refused.value.advice.startswith(step)
+    with pytest.raises(FitError) as refused:
+        write_report(tmp_path / "gone" / "r.html", fit=None, diagnosis=None)
+    assert refused.value.advice == "make its folder first, or give another path"
+
+
+def test_an_export_under_a_long_name_and_into_a_locked_folder_says_the_true_cause(tmp_path):
+    write_take(tmp_path / "a.mcap", a_take(20))
+    (tmp_path / f"{LONG}.mcap").hardlink_to(tmp_path / "a.mcap")
+    (tmp_path / "locked").mkdir(mode=0o555)
+    long, locked = hangtime_unprivileged(
+        ("takes", "export", f"{LONG}.mcap", "--to", "npz", "--out", "."),
+        ("takes", "export", "a.mcap", "--to", "npz", "--out", "locked"),
+        folder=tmp_path,
+    )
+    assert "cannot be written (File name too long); choose a shorter name" in long.stderr
+    assert "locked: cannot be made or written to (Permission denied); choose another folder, or get" in locked.stderr
+    assert (long.returncode, locked.returncode) == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("size=64k", "(No space left on device); make room on the disk"),
+        ("ro", "(Read-only file system); choose another folder: the disk of this one is read-only"),
+    ],
+)
+def test_a_real_disk_that_is_full_or_read_only_says_so(tmp_path, options, sentence):
+    """In a namespace of its own, so that nothing stays mounted."""
+    if os.geteuid() or shutil.which("unshare") is None:
+        pytest.skip("only root mounts a disk")
+    line = 'mount -t tmpfs -o "$1" none "$2" && shift && exec "$2" -c "$3" "$1"'
+    done = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", line, "sh", options, str(tmp_path), sys.executable, ON_DISK],
+        capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    if "mount" in done.stderr:
+        pytest.skip(f"no disk can be mounted here: {done.stderr.strip()}")
+    assert sentence in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_has_a_step_for_what_a_reader_meets():
+    assert {step_to_read(OSError(number, "")) for number in TO_READ} == set(TO_READ.values())
+    assert step_to_read(OSError(errno.ENOENT, "")) == "check the path"

@@ -241,11 +241,14 @@ def record_command(
     from firmware_host.opening import names_live_sensor, open_sensor
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
+    from formats.plausible_rig import check_plausible_hold
 
     check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
     if not overwrite:
         refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig, anyway=anyway), load_garment(garment, anyway=anyway)
+    if not anyway:
+        check_plausible_hold(described_rig, described_garment, rig, offers_anyway=True)
     is_terminal = is_watched()
     clear = CLEAR_LINE if is_terminal else ""
 

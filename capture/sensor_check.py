@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from capture.hanger.colour_dots import DotTracker
 from capture.hanger.marker_detection import ids_in
+from capture.hanger.seen_sizes import sizes_seen, wrong_size
+from firmware_host.depth_sensor import SensorFrame
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 from formats.rig import Rig
 
@@ -32,12 +34,22 @@ def markers_visible(examination: Examination) -> Finding:
         f"marker {number} in {100 * share:.0f} %" for number, share in shares.items()
     ) + f" of {len(seen)} frames"  # fmt: skip
     if min(shares.values()) >= LEAST_SEEN:
-        return ok(text)
+        wrong = "" if examination.rig is None else _sizes_wrong(frames, examination.rig)
+        return problem(f"{text}, of other sizes than the rig's", wrong) if wrong else ok(text)
     others = sorted(set().union(*seen) - set(ids))
     advice = "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light"
     if others:
         advice = f"markers {others} are there instead: give the rig that describes them with --rig"
     return problem(text, advice)
+
+
+def _sizes_wrong(frames: list[SensorFrame], rig: Rig) -> str:
+    """Return which number of the rig contradicts the markers of the first frame that shows both."""
+    for frame in frames:
+        seen = None if frame.colour is None else sizes_seen(frame.colour, frame.depth, rig)
+        if seen is not None and rig.hanger is not None and rig.sensor is not None:
+            return wrong_size(rig.hanger, rig.sensor, seen)
+    return ""
 
 
 def _dots_visible(examination: Examination, rig: Rig) -> Finding:

@@ -13,7 +13,9 @@ import numpy as np
 
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
-from formats.plausible import LARGEST_MARKER, SMALLEST_MARKER, check_plausible_garment, check_plausible_rig, unit_of
+from formats.meant_units import unit_of
+from formats.plausible import check_plausible_garment
+from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.toml_files import read_toml
 from formats.wrong_fields import wrong_field
@@ -315,9 +317,9 @@ def check_rig(rig: Rig, where: object) -> None:
             if not all(0 <= part <= 255 for part in colour):
                 refuse(f"hanger.dot_colours must be three numbers from 0 to 255 each (got {list(colour)})")
         if not 0 < hanger.marker_size_m < hanger.marker_distance_m:
-            marker = rig.hanger.marker_size_m
-            meant = unit_of(marker, SMALLEST_MARKER, LARGEST_MARKER) if marker > LARGEST_MARKER else ""
-            refuse(f"hanger.marker_size_m must be above 0 and below hanger.marker_distance_m (got {marker:g}){meant}")
+            _refuse_the_likelier(hanger, refuse)
+        if hanger.marker == "fiducial":
+            _check_markers(hanger, refuse)
         if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:
             refuse("hanger.held_m: the two ends of the held edge are at the same place")
     _check_bodies(rig, refuse)
@@ -328,6 +330,29 @@ def check_rig(rig: Rig, where: object) -> None:
             refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {calibration.depth_scale:g})")
         if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
             refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")
+
+
+def _refuse_the_likelier(hanger: Hanger, refuse: Callable[[str], None]) -> None:
+    """Refuse markers that overlap: name the size where no marker has it, else the distance."""
+    size, distance = hanger.marker_size_m, hanger.marker_distance_m
+    if not SMALLEST_MARKER <= size <= LARGEST_MARKER:
+        meant = unit_of(size, SMALLEST_MARKER, LARGEST_MARKER) if size > LARGEST_MARKER else ""
+        refuse(f"hanger.marker_size_m must be above 0 and below hanger.marker_distance_m (got {size:g}){meant}")
+    meant = f"; was {10 * distance:g} meant?" if distance >= SHORTEST_BAR and size < 10 * distance else ""
+    refuse(f"hanger.marker_distance_m, {distance:g}, must be above hanger.marker_size_m, {size:g}{meant}")
+
+
+def _check_markers(hanger: Hanger, refuse: Callable[[str], None]) -> None:
+    """Check that there are such markers."""
+    if hanger.dictionary not in DICTIONARIES:
+        import difflib  # here: no right file needs it
+
+        close = difflib.get_close_matches(hanger.dictionary, DICTIONARIES, 1)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        refuse(f"hanger.dictionary {hanger.dictionary!r} is none of OpenCV's{hint}")
+    count = DICTIONARIES[hanger.dictionary]
+    if wrong := [number for number in hanger.ids if not 0 <= number < count]:
+        refuse(f"hanger.ids: {hanger.dictionary} has the markers 0 to {count - 1} (got {wrong[0]})")
 
 
 def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:

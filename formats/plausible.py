@@ -12,19 +12,16 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import ImplausibleError
 from formats.garment import Garment
-from formats.rig import Rig
+from formats.meant_units import step_or_anyway, unit_of
+from formats.plausible_rig import check_plausible_rig
 from formats.take import Take
 
 LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
-SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
-SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
-NARROWEST, WIDEST = 10.0, 150.0  # degrees that a depth sensor's picture spans: those of rooms have 40 to 90
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 LARGEST_LEAP = 600.0  # s between two frames of one take: five times its longest recording; a simulation goes through it
 RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
-UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
 
 
 def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = False) -> None:
@@ -52,7 +49,7 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
         meant = unit_of(side, SHORTEST, LONGEST)
         raise ImplausibleError(
             f"outline_m is {side:g} m long, a garment {SHORTEST:g} to {LONGEST:g} m{meant}", where=where,
-            advice=_advice("give metres", offers_anyway),
+            advice=step_or_anyway("give metres", offers_anyway),
         )  # fmt: skip
     density = garment.areal_density / garment.layers
     if not LIGHTEST <= density <= HEAVIEST:
@@ -64,48 +61,8 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
         )
         raise ImplausibleError(
             f"mass_kg = {garment.mass_kg:g} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}{meant}",
-            where=where, advice=_advice("weigh it and give kilograms", offers_anyway),
+            where=where, advice=step_or_anyway("weigh it and give kilograms", offers_anyway),
         )  # fmt: skip
-
-
-def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a hanger of a size that none has, say which unit was probably meant, and a focal length of no sensor.
-
-    Raises:
-        ImplausibleError: names the number, its range and the unit that fits.
-    """
-    if rig.sensor is not None:
-        for name, focal, pixels in (("fx", rig.sensor.fx, rig.sensor.width), ("fy", rig.sensor.fy, rig.sensor.height)):
-            span = float(np.degrees(2 * np.arctan(pixels / (2 * focal))))
-            if not NARROWEST <= span <= WIDEST:
-                raise ImplausibleError(
-                    f"sensor.{name} = {focal:g} px lets {pixels} pixels span {span:.3g} degrees, a sensor's picture "
-                    f"{NARROWEST:g} to {WIDEST:g}", where=where,
-                    advice=_advice("give the focal length in pixels; `hangtime sensor play` tells it", offers_anyway),
-                )  # fmt: skip
-    if rig.hanger is None:
-        return
-    reach = float(np.abs(np.array(rig.hanger.held_m)).max())
-    for name, value, least, most in (
-        ("marker_size_m", rig.hanger.marker_size_m, SMALLEST_MARKER, LARGEST_MARKER),
-        ("marker_distance_m", rig.hanger.marker_distance_m, SHORTEST_BAR, LONGEST_BAR),
-        ("held_m", reach, 0.01, LONGEST_BAR),
-    ):
-        if not least <= value <= most:
-            raise ImplausibleError(
-                f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{unit_of(value, least, most)}",
-                where=where, advice=_advice("give metres", offers_anyway),
-            )  # fmt: skip
-
-
-def _advice(what: str, offers_anyway: bool) -> str:
-    return f"{what}, or --anyway to accept it" if offers_anyway else what
-
-
-def unit_of(value: float, least: float, most: float) -> str:
-    """Return a question for the unit in which a length would fit, nothing where none does."""
-    fitting = [name for name, metres in UNITS if least <= value * metres <= most]
-    return f"; were {' or '.join(fitting)} meant?" if fitting else ""
 
 
 def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = False) -> None:
@@ -120,7 +77,7 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
         if len(steps) and (longest := float(steps.max())) > LARGEST_LEAP:
             raise ImplausibleError(
                 f"its times leap by {longest:g} s after {time[int(steps.argmax())] - time[0]:.2f} s", where=where,
-                advice=_advice("split the recording there, or mend its clock", offers_anyway),
+                advice=step_or_anyway("split the recording there, or mend its clock", offers_anyway),
             )  # fmt: skip
         return
     if apart > 1 / SLOWEST:
@@ -130,14 +87,14 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
             meant = "these are frame numbers, or milliseconds at 1000 frames a second"
         raise ImplausibleError(
             f"its frames are {apart:g} s apart in the median; {meant}", where=where,
-            advice=_advice(
+            advice=step_or_anyway(
                 "give seconds: divide milliseconds by 1e3, nanoseconds by 1e9, frame numbers by the frame rate",
                 offers_anyway,
             ),
         )  # fmt: skip
     raise ImplausibleError(
         f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
-        f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=_advice("give its time in seconds", offers_anyway),
+        f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=step_or_anyway("give its time in seconds", offers_anyway),
     )  # fmt: skip
 
 
@@ -154,5 +111,5 @@ def check_stated_rate(time: Floats, rate: float | None, where: object, *, offers
         return
     raise ImplausibleError(
         f"its times come at {found:.4g} frames a second, and it states {rate:.4g}", where=where,
-        advice=_advice("export it again with times in seconds", offers_anyway),
+        advice=step_or_anyway("export it again with times in seconds", offers_anyway),
     )  # fmt: skip

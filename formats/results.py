@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from codecs import BOM_UTF8
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import TypeVar, get_args, get_type_hints
 
 import msgspec
-import numpy as np
 
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.fit_records import FitResult
+from formats.result_checks import as_plain, check_result
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
 
-POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
-LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
 LARGEST_RESULT = 1 << 25  # bytes: a diagnosis of hundreds of takes has a hundredth of them
 
 Result = TypeVar("Result", FitResult, Diagnosis)
@@ -88,8 +84,8 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
     Raises:
         ResultError: a number in it is not finite.
     """
-    _check(record, path)
-    raw = msgspec.json.format(msgspec.json.encode(record, enc_hook=_plain), indent=2)
+    check_result(record, path)
+    raw = msgspec.json.format(msgspec.json.encode(record, enc_hook=as_plain), indent=2)
     msgspec.json.decode(raw, type=type(record))
     return raw + b"\n"
 
@@ -112,7 +108,7 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         _refuse_other_version(raw, kind, where)
         words = "it is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
         raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
-    _check(record, where)
+    check_result(record, where)
     return record
 
 
@@ -130,53 +126,5 @@ def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None
         )  # fmt: skip
 
 
-def _plain(value: Any) -> Any:
-    """Return a number of numpy as one of Python."""
-    if isinstance(value, np.generic):
-        return value.item()
-    raise NotImplementedError(f"a result holds a {type(value).__name__}")
-
-
 class _Named(msgspec.Struct):
     format: str
-
-
-def _check(record: FitResult | Diagnosis, where: object) -> None:
-    """Check the rules that a schema cannot state: finite numbers, and that named effects were tested."""
-    _check_finite(msgspec.to_builtins(record, enc_hook=_plain), where, "")
-    if isinstance(record, FitResult):
-        _check_fit(record, where)
-    if isinstance(record, Diagnosis):
-        again, known = "diagnose again", {finding.id for finding in record.effects}
-        for name in [*record.named, *record.alternatives, *itertools.chain(*record.alternatives.values())]:
-            if name not in known:
-                raise ResultError(
-                    f"names the effect {name!r}, which is not among its findings", where=where, advice=again
-                )
-        if record.verdict == "effect" and len(record.named) != 1:
-            raise ResultError("the verdict `effect` names exactly one effect", where=where, advice=again)
-
-
-def _check_fit(result: FitResult, where: object) -> None:
-    """Check that a fit belongs together: layers, intervals and material."""
-    again = "fit again"
-    if result.layers < 1:
-        raise ResultError(f"layers is {result.layers}, and cloth has one or more", where=where, advice=again)
-    for p in result.parameters:
-        low, high = p.interval_low, p.interval_high
-        if (low is None) != (high is None) or (low is not None and high is not None and low > high):
-            raise ResultError(f"the interval of {p.name} has not a lower and an upper end", where=where, advice=again)
-    for name in POSITIVE:
-        if not 0 < result.material.get(name, 1.0) < LARGEST_NUMBER:
-            raise ResultError(f"no cloth has {name} = {result.material[name]:g}", where=where, advice=again)
-
-
-def _check_finite(value: Any, where: object, at: str) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ResultError(f"{at or 'value'} is not a finite number", where=where, advice="make it again")
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            _check_finite(inner, where, f"{at}.{key}" if at else str(key))
-    elif isinstance(value, list | tuple):
-        for number, inner in enumerate(value):
-            _check_finite(inner, where, f"{at}[{number}]")

@@ -12,7 +12,8 @@ import math
 from formats.descriptions import MOST_POINTS, check_garment
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint
-from formats.plausible import LONGEST, SHORTEST, unit_of
+from formats.meant_units import unit_of
+from formats.plausible import LONGEST, SHORTEST
 
 SWATCH_SIDE = 0.5  # m, section 2
 MARKERS = 9  # along each side, section 2: 81 in all

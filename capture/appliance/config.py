@@ -13,6 +13,7 @@ from msgspec import Meta
 from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
+from formats.plausible_rig import check_plausible_hold
 from formats.rig import Rig
 from formats.toml_files import read_toml
 from formats.wrong_fields import wrong_field
@@ -147,7 +148,9 @@ def load(path: Path) -> InForce:
             advice="mend that setting; docs/reference/appliance.md explains each",
         ) from error
     _check_spool(config.spool.folder, path)
-    return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))
+    rig, garment = load_rig(config.sensor.rig), load_garment(config.sensor.garment)
+    check_plausible_hold(rig, garment, config.sensor.rig)
+    return InForce(config, rig, garment)
 
 
 def _check_spool(folder: Path, path: Path) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.hanger import held_ends
 from formats.missing import origin_of
 from formats.take import LONGEST_GAP, Take
 
@@ -20,6 +21,7 @@ HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic 
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
 RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
+HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: the synthetic motions have below 1
 ENOUGH = 10  # frames that both points of a distance must be seen in
 
 
@@ -52,7 +54,7 @@ def judge(take: Take) -> tuple[Finding, ...]:
             ),
         )  # fmt: skip
     found = [*_hanger_gaps(take, has_hanger), *_length(take), *_markers(take, has_hanger)]
-    found += [*_motion(take, has_hanger), *_points(take), *_size(take)]
+    found += [*_motion(take, has_hanger), *_points(take), *_size(take), *_hang(take, has_hanger)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
 
 
@@ -138,13 +140,54 @@ def _points(take: Take) -> list[Finding]:
                 advice="let it hang free below the hanger, 8 cm or more before any wall",
             )
         ]  # fmt: skip
+    advice = "bring the whole garment into view, with nothing before it"
+    if take.rig.hanger is not None and set(_held_points(take)) <= set(never):
+        (left, *_), (right, *_) = take.rig.hanger.held_m
+        advice = f"measure hanger.held_m again: it says that the held edge is {100 * (right - left):.0f} cm wide"
     return [
         Finding(
             name="points_never_seen",
-            words=f"{', '.join(never)} {'was' if len(never) == 1 else 'were'} never seen",
-            advice="bring the whole garment into view, with nothing before it",
+            words=f"{', '.join(never)} {'was' if len(never) == 1 else 'were'} never seen", advice=advice,
         )
+    ]  # fmt: skip
+
+
+def _held_points(take: Take) -> list[str]:
+    """Return the names of the points at the ends of the held edge; both or none."""
+    ends = take.garment.outline_m[:2]
+    names = [
+        point.name
+        for end in ends
+        for point in take.garment.points
+        if np.linalg.norm(np.subtract(point.at_m, end)) < 1e-6
     ]
+    return names if len(names) == len(ends) else ["none"]
+
+
+def _hang(take: Take, has_hanger: Booleans) -> list[Finding]:
+    """Compare gravity with the mean direction from the held edge to the points: swings to both sides cancel."""
+    if take.rig.hanger is None or take.rig.sensor is None:
+        return []
+    flat = np.array([point.at_m for point in take.garment.points])
+    free = flat[:, 1] < min(corner[1] for corner in take.garment.outline_m[:2]) - 0.1  # m: held points hang nowhere
+    shown = has_hanger & np.asarray(take.points_valid[:, free].all(1)) if free.any() else has_hanger & False
+    if shown.sum() < ENOUGH:
+        return []
+    held = held_ends(take.markers[shown], take.rig).mean(1)
+    hang = (take.points[shown][:, free].mean(1) - held).mean(0)
+    gravity = np.array(take.rig.gravity)
+    angle = float(
+        np.degrees(np.arccos(np.clip(hang @ gravity / np.linalg.norm(hang) / np.linalg.norm(gravity), -1, 1)))
+    )
+    if angle <= HANGS_WITHIN:
+        return []
+    down = ", ".join(f"{round(part, 2) + 0.0:.2f}" for part in hang / np.linalg.norm(hang))
+    return [
+        Finding(
+            name="gravity_off", words=f"the garment hangs {angle:.0f} degrees off the rig's gravity, along [{down}]",
+            advice="measure gravity with `hangtime calibrate`; x is to the right, y down, z away from the sensor",
+        )
+    ]  # fmt: skip
 
 
 def _size(take: Take) -> list[Finding]:

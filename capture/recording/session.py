@@ -10,12 +10,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
 from capture.hanger.seen_otherwise import seen_otherwise
+from capture.hanger.seen_sizes import sizes_seen, wrong_size
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.judgement import FEWEST_HANGERS, Finding, judge
@@ -160,8 +160,7 @@ def record(
             raise
         if tally.with_hanger < FEWEST_HANGERS:
             writer.discard()
-            picture = reader.frame.colour if reader.frame is not None else None
-            raise failure or _no_markers(sensor.info.uri, rig, tally, picture=picture)
+            raise failure or _no_markers(sensor.info.uri, rig, tally, frame=reader.frame)
         _finish(writer, tally.with_hanger)
     findings = judge(read_take(out))
     return RecordingReport(
@@ -228,7 +227,7 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str, cause: BaseExce
 
 
 def _no_markers(
-    where: object, rig: Rig, tally: Tally, *, kept: bool = False, picture: NDArray[np.uint8] | None = None
+    where: object, rig: Rig, tally: Tally, *, kept: bool = False, frame: SensorFrame | None = None
 ) -> NoMarkersError:
     worst = tally.conditions.worst
     what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
@@ -236,9 +235,13 @@ def _no_markers(
     advice = worst.value.advice or "record longer"
     if kept:
         advice = f"record it again: {advice}"
-    if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT) and rig.hanger is not None:
+    picture = None if frame is None else frame.colour
+    sizes = sizes_seen(picture, frame.depth, rig) if frame is not None and picture is not None else None
+    how = wrong_size(rig.hanger, rig.sensor, sizes) if sizes and rig.hanger and rig.sensor else ""
+    if rig.hanger is not None and (how or worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT)):
         stated = f"the rig says {_markers_of(rig.hanger)}"
-        how = seen_otherwise(picture, rig.hanger) if worst is Condition.NO_MARKERS else ""
+        if not how and worst is Condition.NO_MARKERS:
+            how = seen_otherwise(picture, rig.hanger)
         advice = f"{stated}; {how}" if how else f"{advice} ({stated})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"

@@ -28,7 +28,8 @@ from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
 from formats.importers.units import other_unit
-from formats.plausible import LONGEST, SHORTEST, check_plausible_times, unit_of
+from formats.meant_units import unit_of
+from formats.plausible import LONGEST, SHORTEST, check_plausible_times
 from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger

@@ -213,7 +213,10 @@ def test_a_wrong_line_is_named(tmp_path, old, new, words):
     [
         ({"gravity": (0.0, 2.0, 0.0)}, "gravity must be a unit vector"),
         ({"hanger": msgspec.structs.replace(HANGER, ids=(3, 3))}, "hanger.ids must differ"),
-        ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=0.4)}, r"hanger.marker_size_m.* \(got 0.4\);"),
+        (
+            {"hanger": msgspec.structs.replace(HANGER, marker_size_m=0.4)},
+            r"hanger.marker_distance_m, 0.3, must be above hanger.marker_size_m, 0.4; was 3 meant",
+        ),
         ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=60.0)}, r"got 60\); were millimetres meant\?"),
         ({"sensor": msgspec.structs.replace(RIG.sensor, cx=np.nan)}, r"sensor\.cx has a number that is not finite"),
         ({"sensor": msgspec.structs.replace(RIG.sensor, cy=500.0)}, r"sensor\.cy must lie in the picture, .* 480"),

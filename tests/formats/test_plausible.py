@@ -13,11 +13,11 @@ from formats.errors import ImplausibleError
 from formats.garment import Garment, TrackedPoint
 from formats.plausible import (
     check_plausible_garment,
-    check_plausible_rig,
     check_plausible_take,
     check_plausible_times,
     check_stated_rate,
 )
+from formats.plausible_rig import check_plausible_rig
 from formats.rig import Hanger, Sensor
 from formats.table_memory import TableMemory
 from tests.formats.test_archive import RIG, a_take
@@ -82,6 +82,7 @@ def test_grams_in_the_place_of_kilograms_are_named_with_the_number_that_was_mean
     )
 
 
+NARROW = (-0.1, 0.02, 0.0), (0.1, 0.02, 0.0)
 HANGER = Hanger(marker_size_m=0.05, marker_distance_m=0.3, held_m=((-0.2, 0.02, 0.0), (0.2, 0.02, 0.0)))
 
 
@@ -92,7 +93,7 @@ def hanger(**changes):
 @pytest.mark.parametrize(("field", "least", "most"), [("marker_size_m", 0.005, 0.5), ("marker_distance_m", 0.03, 3.0)])
 def test_a_hangers_markers_are_as_large_and_as_far_apart_as_some_are(field, least, most):
     for value in (least, most):
-        check_plausible_rig(hanger(**{field: value}), "a file")
+        check_plausible_rig(hanger(**{field: value}, held_m=NARROW), "a file")
     for value in (0.99 * least, 1.01 * most):
         said = refused(check_plausible_rig, hanger(**{field: value}))
         assert f"hanger.{field} is {value:g} m, a hanger has {least:g} to {most:g} m" in said
@@ -103,7 +104,7 @@ def test_a_hangers_held_ends_are_a_centimetre_to_three_metres_away():
     for reach, is_one in ((0.009, False), (0.0101, True), (2.99, True), (3.01, False)):
         scaled = tuple(tuple(float(v) for v in end) for end in ends * reach / np.abs(ends).max())
         if is_one:
-            check_plausible_rig(hanger(held_m=scaled), "a file")
+            check_plausible_rig(hanger(held_m=scaled, marker_distance_m=1.0), "a file")
         else:
             assert "hanger.held_m is" in refused(check_plausible_rig, hanger(held_m=scaled))
     assert "were millimetres or centimetres meant?" in refused(
@@ -123,14 +124,14 @@ def focal(pixels, degrees):
 
 @pytest.mark.parametrize(("degrees", "is_one"), [(9.9, False), (10.1, True), (149.9, True), (150.1, False)])
 def test_a_sensors_picture_spans_ten_to_a_hundred_and_fifty_degrees_both_ways(degrees, is_one):
-    for name, rig in (("fx", sensor(fx=focal(640, degrees))), ("fy", sensor(fy=focal(480, degrees)))):
-        if is_one:
-            check_plausible_rig(rig, "a file")
-        else:
-            pixels = 640 if name == "fx" else 480
-            said = refused(check_plausible_rig, rig)
-            assert f"sensor.{name} = " in said
-            assert f"lets {pixels} pixels span {degrees:.3g} degrees" in said
+    if is_one:
+        square = Sensor(width=640, height=640, fx=focal(640, degrees), fy=focal(640, degrees), cx=319.5, cy=319.5)
+        check_plausible_rig(msgspec.structs.replace(sensor(), sensor=square), "a file")
+        return
+    for name, pixels in (("fx", 640), ("fy", 480)):
+        said = refused(check_plausible_rig, sensor(**{name: focal(pixels, degrees)}))
+        assert f"sensor.{name} = " in said
+        assert f"lets {pixels} pixels span {degrees:.3g} degrees" in said
 
 
 def at_steps(seconds, frames=10):

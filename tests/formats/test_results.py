@@ -93,3 +93,81 @@ def test_a_file_of_300_gigabytes_is_no_result_and_not_read(tmp_path):
         file.truncate(300 << 30)
     with pytest.raises(ResultError, match=r"has 322.1 GB, which no result has; check the path"):
         load_fit_result(tmp_path / "fit.json")
+
+
+def edited(path, *changes):
+    """Write what a person made of a result: each change is a path through the JSON and the new value."""
+    plain = json.loads(path.read_text())
+    for keys, value in changes:
+        inner = plain
+        for key in keys[:-1]:
+            inner = inner[key]
+        inner[keys[-1]] = value
+    path.write_text(json.dumps(plain))
+
+
+MASS = ("parameters", 0)
+OWN_BOUNDS = "mass is {}, outside its own bounds of 0.15 to 10; fit again"
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "says"),
+    [
+        ((*MASS, "fitted"), 1e308, "parameters[0].fitted is 1e+308, and no result has a number that large"),
+        ((*MASS, "fitted"), 10.01, "parameters[0].fitted: " + OWN_BOUNDS.format("10.01")),
+        ((*MASS, "fitted"), -1, "parameters[0].fitted: " + OWN_BOUNDS.format("-1")),
+        ((*MASS, "initial"), 0.1, "parameters[0].initial: " + OWN_BOUNDS.format("0.1")),
+        ((*MASS, "minimum"), 11, "parameters[0]: the bounds of mass are crossed (11 to 10)"),
+        ((*MASS, "interval_low"), 2.5, "the interval of mass has not a lower and an upper end"),
+        (("parameters", 1, "name"), "mass", "parameters[1]: mass is there twice"),
+        (("effects",), {"air": 1.2}, "effects.air is 1.2, and the parameter's value 3.3"),
+        (("material",), {"velocity_damping": -1}, "no cloth has velocity_damping = -1"),
+        (("material",), {"bending_stiffness": 0}, "no cloth has bending_stiffness = 0"),
+        (("spacing",), 0, "spacing is 0 m, and a mesh has more"),
+        (("seconds",), 1e101, "seconds is 1e+101, and no result has a number that large"),
+    ],
+)
+def test_a_fit_that_contradicts_itself_is_refused_when_it_is_read(tmp_path, keys, value, says):
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    edited(tmp_path / "fit.json", (keys, value))
+    with pytest.raises(ResultError) as refused:
+        load_fit_result(tmp_path / "fit.json")
+    assert str(refused.value).startswith(f"{tmp_path}/fit.json: {says}")
+    assert refused.value.advice == "fit again"
+
+
+def test_a_material_that_is_not_the_fitted_one_is_refused_unless_effects_change_it(tmp_path):
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    changes = (("material",), {"bend": 8.5}), (("effects",), {})
+    edited(tmp_path / "fit.json", *changes)
+    with pytest.raises(ResultError, match=r"material.bend is 8.5, and the parameter's value 8.4"):
+        load_fit_result(tmp_path / "fit.json")
+    edited(tmp_path / "fit.json", (("material", "bend"), 8.4 * (1 + 1e-12)))
+    load_fit_result(tmp_path / "fit.json")
+    edited(tmp_path / "fit.json", (("material", "bend"), 8.5), (("effects",), {"stiffening": 1.0}))
+    load_fit_result(tmp_path / "fit.json")
+
+
+def test_a_value_at_its_bound_may_be_a_rounding_beyond(tmp_path):
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    edited(tmp_path / "fit.json", ((*MASS, "fitted"), 10 * (1 + 1e-14)))
+    load_fit_result(tmp_path / "fit.json")
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "says"),
+    [
+        (("base_parameters", 0, "fitted"), 81, "base_parameters[0].fitted: struct is 81, outside its own bounds"),
+        (("effects", 0, "probability"), 1.5, "effects[0].probability is 1.5, and must be from 0 to 1"),
+        (("effects", 0, "amplitude_interval"), [2, 1.9], "effects[0].amplitude_interval has not a lower and an upper"),
+        (("gap", "base_mm", "interval"), [13, 11], "gap.base_mm.interval has not a lower and an upper end"),
+        (("gap", "base_mm", "value"), 1e308, "gap.base_mm.value is 1e+308, and no result has a number that large"),
+    ],
+)
+def test_a_diagnosis_that_contradicts_itself_is_refused_when_it_is_read(tmp_path, keys, value, says):
+    save_diagnosis(tmp_path / "diagnosis.json", diagnosis())
+    edited(tmp_path / "diagnosis.json", (keys, value))
+    with pytest.raises(ResultError) as refused:
+        load_diagnosis(tmp_path / "diagnosis.json")
+    assert str(refused.value).startswith(f"{tmp_path}/diagnosis.json: {says}")
+    assert refused.value.advice == "diagnose again"

@@ -230,7 +230,9 @@ def test_a_rig_with_another_size_than_the_markers_is_told_from_markers_that_are_
     """60 mm and 0.3 m apart in the picture."""
     hanger = msgspec.structs.replace(HANGER, **wrong)
     said = []
-    with pytest.raises(NoMarkersError, match=r"measure marker_size_m and marker_distance_m .* mm apart\)$"):
+    with pytest.raises(
+        NoMarkersError, match=rf"depth shows markers of 5\d mm .* measure hanger.{next(iter(wrong))} again$"
+    ):
         record(
             StageSensor(good * 4), msgspec.structs.replace(RIG, hanger=hanger), GARMENT, tmp_path / "t.mcap",
             take_id="t", created="now", announce=lambda time, condition: said.append(condition),

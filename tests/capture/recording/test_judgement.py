@@ -99,3 +99,23 @@ def test_a_garment_of_another_size_than_its_file_says_is_told(scale, names):
 
 def test_a_take_of_two_seconds_is_too_short():
     assert named(swung(seconds=2.0)) == ["too_short"]
+
+
+@pytest.mark.parametrize(("degrees", "names"), [(14, []), (16, ["gravity_off"])])
+def test_gravity_that_is_not_where_the_garment_hangs_is_told_from_fifteen_degrees_on(degrees, names):
+    """The skirt hangs along y of the sensor; the rig says that the sensor looks down."""
+    tilted = (0.0, float(np.cos(np.radians(degrees))), float(np.sin(np.radians(degrees))))
+    take = swung()
+    off = dataclasses.replace(take, rig=msgspec.structs.replace(RIG, gravity=tilted))
+    held_at_the_markers = msgspec.structs.replace(RIG.hanger, held_m=((-0.2, 0.0, 0.0), (0.2, 0.0, 0.0)))
+    off = dataclasses.replace(off, rig=msgspec.structs.replace(off.rig, hanger=held_at_the_markers))
+    assert named(off) == names
+    for finding in judge(off):
+        assert finding.words == f"the garment hangs {degrees} degrees off the rig's gravity, along [0.00, 1.00, 0.00]"
+
+
+def test_held_ends_that_are_never_seen_while_the_rest_is_are_the_rigs():
+    take = swung()
+    take.points_valid[:, :2] = False
+    (finding,) = judge(take)
+    assert finding.advice == "measure hanger.held_m again: it says that the held edge is 40 cm wide"

@@ -1,0 +1,167 @@
+"""Judge the numbers of a rig that somebody typed, alone and beside the garment that is to hang from the hanger.
+
+Only the lengths in a recording can tell the rest (`capture.recording.judgement`): a distance that is off by a tenth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NoReturn
+
+import numpy as np
+
+from formats.errors import ImplausibleError
+from formats.garment import Garment
+from formats.meant_units import step_or_anyway, unit_of
+from formats.rig import Hanger, Rig, Sensor
+
+Refuse = Callable[[str, str], NoReturn]  # with the words and the next step
+AT_A_BOUND = 1e-9  # relative, of numbers that are exactly at a bound
+SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
+SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
+NARROWEST, WIDEST = 10.0, 150.0  # degrees that a depth sensor's picture spans: those of rooms have 40 to 90
+LONGEST_LENS = 50.0  # mm: a focal length below this number was taken from a data sheet, which gives millimetres
+SQUARE_WITHIN = 1.2  # times: fx over fy of square pixels is 1; Kinect's calibrations differ by 1.005
+MIDDLE_FROM, MIDDLE_TO = 0.25, 0.75  # of the picture's side: calibrated Kinects and Xtions have 0.48 to 0.53
+STEEPEST_VIEW = 60.0  # degrees between gravity and down in the picture: beyond, hanging cloth is seen from its edge
+DEEPEST_HOLD = 0.5  # m of a held end above, below, before or behind the bar: clips are a hand long
+WIDEST_HOLD = 10.0  # held width over the markers' distance: LONGEST_BAR over the 0.3 m of the printed hanger
+EDGE_LEAST, EDGE_MOST = 0.25, 1.15  # held width over the garment's held edge: cloth sags, and hardly stretches
+EDGE_TOLERANCE = 0.06  # m more: both are measured by hand (`fit.recordings.geometry` allows as much)
+MODULES, NEAREST_VIEW = 12.0, 0.5  # px over six modules, two each; m: depth sensors see nothing nearer
+# Markers of OpenCV's dictionaries by name: https://docs.opencv.org/4.x/de/d67/group__objdetect__aruco.html
+OF_TAGS = {"16h5": 30, "25h9": 35, "36h10": 2320, "36h11": 587}
+DICTIONARIES = {
+    **{f"DICT_{side}X{side}_{count}": count for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    **{f"DICT_APRILTAG_{name}": count for name, count in OF_TAGS.items()},
+    **{f"DICT_APRILTAG_{name.upper()}": count for name, count in OF_TAGS.items()},  # OpenCV knows both spellings
+    "DICT_ARUCO_ORIGINAL": 1024, "DICT_ARUCO_MIP_36h12": 250, "DICT_ARUCO_MIP_36H12": 250,
+}  # fmt: skip
+
+
+def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse a hanger of a size that none has, say which unit was probably meant, and optics of no sensor.
+
+    offers_anyway: the command has an option that accepts them
+
+    Raises:
+        ImplausibleError: names the number, its range and the unit that fits.
+    """
+
+    def refuse(what: str, step: str) -> NoReturn:
+        raise ImplausibleError(what, where=where, advice=step_or_anyway(step, offers_anyway))
+
+    if rig.sensor is not None:
+        _check_sensor(rig.sensor, refuse)
+        _check_gravity(rig, refuse)
+    if rig.hanger is not None:
+        _check_sizes(rig.hanger, refuse)
+        _check_hold(rig.hanger, refuse)
+        if rig.sensor is not None and rig.hanger.marker == "fiducial":
+            _check_visible(rig.hanger, rig.sensor, refuse)
+
+
+def check_plausible_hold(rig: Rig, garment: Garment, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse held ends between which the held edge of a garment cannot hang.
+
+    Raises:
+        ImplausibleError: names both lengths.
+    """
+    if rig.hanger is None:
+        return
+    apart = float(np.linalg.norm(np.subtract(*rig.hanger.held_m)))
+    edge = float(np.hypot(*np.subtract(garment.outline_m[1], garment.outline_m[0])))
+    if EDGE_LEAST * edge <= apart <= EDGE_MOST * edge + EDGE_TOLERANCE:
+        return
+    raise ImplausibleError(
+        f"hanger.held_m: its ends are {apart:g} m apart, the garment's held edge is {edge:g} m long", where=where,
+        advice=step_or_anyway(
+            "measure both, and give held_m in metres from the middle between the markers", offers_anyway
+        ),
+    )  # fmt: skip
+
+
+def _check_sensor(sensor: Sensor, refuse: Refuse) -> None:
+    for name, focal, pixels in (("fx", sensor.fx, sensor.width), ("fy", sensor.fy, sensor.height)):
+        span = float(np.degrees(2 * np.arctan(pixels / (2 * focal))))
+        if not NARROWEST <= span <= WIDEST:
+            meant = "; is that millimetres?" if focal < LONGEST_LENS else ""
+            refuse(
+                f"sensor.{name} = {focal:g} px lets {pixels} pixels span {span:.3g} degrees, a sensor's picture "
+                f"{NARROWEST:g} to {WIDEST:g}{meant}",
+                "give the focal length in pixels; `hangtime sensor play` tells it",
+            )
+    if not 1 / SQUARE_WITHIN <= sensor.fx / sensor.fy <= SQUARE_WITHIN:
+        refuse(
+            f"sensor.fx = {sensor.fx:g} and sensor.fy = {sensor.fy:g} px are of no square pixels",
+            "give both focal lengths in pixels; `hangtime sensor play` tells them",
+        )
+    for name, at, pixels in (("cx", sensor.cx, sensor.width), ("cy", sensor.cy, sensor.height)):
+        if not MIDDLE_FROM * pixels <= at <= MIDDLE_TO * pixels:
+            meant = f"; is that a share of the picture, {at * pixels:g} px?" if at <= 1 else ""
+            refuse(
+                f"sensor.{name} = {at:g} px is far from the middle of {pixels} pixels, where sensors have it{meant}",
+                "give the principal point in pixels; `hangtime sensor play` tells it",
+            )
+
+
+def _check_gravity(rig: Rig, refuse: Refuse) -> None:
+    down = float(rig.gravity[1] / np.linalg.norm(rig.gravity))
+    angle = float(np.degrees(np.arccos(np.clip(down, -1, 1))))
+    if angle <= STEEPEST_VIEW:
+        return
+    told = ", ".join(f"{part:g}" for part in rig.gravity)
+    if angle > 180 - STEEPEST_VIEW:
+        seems = "points up in the picture"
+    else:
+        seems = "points along the view" if abs(rig.gravity[2]) > abs(rig.gravity[0]) else "points to a side"
+    refuse(
+        f"gravity = [{told}] {seems}: x is to the right, y down and z away from the sensor",
+        "give [0, 1, 0] for a level sensor; `hangtime calibrate` measures it",
+    )
+
+
+def _check_sizes(hanger: Hanger, refuse: Refuse) -> None:
+    reach = float(np.abs(np.array(hanger.held_m)).max())
+    for name, value, least, most in (
+        ("marker_size_m", hanger.marker_size_m, SMALLEST_MARKER, LARGEST_MARKER),
+        ("marker_distance_m", hanger.marker_distance_m, SHORTEST_BAR, LONGEST_BAR),
+        ("held_m", reach, 0.01, LONGEST_BAR),
+    ):
+        if not least <= value <= most:
+            refuse(
+                f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{unit_of(value, least, most)}",
+                "give metres",
+            )
+
+
+def _check_hold(hanger: Hanger, refuse: Refuse) -> None:
+    (left, *left_off), (right, *right_off) = hanger.held_m
+    if left >= right:
+        refuse(
+            f"hanger.held_m: its first end, at x = {left:g}, is not left of its second, at x = {right:g}",
+            "give the left end first, as the sensor sees it; x is to the right",
+        )
+    farthest = max(map(abs, (*left_off, *right_off)))
+    if farthest > DEEPEST_HOLD:
+        refuse(
+            f"hanger.held_m: an end is {farthest:g} m off the line through the markers, a hanger's at most "
+            f"{DEEPEST_HOLD:g} m",
+            "measure from the middle between the marker centres: x to the right, y down, z away, in metres",
+        )
+    apart = float(np.linalg.norm(np.subtract(*hanger.held_m)))
+    if apart > WIDEST_HOLD * hanger.marker_distance_m * (1 + AT_A_BOUND):
+        refuse(
+            f"hanger.held_m: its ends are {apart:g} m apart and the markers {hanger.marker_distance_m:g} m",
+            "measure held_m and marker_distance_m again, both in metres",
+        )
+
+
+def _check_visible(hanger: Hanger, sensor: Sensor, refuse: Refuse) -> None:
+    pixels = hanger.marker_size_m * sensor.fx / NEAREST_VIEW
+    if pixels < MODULES:
+        refuse(
+            f"hanger.marker_size_m = {hanger.marker_size_m:g} m is {pixels:.2g} px wide at {NEAREST_VIEW:g} m, and no "
+            f"marker is read below {MODULES:g} px",
+            "measure the black square's side and give metres",
+        )

@@ -1,0 +1,127 @@
+"""Check the rules of a fit or a diagnosis that a schema cannot state: its numbers must agree with each other.
+
+A person edits a result, or a disk spoils one. Whoever reads it would simulate, export and print what it says.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any, NoReturn
+
+import msgspec
+import numpy as np
+
+from formats.diagnosis_records import Diagnosis
+from formats.errors import ResultError
+from formats.fit_records import Combination, FitParameter, FitResult
+
+POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
+NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
+LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
+ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, which leaves 1e-15
+SHARES = ("probability", "p_value", "share")  # from 0 to 1 wherever they stand
+
+
+def check_result(record: FitResult | Diagnosis, where: object) -> None:
+    """Check a fit or a diagnosis before it is written and after it is read.
+
+    Raises:
+        ResultError: numbers that are not finite, beyond their own bounds, or contradict each other; names the field.
+    """
+    again = "fit again" if isinstance(record, FitResult) else "diagnose again"
+
+    def refuse(what: str) -> NoReturn:
+        raise ResultError(what, where=where, advice=again)
+
+    _check_numbers(msgspec.to_builtins(record, enc_hook=as_plain), refuse, "")
+    if isinstance(record, FitResult):
+        _check_fit(record, refuse)
+    else:
+        _check_diagnosis(record, refuse)
+
+
+def as_plain(value: Any) -> Any:
+    """Return a number of numpy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(f"a result holds a {type(value).__name__}")
+
+
+def _check_fit(result: FitResult, refuse: Any) -> None:
+    """Check that a fit belongs together: layers, parameters, combinations and material."""
+    if result.layers < 1:
+        refuse(f"layers is {result.layers}, and cloth has one or more")
+    if result.spacing is not None and result.spacing <= 0:
+        refuse(f"spacing is {result.spacing:g} m, and a mesh has more")
+    _check_parameters(result.parameters, "parameters", refuse)
+    for combination in result.combinations:
+        _check_interval(combination, refuse)
+    for name in POSITIVE:
+        if not result.material.get(name, 1.0) > 0:
+            refuse(f"no cloth has {name} = {result.material[name]:g}")
+    for name in NOT_BELOW_0:
+        if result.material.get(name, 0.0) < 0:
+            refuse(f"no cloth has {name} = {result.material[name]:g}")
+    for parameter in result.parameters:
+        stated = {"effects": result.effects.get(parameter.name)}
+        if not result.effects:  # an effect on the cloth changes its material
+            stated["material"] = result.material.get(parameter.name)
+        for field, value in stated.items():
+            if value is not None and not _is_same(value, parameter.fitted):
+                refuse(f"{field}.{parameter.name} is {value:g}, and the parameter's value {parameter.fitted:g}")
+
+
+def _check_diagnosis(diagnosis: Diagnosis, refuse: Any) -> None:
+    """Check that named effects were tested, and that the base model is within its bounds."""
+    known = {finding.id for finding in diagnosis.effects}
+    for name in [*diagnosis.named, *diagnosis.alternatives, *itertools.chain(*diagnosis.alternatives.values())]:
+        if name not in known:
+            refuse(f"names the effect {name!r}, which is not among its findings")
+    if diagnosis.verdict == "effect" and len(diagnosis.named) != 1:
+        refuse("the verdict `effect` names exactly one effect")
+    _check_parameters(diagnosis.base_parameters, "base_parameters", refuse)
+
+
+def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any) -> None:
+    for number, p in enumerate(parameters):
+        at = f"{field}[{number}]"
+        if p.minimum > p.maximum:
+            refuse(f"{at}: the bounds of {p.name} are crossed ({p.minimum:g} to {p.maximum:g})")
+        room = ROUNDING * max(abs(p.minimum), abs(p.maximum))
+        for kind, value in (("fitted", p.fitted), ("initial", p.initial)):
+            if not p.minimum - room <= value <= p.maximum + room:
+                refuse(f"{at}.{kind}: {p.name} is {value:g}, outside its own bounds of {p.minimum:g} to {p.maximum:g}")
+        _check_interval(p, refuse)
+        if p.name in [other.name for other in parameters[:number]]:
+            refuse(f"{at}: {p.name} is there twice")
+
+
+def _check_interval(number: FitParameter | Combination, refuse: Any) -> None:
+    low, high = number.interval_low, number.interval_high
+    if (low is None) != (high is None) or (low is not None and high is not None and low > high):
+        refuse(f"the interval of {number.name} has not a lower and an upper end")
+
+
+def _check_numbers(value: Any, refuse: Any, at: str) -> None:
+    """Refuse numbers that are not finite or too large, shares beyond 0 to 1, intervals whose ends are crossed."""
+    name = at.rpartition(".")[2]
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            refuse(f"{at or 'value'} is not a finite number")
+        if abs(value) > LARGEST_NUMBER:
+            refuse(f"{at} is {value:g}, and no result has a number that large")
+        if name in SHARES and not -ROUNDING <= value <= 1 + ROUNDING:
+            refuse(f"{at} is {value:g}, and must be from 0 to 1")
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            _check_numbers(inner, refuse, f"{at}.{key}" if at else str(key))
+    elif isinstance(value, list | tuple):
+        for number, inner in enumerate(value):
+            _check_numbers(inner, refuse, f"{at}[{number}]")
+        if name in ("interval", "amplitude_interval") and value[0] > value[1]:
+            refuse(f"{at} has not a lower and an upper end")
+
+
+def _is_same(one: float, other: float) -> bool:
+    return math.isclose(one, other, rel_tol=ROUNDING, abs_tol=1e-300)

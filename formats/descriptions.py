@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from formats.meant_units import unit_of
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
-from formats.toml_files import read_toml
+from formats.toml_files import Tables, place_in, read_toml
 from formats.wrong_fields import wrong_field
 
 Description = TypeVar("Description", Garment, Rig)
@@ -49,10 +50,12 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
-    garment = _load(path, Garment)
-    check_garment(garment, path)
-    if not anyway:
-        check_plausible_garment(garment, path, offers_anyway=anyway is not None)
+    plain = read_toml(path)
+    with _told_with_line(path, plain):
+        garment = _converted(path, plain, Garment)
+        check_garment(garment, path)
+        if not anyway:
+            check_plausible_garment(garment, path, offers_anyway=anyway is not None)
     return garment
 
 
@@ -64,10 +67,12 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
-    rig = _load(path, Rig)
-    check_rig(rig, path)
-    if not anyway:
-        check_plausible_rig(rig, path, offers_anyway=anyway is not None)
+    plain = read_toml(path)
+    with _told_with_line(path, plain):
+        rig = _converted(path, plain, Rig)
+        check_rig(rig, path)
+        if not anyway:
+            check_plausible_rig(rig, path, offers_anyway=anyway is not None)
     return rig
 
 
@@ -95,10 +100,19 @@ def _toml(value: Any) -> str:
     return repr(value)
 
 
-def _load(path: Path, kind: type[Description]) -> Description:
-    plain = read_toml(path)
+@contextmanager
+def _told_with_line(path: Path, plain: Tables) -> Iterator[None]:
+    """Let an error name the line of its field."""
     try:
-        return msgspec.convert(plain, kind)
+        yield
+    except DescriptionError as error:
+        place = place_in(path, plain, error.what)
+        raise type(error)(error.what, where=place, advice=error.advice) from error
+
+
+def _converted(path: Path, plain: Tables, kind: type[Description]) -> Description:
+    try:
+        return msgspec.convert(dict(plain), kind)
     except msgspec.ValidationError as error:
         raise DescriptionError(
             wrong_field(error, (kind, *PARTS[kind])), where=path, advice="see docs/reference/file-formats.md"

@@ -21,7 +21,17 @@ LARGEST_TOML = 1 << 20  # bytes of a file
 LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
 
-def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> dict[str, Any]:
+TABLE_LINE = re.compile(r"\s*(\[\[?)\s*([A-Za-z_\"'][\w.\"' -]*?)\s*\]\]?\s*(?:#.*)?$")
+KEY_LINE = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
+
+
+class Tables(dict[str, Any]):
+    """The tables of a file, and the text that they were read from."""
+
+    text = ""
+
+
+def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> Tables:
     """Return the tables of a file.
 
     failure: the error that is raised
@@ -38,7 +48,7 @@ def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> di
     return parse_toml(raw, path, failure)
 
 
-def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> dict[str, Any]:
+def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     """Return the tables of a file's bytes; else as `read_toml`."""
     if len(raw) > LARGEST_TOML:
         raise failure(
@@ -49,14 +59,61 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> dict[str
         text = raw.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         name = encoding.removesuffix("-sig").upper()
-        raise failure(f"is no text in {name}", where=path, advice="save it as UTF-8 text") from error
-    if LONG_KEY.search(text):
-        raise failure("has a key of twenty parts or more", where=path, advice="mend it")
+        line = error.object[: error.start].count(b"\n") + 1
+        raise failure(f"is no text in {name} (at line {line})", where=path, advice="save it as UTF-8 text") from error
+    if long := LONG_KEY.search(text):
+        line = text.count("\n", 0, long.start()) + 1
+        raise failure(f"has a key of twenty parts or more (at line {line})", where=path, advice="mend it")
     try:
-        return tomllib.loads(text)
+        tables = Tables(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise failure(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+        told = str(error).replace("end of document", f"line {text.rstrip().count(chr(10)) + 1}, the last")
+        raise failure(f"is not valid TOML: {told}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
-        raise failure("has a number of thousands of digits", where=path, advice="mend it") from error
+        digits = re.search(r"\d{4300}", text.replace("_", "0"))
+        line = text.count("\n", 0, digits.start() if digits else 0) + 1
+        raise failure(f"has a number of thousands of digits (at line {line})", where=path, advice="mend it") from error
     except RecursionError as error:
         raise failure("has too many brackets in each other", where=path, advice="mend it") from error
+    tables.text = text
+    return tables
+
+
+def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "") -> object:
+    """Return the path with the line of the field that words of an error name, or the path alone.
+
+    table: that the words speak of, where they do not name it
+    """
+    unknown = re.search(r"(?:unknown field|the field) `(.+?)`(?: is missing)?(?: in ([\w.\[\]]+))?", words)
+    if unknown:
+        parts = [unknown[2], None if "is missing" in unknown[0] else unknown[1]]
+    else:
+        found = re.match(r"[a-z]\w*(?:\[\d+\]|\.\w+)*", words)
+        parts = [found[0] if found else None]
+    field = ".".join(part for part in (table, *parts) if part)
+    line = line_of(getattr(tables, "text", ""), field)
+    return path if line is None else f"{path}, line {line}"
+
+
+def line_of(text: str, field: str) -> int | None:
+    """Return the line of a field such as `hanger.ids` or `points[2].name`, or of the table that it is in."""
+    places: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := TABLE_LINE.match(line):
+            name = re.sub(r"[\s\"']", "", header[2])
+            if header[1] == "[[":
+                counts[name] = counts.get(name, -1) + 1
+                places.setdefault(name, number)
+                name = f"{name}[{counts[name]}]"
+            table = name
+            places.setdefault(name, number)
+        elif key := KEY_LINE.match(line):
+            name = re.sub(r"[\s\"']", "", key[1])
+            places.setdefault(f"{table}.{name}" if table else name, number)
+    while field:
+        if field in places:
+            return places[field]
+        field = re.sub(r"\.?[^.\[\]]+$|\[\d+\]$", "", field)
+    return None

@@ -18,7 +18,8 @@ import cv2
 import msgspec
 import sdnotify
 
-from capture.appliance.config import DEFAULT, Config, InForce
+from capture.appliance.config import DEFAULT, InForce
+from capture.appliance.config_tables import Config
 from capture.appliance.control import ControlServer
 from capture.appliance.daemon import Appliance
 from capture.appliance.disk import Disk

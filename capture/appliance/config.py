@@ -5,121 +5,18 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
 
 import msgspec
-from msgspec import Meta
 
+from capture.appliance.config_tables import Config, wrong_in_tables
 from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.plausible_rig import check_plausible_hold
 from formats.rig import Rig
-from formats.toml_files import read_toml
-from formats.wrong_fields import wrong_field
+from formats.toml_files import place_in, read_toml
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
-CONTOUR = 8  # places around the silhouette for each place along a side
-
-
-class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file; an unknown name in it is refused."""
-
-
-class SensorPart(Part, frozen=True, kw_only=True):
-    """`[sensor]`: which sensor, and before what."""
-
-    rig: Annotated[Path, Meta(description="the rig description; a relative path starts at the file's folder")]
-    garment: Annotated[Path, Meta(description="the garment description")]
-    address: Annotated[
-        str, Meta(min_length=1, description="`openni2:` for the connected device; `live:FILE.oni` for none")
-    ] = "openni2:"
-
-
-MOST_SCAN_PLACES = 1_000_000  # of all scans of a take: 24 MB of memory, and 20 s of a fast core, when it is judged
-
-
-class RecordingPart(Part, frozen=True, kw_only=True):
-    """`[recording]`: how long, and what of the surface."""
-
-    pre_roll_s: Annotated[
-        float, Meta(ge=0.0, le=10.0, description="seconds before the press that belong to the take")
-    ] = 2.0
-    longest_s: Annotated[
-        float, Meta(ge=5.0, le=3600.0, description="seconds after the press at which a take ends by itself")
-    ] = 120.0
-    scan_rate_hz: Annotated[float, Meta(ge=0.0, le=60.0, description="surface scans a second; 0 for none")] = 0.0
-    scan_points: Annotated[int, Meta(ge=3, le=64, description="a scan's grid has so many places a side")] = 12
-
-    def __post_init__(self) -> None:
-        scans = self.scan_rate_hz * (self.pre_roll_s + self.longest_s)
-        places = scans * self.scan_points * (self.scan_points + CONTOUR)
-        if places > MOST_SCAN_PLACES:
-            raise ValueError(
-                f"the scans of the longest take have {places / 1e6:.1f} million places, at most 1 million can be "
-                "judged; lower scan_rate_hz, scan_points or longest_s"
-            )
-
-
-class ButtonPart(Part, frozen=True, kw_only=True):
-    """`[button]`: where presses come from."""
-
-    device: Annotated[
-        str,
-        Meta(
-            description="input device by path (`/dev/input/event0`) or name (`gpio-keys`), `gpio:/dev/gpiochip0:17`, "
-            "a named pipe of input events, or empty for no button"
-        ),
-    ] = ""
-
-
-class LampPart(Part, frozen=True, kw_only=True):
-    """`[lamp]`: which LEDs show how it goes."""
-
-    led: Annotated[str, Meta(description="name of the LED in the folder of LEDs; empty for none")] = ""
-    fault_led: Annotated[str, Meta(description="a second, red LED for faults; empty: `led` shows them too")] = ""
-    leds: Annotated[Path, Meta(description="the folder of LEDs")] = Path("/sys/class/leds")
-
-
-class ControlPart(Part, frozen=True, kw_only=True):
-    """`[control]`: who may start and stop."""
-
-    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = Path(
-        "/run/hangtime/control.sock"
-    )
-    group: Annotated[str, Meta(description="the group that may use the socket; empty: the daemon's own")] = ""
-
-
-class SpoolPart(Part, frozen=True, kw_only=True):
-    """`[spool]`: where takes lie until they are on the server."""
-
-    folder: Annotated[Path, Meta(description="the folder of the takes")] = Path("/var/lib/hangtime/takes")
-    least_free_mb: Annotated[int, Meta(ge=10, description="room on the disk [MB] below which no take begins")] = 50
-    slowest_s: Annotated[
-        float, Meta(ge=1.0, le=4.0, description="seconds that the disk may be behind before a take is ended")
-    ] = 3.0
-
-
-class PowerPart(Part, frozen=True, kw_only=True):
-    """`[power]`: the board's own voltage."""
-
-    alarm: Annotated[
-        Path | None,
-        Meta(description="file that says 1 after too low a voltage; left out: a Raspberry Pi's is found by itself"),
-    ] = None
-
-
-class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All tables of the file. `sync` belongs to `hangtime sync`, which checks it itself."""
-
-    sensor: SensorPart
-    recording: RecordingPart = RecordingPart()
-    button: ButtonPart = ButtonPart()
-    lamp: LampPart = LampPart()
-    control: ControlPart = ControlPart()
-    spool: SpoolPart = SpoolPart()
-    power: PowerPart = PowerPart()
-    sync: dict[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -142,11 +39,11 @@ def load(path: Path) -> InForce:
     try:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
+        words = wrong_in_tables(error)
         raise DescriptionError(
-            wrong_field(error, (Config, *Part.__subclasses__())),
-            where=path,
+            words, where=place_in(path, plain, words),
             advice="mend that setting; docs/reference/appliance.md explains each",
-        ) from error
+        ) from error  # fmt: skip
     _check_spool(config.spool.folder, path)
     rig, garment = load_rig(config.sensor.rig), load_garment(config.sensor.garment)
     check_plausible_hold(rig, garment, config.sensor.rig)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from capture.appliance.config import CONTOUR, InForce
+from capture.appliance.config import InForce
+from capture.appliance.config_tables import CONTOUR
 from capture.appliance.control import ControlServer
 from capture.appliance.disk import Disk, DiskNews
 from capture.appliance.faults import FaultBook

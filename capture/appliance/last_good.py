@@ -19,7 +19,8 @@ from typing import Any
 
 import msgspec
 
-from capture.appliance.config import InForce, SpoolPart, converted, load
+from capture.appliance.config import InForce, converted, load
+from capture.appliance.config_tables import SpoolPart
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment

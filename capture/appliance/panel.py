@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from capture.appliance.config import Config
+from capture.appliance.config_tables import Config
 from capture.appliance.faults import FaultBook
 from capture.appliance.showing import Lamps, Light
 from firmware_host.button import STUCK, ButtonContact, Presses, open_contact

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from capture.appliance.config import SpoolPart
+from capture.appliance.config_tables import SpoolPart
 from capture.appliance.last_good import told_spools
 from capture.appliance.spool import Spool
 from capture.appliance.sync_status import Fault, SyncStatus, read_status, write_status

@@ -11,17 +11,19 @@ from typing import Any
 
 import msgspec
 
+from capture.appliance.config_tables import Config, SpoolPart, wrong_in_tables
 from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
 from formats.errors import AddressError
 from formats.store_address import folder_of
-from formats.toml_files import read_toml
+from formats.toml_files import place_in, read_toml
 from formats.wrong_fields import wrong_field
 
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
 PROOF_DAYS = 7.0
+CONFIG_ADVICE = "give the appliance's configuration; docs/reference/appliance.md explains every table and key"
 SETTINGS_ADVICE = "mend it in [sync]; docs/reference/sync.md explains every setting"
 
 
@@ -88,14 +90,52 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
         SyncError: the file or the table does not hold.
     """
     plain = read_toml(file, SyncError)
-    settings = settings_of(plain.get("sync", {}), where=file)
-    told = plain.get("spool", {})
-    folder = told.get("folder", str(DEFAULT_SPOOL)) if isinstance(told, dict) else str(DEFAULT_SPOOL)
+    _refuse_another_file(plain, file)
+    settings = settings_of(plain.get("sync", {}), where=file, plain=plain)
+    folder = plain.get("spool", {}).get("folder", str(DEFAULT_SPOOL))
     return Told(settings, spool or file.parent / str(folder), file.parent)
 
 
-def settings_of(table: Any, *, where: object) -> SyncSettings:
-    """Return the settings that a table holds.
+def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:
+    """Refuse a file of another kind, and one with a key that the appliance's configuration does not know.
+
+    The daemon needs more tables than sync: those that are not there are not asked for.
+
+    Raises:
+        SyncError: names the key and its line.
+    """
+    parts = {field.name: field.type for field in msgspec.structs.fields(Config) if field.name != "sync"}
+    try:
+        if unknown := [name for name in plain if name not in parts and name != "sync"]:
+            stated = plain.get("format")
+            kind = f"; it says that it is {stated}" if isinstance(stated, str) else ""
+            raise SyncError(
+                f"is no configuration of an appliance: unknown field `{unknown[0]}`{kind}",
+                where=place_in(file, plain, f"unknown field `{unknown[0]}`"), advice=CONFIG_ADVICE,
+            )  # fmt: skip
+        for name, table in plain.items():
+            if name in parts and not isinstance(table, dict):
+                raise SyncError(f"{name} must be a table", where=place_in(file, plain, name), advice=CONFIG_ADVICE)
+        if "spool" in plain:
+            msgspec.convert({"spool": plain["spool"]}, _Spool, dec_hook=_path)
+        for name, kind in parts.items():
+            known = {field.name for field in msgspec.structs.fields(kind)}
+            if wrong := [key for key in plain.get(name, {}) if key not in known]:
+                words = f"unknown field `{wrong[0]}` in {name}"
+                raise SyncError(words, where=place_in(file, plain, words), advice=CONFIG_ADVICE)
+    except msgspec.ValidationError as error:
+        words = wrong_in_tables(error)
+        raise SyncError(words, where=place_in(file, plain, words), advice=CONFIG_ADVICE) from error
+
+
+class _Spool(msgspec.Struct, frozen=True, kw_only=True):
+    """The one table of the daemon's that sync reads."""
+
+    spool: SpoolPart
+
+
+def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = None) -> SyncSettings:
+    """Return the settings that a table holds; plain: the whole file, which says the line of what does not hold.
 
     Raises:
         SyncError: the table does not hold.
@@ -105,7 +145,8 @@ def settings_of(table: Any, *, where: object) -> SyncSettings:
         folder_of(settings.url)
     except msgspec.ValidationError as error:
         words = wrong_field(error, (SyncSettings, Retention))
-        raise SyncError(f"[sync] does not hold: {words}", where=where, advice=SETTINGS_ADVICE) from error
+        place = where if plain is None else place_in(where, plain, words, table="sync")
+        raise SyncError(f"[sync] does not hold: {words}", where=place, advice=SETTINGS_ADVICE) from error
     except AddressError as error:
         raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
     return settings

@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from capture.appliance.config import Config, load
+from capture.appliance.config import load
+from capture.appliance.config_tables import Config
 from capture.appliance.last_good import copy_of, keep, last_good, load_or_last_good
 from formats.descriptions import dump_description
 from formats.errors import DescriptionError
@@ -50,7 +51,7 @@ def test_a_configuration_of_an_editor_of_another_system_is_read(file, encoding):
     file.write_bytes((f"# R\u00fcck\r\n{GOOD}").encode(encoding))
     assert load(file).config == plain
     file.write_bytes((f"# R\u00fcck\n{GOOD}").encode("cp1252"))
-    with pytest.raises(DescriptionError, match="is no text in UTF-8; save it as UTF-8 text"):
+    with pytest.raises(DescriptionError, match=r"is no text in UTF-8 .at line 1.; save it as UTF-8 text"):
         load(file)
 
 

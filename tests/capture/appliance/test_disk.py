@@ -9,7 +9,7 @@ import pytest
 
 import capture.appliance.disk
 from capture.appliance.__main__ import _retention
-from capture.appliance.config import Config, SensorPart
+from capture.appliance.config_tables import Config, SensorPart
 from capture.appliance.disk import Disk, _Running
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool

@@ -1,0 +1,71 @@
+"""Every fault of a TOML file has its line: that of the text that is none, or of the field that does not hold."""
+
+from __future__ import annotations
+
+import pytest
+
+from formats.descriptions import load_garment, load_rig
+from formats.errors import DescriptionError
+from formats.toml_files import line_of, read_toml
+
+TEXT = """format = "hangtime-rig/1"
+name = "x"
+
+[hanger]  # of wood
+ids = [0, 1]
+held_m = [
+  [-0.2, 0.0, 0.0],
+  [0.2, 0.0, 0.0],
+]
+
+[[points]]
+name = "a"
+[[points]]
+"na me" = "b"
+a.b = 3
+"""
+
+
+@pytest.mark.parametrize(
+    ("field", "line"),
+    [
+        ("name", 2), ("hanger", 4), ("hanger.ids", 5), ("hanger.ids[1]", 5), ("hanger.held_m[1][0]", 6),
+        ("hanger.gone", 4), ("points", 11), ("points[0].name", 12), ("points[1]", 13), ("points[1].a.b", 15),
+        ("points[1].gone.b", 13), ("gone", None), ("", None),
+    ],
+)  # fmt: skip
+def test_a_field_has_the_line_of_its_key_or_else_of_its_table(field, line):
+    assert line_of(TEXT, field) == line
+
+
+@pytest.mark.parametrize(
+    ("raw", "says"),
+    [
+        (b"a = 1\nb = \xe9\n", "is no text in UTF-8 (at line 2)"),
+        (b"a = 1\n" + b"b." * 30 + b"c = 1\n", "has a key of twenty parts or more (at line 2)"),
+        (b"a = 1\nb = " + b"9" * 5000, "has a number of thousands of digits (at line 2)"),
+        (b"a = 1\nb = [1,\n\n", "(at line 2, the last)"),
+        (b"a = 1\nb = 1,5\n", "(at line 2, column 6)"),
+    ],
+)
+def test_text_that_is_no_toml_is_named_by_its_line(tmp_path, raw, says):
+    (tmp_path / "a.toml").write_bytes(raw)
+    with pytest.raises(DescriptionError) as refused:
+        read_toml(tmp_path / "a.toml")
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("load", "text", "says"),
+    [
+        (load_rig, "name = 3\n", "line 1: name must be text"),
+        (load_rig, TEXT, "line 4: the field `marker_size_m` is missing in hanger"),
+        (load_garment, 'name = "a"\nmas_kg = 3\n', "line 2: unknown field `mas_kg`; did you mean `mass_kg`?"),
+        (load_rig, TEXT.partition("[[")[0] + "marker_size_m = 0.1\nmarker_distance_m = 0.3\n[x]\n", "line 13: unknown"),
+    ],
+)
+def test_a_wrong_field_of_a_rig_or_garment_is_named_by_its_line(tmp_path, load, text, says):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(DescriptionError) as refused:
+        load(tmp_path / "a.toml")
+    assert str(refused.value).startswith(f"{tmp_path}/a.toml, {says}")

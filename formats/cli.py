@@ -126,18 +126,17 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     length = float(take.time[-1])
     front = take.notes.get("front")
     words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (f", its front looks along {front}" * bool(front))
-    clock = take.notes.get("clock")
+    doubts = [take.notes[name] for name in ("clock", "file") if name in take.notes]
     if not shows_points(take).all():
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)
     unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
     if unseen:
         words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
-    if clock:
-        words += f"\nWarning: {clock}"
+    words += "".join(f"\nWarning: {doubt}" for doubt in doubts)
     tell_entry(
         "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen,
-        clock=clock,
+        clock=take.notes.get("clock"), file_doubt=take.notes.get("file"),
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 LARGEST_LEAP = 600.0  # s between two frames of one take: five times its longest recording; a simulation goes through it
+NEAR_A_RATE = 2.0  # times: a rate so near the range is meant as it is; a wrong unit is wrong by 30 times and more
 RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 
@@ -80,6 +81,12 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
                 advice=step_or_anyway("split the recording there, or mend its clock", offers_anyway),
             )  # fmt: skip
         return
+    if SLOWEST / NEAR_A_RATE < 1 / apart < SLOWEST or FASTEST < 1 / apart < FASTEST * NEAR_A_RATE:
+        advice = "record with more frames a second" if 1 / apart < SLOWEST else "leave out frames"
+        raise ImplausibleError(
+            f"it has {1 / apart:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}", where=where,
+            advice=step_or_anyway(advice, offers_anyway),
+        )  # fmt: skip
     if apart > 1 / SLOWEST:
         fitting = [name for name, unit in CLOCKS if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]
         meant = f"are these {fitting[0]}?" if fitting else "is its time in seconds?"

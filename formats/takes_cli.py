@@ -11,6 +11,8 @@ import typer
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
+    from collections.abc import Callable
+
     from formats.errors import TakeError
     from formats.take import Take
     from formats.take_report import TakeReport
@@ -245,7 +247,7 @@ def export_takes(
     from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
     from formats.plain_text import counted, plain
 
-    writers = {
+    writers: dict[ExportKind, Callable[[Path, Take], str | None]] = {
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
     }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
@@ -277,14 +279,16 @@ def export_takes(
         for path, target in zip(paths, targets, strict=True):
             try:
                 take, report = read_with_report(path)
-                writers[to](target, take)
+                moved = writers[to](target, take)
             except TakeError as error:
                 lost[path] = error
                 continue
-            told = f"; the take {words}" if (words := _lacks(take, report)) else ""
+            told = f"; {moved}" if moved else ""
+            told += f"; the take {words}" if (words := _lacks(take, report)) else ""
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
+                moved=moved,
             )  # fmt: skip
         end_with(lost, len(paths))
 

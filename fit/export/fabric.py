@@ -25,7 +25,7 @@ Status = Literal["measured", "not identified", "no interval", "weighed", "tied t
 
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
-    "not identified": "the takes do not identify it: every value in the interval follows them",
+    "not identified": "the takes do not identify it: they leave the whole interval possible",
     "no interval": "fitted, and nobody computed how sure it is",
     "weighed": "from the garment's weight and area, not from its motion",
     "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",

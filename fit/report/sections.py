@@ -296,8 +296,8 @@ OF_A_DIAGNOSIS = {
 OF_PARAMETERS = {
     "90 % interval": "The 90 % interval of the fitted value, if the model's equations are right.",
     "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
-    "Not identified": "Other parameters can make up for this one in this recording, so it has an interval and no "
-    "value.",
+    "Not identified": "This recording cannot tell the value, so the parameter has an interval and no value. Other "
+    "parameters can make up for this one, or the range stopped it.",
     "At its bound": "The range stopped this parameter, so the interval reaches the end of the range.",
 }
 

@@ -1,14 +1,17 @@
 """Marker paths of a take as CSV or C3D: its tracked points, and the held edge's ends unless points sit there.
 
 CSV has each frame's own time. It is exact to 1 µs and 1 µm. C3D has one rate for the whole file. The writer puts a
-take's frames at the nearest multiple of its median interval, and missing frames become gaps. Places in C3D are 32-bit
-floats in millimetres.
+take's frames at the nearest multiple of its median interval, and missing frames become gaps. It says how far it moved
+them. Places in C3D are 32-bit floats in millimetres.
+
+In either format three zeros mean that nothing was seen. So a point at the sensor's origin is written 1 µm beside it.
 """
 
 from __future__ import annotations
 
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,8 @@ HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
+MOVED = 1e-4  # s: frames that are put less far from their time are said to be where they were
+FROM_ORIGIN = 1e-6  # m, the last digit of a place in CSV
 LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d writes nothing of a longer one
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
@@ -44,13 +49,36 @@ def write_csv(path: Path, take: Take) -> None:
     """Write the marker paths of a take as CSV (`hangtime import` reads it).
 
     Raises:
+        TakeError: a name cannot be written so that it comes back.
         OutputError: it cannot be written.
     """
-    write_marker_csv(path, marker_tracks(take))
+    tracks = marker_tracks(take)
+    _refuse_odd_names(tracks, take.take_id)
+    write_marker_csv(path, replace(tracks, positions=off_origin(tracks.positions)))
 
 
-def write_c3d(path: Path, take: Take) -> None:
-    """Write the marker paths of a take as C3D, in millimetres.
+def off_origin(positions: Floats) -> Floats:
+    """Return places [m], (frames, markers, 3), of which none would be written as the three zeros of a gap."""
+    at_origin = (np.abs(positions) < FROM_ORIGIN / 2).all(axis=2)
+    if not at_origin.any():
+        return positions
+    moved = positions.copy()
+    moved[at_origin, 2] = FROM_ORIGIN
+    return moved
+
+
+def _refuse_odd_names(tracks: MarkerTracks, where: str) -> None:
+    """Refuse names that a line of text or a label cannot hold: with ends of lines, codes, or spaces around them."""
+    for label in tracks.labels:
+        if not label.isprintable() or label != label.strip():
+            raise TakeError(
+                f"the name {ascii(label)[:40]} has characters that no marker file keeps", where=where,
+                advice="export it as NPZ",
+            )  # fmt: skip
+
+
+def write_c3d(path: Path, take: Take) -> str:
+    """Write the marker paths of a take as C3D, in millimetres; return how far frames were moved, '' for not at all.
 
     Raises:
         TakeError: its frames come at no steady rate, or a name is longer than such a file can hold.
@@ -60,7 +88,9 @@ def write_c3d(path: Path, take: Take) -> None:
     import ezc3d
 
     tracks = marker_tracks(take)
-    rate, positions = at_one_rate(tracks, take.take_id)
+    rate, positions, moved = at_one_rate(tracks, take.take_id)
+    positions = off_origin(positions)
+    _refuse_odd_names(tracks, take.take_id)
     for label in tracks.labels:
         if len(label.encode()) > LONGEST_LABEL:
             raise TakeError(
@@ -86,10 +116,13 @@ def write_c3d(path: Path, take: Take) -> None:
                 advice="make room there, or name another folder in TMPDIR",
             )  # fmt: skip
         write_bytes(path, raw)
+    return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
 
 
-def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:
-    """Return a rate [1/s] and positions, (frames, markers, 3), NaN for frames that are missing between the others.
+def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats, float]:
+    """Return a rate [1/s], positions, (frames, markers, 3), and how far a frame was moved at most [s].
+
+    Positions are NaN for frames that are missing between the others.
 
     Raises:
         TakeError: a frame lies too far off a multiple of the median interval.
@@ -113,4 +146,4 @@ def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:
         )  # fmt: skip
     positions = np.full((number[-1] + 1, *tracks.positions.shape[1:]), np.nan)
     positions[number] = tracks.positions
-    return 1 / interval, positions
+    return 1 / interval, positions, float(off.max())

@@ -55,14 +55,31 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
             advice="export trajectories, not only analogue data",
         )  # fmt: skip
     if not 0 < rate <= LONGEST_RATE:
-        raise TakeError(f"states {rate:g} frames a second", where=path, advice="export it again with its frame rate")
+        states = f"states {rate:g} frames a second" if rate else "states no frame rate above 0"
+        raise TakeError(states, where=path, advice="export it again with its frame rate")
     _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
     # Labels beyond the points name nothing; points beyond the labels have no name.
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames) / rate, float)
-    return MarkerTracks(tuple(labels), time, _places(path, header, frames, scale), header.rate)
+    doubt = _doubt_of_length(path, size, header, frames)
+    return MarkerTracks(tuple(labels), time, _places(path, header, frames, scale), header.rate, doubt)
+
+
+def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str:
+    """Return a sentence about a file that holds more frames than it states, '' where only zeros fill its last blocks.
+
+    A section of parameters behind the frames is no frame.
+    """
+    end = header.data_at + frames * header.width
+    if size - end < BLOCK_BYTES + header.width or header.parameters_at > header.data_at:
+        return ""
+    with path.open("rb") as file:
+        file.seek(end)
+        if not any(file.read(header.width)):
+            return ""
+    return f"the file states {frames} frames and has room for {header.held}; the first {frames} were read"
 
 
 def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
@@ -160,6 +177,7 @@ class _Header:
     - `points`, `frames`, `width` [bytes]: of a frame; `data_at` [bytes]: where the first one is
     - `is_float`, `scale`: how places are written
     - `held`: frames that the file has room for
+    - `parameters_at` [bytes]: where its parameters are
     - `is_at_its_most`: whether it counts as many frames as it can
     - `rate` [1/s], None where it states none
     """
@@ -172,6 +190,7 @@ class _Header:
     is_float: bool
     scale: float
     held: int
+    parameters_at: int
     is_at_its_most: bool
     rate: float | None
 
@@ -204,7 +223,7 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
         raise _cut_off(max(held, 0), frames, "its header states", path)
     return _Header(
         processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
-        last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None,
+        BLOCK_BYTES * (head[0] - 1), last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None,
     )  # fmt: skip
 
 

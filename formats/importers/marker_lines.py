@@ -53,6 +53,11 @@ class Rows(Sequence[list[str]]):
         """
         self._lines, self.numbers, self._separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
 
+    @property
+    def lines(self) -> list[str]:
+        """Return the lines, not cut into cells."""
+        return self._lines
+
     def __len__(self) -> int:
         return len(self._lines)
 

@@ -19,9 +19,10 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.importers.marker_lines import CAN_BE_READ, COMMENT, Rows, read_lines
+from formats.importers.marker_lines import CAN_BE_READ, COMMENT, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import AXES, metres_of
+from formats.rows import spreadsheet_cell
 
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
@@ -68,6 +69,11 @@ def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> F
             raise TakeError(
                 f"line {rows.numbers[k]} ends within a number, after {len(row)} of its {width} cells", where=path,
                 advice="the line is cut off: copy or export the file again",
+            )  # fmt: skip
+        if not is_exact and any(cell.strip() for cell in row[width:]):
+            raise TakeError(
+                f"line {rows.numbers[k]} has {len(row)} cells, the header names {width}", where=path,
+                advice="the header lacks markers, or the line has cells too many: export it again",
             )  # fmt: skip
         cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
         if len(cells) != width:
@@ -130,12 +136,13 @@ def _number(cell: str) -> float:
 
 
 def _tracks(
-    labels: list[str], time: Floats, values: Floats, metres: float, path: Path, rate: float | None = None
-) -> MarkerTracks:
+    labels: list[str], time: Floats, values: Floats, metres: float, path: Path, rate: float | None = None,
+    doubt: str = "",
+) -> MarkerTracks:  # fmt: skip
     if not labels:
         raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
     positions = values[:, : 3 * len(labels)].reshape(len(values), len(labels), 3) * metres
-    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions), rate)
+    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions), rate, doubt)
 
 
 def _cell(row: list[str], at: int) -> str:
@@ -155,7 +162,8 @@ def _rate(cell: str, path: Path) -> float:
     except ValueError:
         rate = np.nan
     if not 0 < rate < 1e4:
-        raise TakeError(f"its frame rate is {cell.strip()!r}", where=path, advice="export it with its frame rate")
+        shown = cell.strip()[:LONGEST_SHOWN]
+        raise TakeError(f"its frame rate is {shown!r}", where=path, advice="export it with its frame rate")
     return rate
 
 
@@ -168,16 +176,26 @@ def _rate_beside_times(cell: str) -> float | None:
     return rate if rate > 0 else None
 
 
-def _refuse_fewer(found: int, stated: int, path: Path) -> None:
+def _doubt_of_count(found: int, stated: int, path: Path) -> str:
+    """Return a sentence about a file of more frames than it states, '' where they agree.
+
+    Programs that cut or join recordings may leave the old count. All frames that are there are read.
+
+    Raises:
+        TakeError: it holds fewer.
+    """
+    if found > stated:
+        return f"the file states {stated} frames and holds {found}; all of them were read"
     if found < stated:
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
+    return ""
 
 
 def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
-    line, head = (rows.numbers[0], [cell.strip() for cell in rows[0]]) if rows else (1, [""])
+    line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
     if head[0].strip(f"{COMMENT} ") != "time_s":
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
@@ -195,6 +213,12 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     return _tracks(labels, values[:, 0], values[:, 1:], metres_of("m", unit, path), path)
 
 
+def _as_named(cell: str) -> str:
+    """Return a name without the apostrophe that keeps a spreadsheet from running it as a formula."""
+    word = cell.strip()
+    return word[1:] if word.startswith("'") and spreadsheet_cell(word[1:]) == word else word
+
+
 def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """OpenSim's: a line of names and a line of values, then `Frame#`, `Time` and a marker's name every three cells."""
     if len(rows) < 5:
@@ -206,34 +230,50 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
     body = rows[5:]
     metres = metres_of(stated.get("units", ""), unit, path)
-    _refuse_fewer(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
+    doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
     values = _numbers(body, 2 + 3 * count, path)
     rate = _rate_beside_times(stated.get("datarate", ""))
-    return _tracks(names, values[:, 1], values[:, 2:], metres, path, rate)
+    return _tracks(names, values[:, 1], values[:, 2:], metres, path, rate, doubt)
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
-    """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number."""
+    """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number.
+
+    A row of units that holds none, or that is not there, leaves the unit to be given.
+    """
     section = rows[1:]
     if len(section) < 4:
         raise TakeError("ends within the header of its trajectories", where=path, advice="export it again")
     rate = _rate(section[0][0], path)
-    names, kinds, units = section[1], section[2], section[3]
+    names, kinds = section[1], section[2]
+    has_units = not section[3][0].strip().isdigit()  # lines that hold nothing are left out
+    units, section = (section[3], section[4:]) if has_units else ([], section[3:])
     at = [k for k in range(2, len(kinds) - 2) if [cell.strip().upper() for cell in kinds[k : k + 3]] == ["X", "Y", "Z"]]
     labels = [names[k].strip() if k < len(names) else "" for k in at]
     stated = {units[k].strip() for k in at if k < len(units)}
     if len(stated) > 1:
         raise TakeError(f"states several units: {', '.join(sorted(stated))}", where=path, advice="export in one")
     metres = metres_of(next(iter(stated), ""), unit, path)
-    count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
-    body = section[4 : 4 + count]
-    if (behind := next(iter(section[4 + count : 5 + count]), None)) and _cell(behind, 1).isdigit():
+    count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section))
+    body, behind = section[:count], next(iter(section[count : count + 1]), None)
+    if behind and _cell(behind, 1).isdigit():
         raise TakeError(  # the number of a sub frame: this is a frame, and no title of the next section
-            f"line {section.numbers[4 + count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
+            f"line {section.numbers[count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
             where=path, advice="mend that line",
+        )  # fmt: skip
+    if (second := _second_trajectories(section[count:])) is not None:
+        raise TakeError(
+            f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
+            advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
     values = _numbers(body, len(kinds), path)
     return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
+
+
+def _second_trajectories(rows: Rows) -> int | None:
+    """Return the number of the line with which another section of trajectories begins, None without one."""
+    begins = (number for number, line in zip(rows.numbers, rows.lines, strict=True) if TRAJECTORIES.match(line))
+    return next(begins, None)
 
 
 def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -252,14 +292,13 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     ]  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
-    if total.strip():
-        _refuse_fewer(len(body), _whole(total, "number of frames", path), path)
+    doubt = _doubt_of_count(len(body), _whole(total, "number of frames", path), path) if total.strip() else ""
     values = _numbers(body, len(axes), path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     columns = [k + axis for k in at for axis in range(3)]
     labels = [names[k] if k < len(names) else "" for k in at]
     rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return _tracks(labels, values[:, 1], values[:, columns], metres, path, rate)
+    return _tracks(labels, values[:, 1], values[:, columns], metres, path, rate, doubt)
 
 
 def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -282,7 +321,7 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
     body = body[:end]
-    _refuse_fewer(end, count_of_frames, path)
+    doubt = _doubt_of_count(end, count_of_frames, path)
     values = _numbers(body, 3 * count + 2 * has_clock, path)
     time = values[:, 1] if has_clock else np.arange(len(values)) / rate
-    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path, rate)
+    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path, rate, doubt)

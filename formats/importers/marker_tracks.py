@@ -20,6 +20,7 @@ import numpy as np
 from formats.arrays import Booleans, Floats
 from formats.importers.units import AXES
 from formats.outputs import write_text
+from formats.rows import spreadsheet_cell
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,14 @@ class MarkerTracks:
 
     - `labels`: as the file has them, a subject's name before a colon included
     - `rate` [1/s]: what the file states besides the times, None where it states none
+    - `doubt`: a sentence about a file that contradicts itself and was read all the same, '' where there is none
     """
 
     labels: tuple[str, ...]
     time: Floats
     positions: Floats
     rate: float | None = None
+    doubt: str = ""
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return which markers have this name, of any subject where none is given."""
@@ -60,7 +63,7 @@ def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    columns = ["time_s", *(label + axis for label in tracks.labels for axis in AXES)]
+    columns = ["time_s", *(spreadsheet_cell(label + axis) for label in tracks.labels for axis in AXES)]
     flat = tracks.positions.reshape(len(tracks.time), -1)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -88,7 +88,8 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
         notes={
             "markers": f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
             "front": facing(held, up),
-        },
+        }
+        | ({"file": tracks.doubt} if tracks.doubt else {}),
     )  # fmt: skip
 
 
@@ -135,6 +136,11 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     time = tracks.time[:frames]
     if len(time) < FEWEST_FRAMES or (frames is not None and len(time) < frames):
         needed = FEWEST_FRAMES if frames is None else max(frames, FEWEST_FRAMES)
+        if frames is not None and frames < FEWEST_FRAMES:
+            raise TakeError(
+                f"{frames} frames are too few to fit, {FEWEST_FRAMES} are needed", where="--frames",
+                advice=f"give {FEWEST_FRAMES} or more, or leave it out",
+            )  # fmt: skip
         raise TakeError(f"has {len(time)} frames, {needed} are needed", where=path, advice="record for longer")
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")

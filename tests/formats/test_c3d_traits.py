@@ -63,7 +63,7 @@ def test_a_rate_is_that_of_the_points_its_copy_or_that_of_the_cameras(tmp_path, 
 
 
 def test_a_file_without_any_rate_is_refused(tmp_path):
-    with pytest.raises(TakeError, match="states 0 frames a second"):
+    with pytest.raises(TakeError, match="states no frame rate above 0"):
         read(tmp_path, c3d_bytes(paths(), list("abcde"), rate=None, header={"rate": 0.0}))
 
 

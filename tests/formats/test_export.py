@@ -122,7 +122,8 @@ def _named(names):
 def test_a_dropped_frame_is_a_gap_in_c3d_and_an_unsteady_clock_is_refused():
     """Frames 0, 1, 2, 4 at 100 a second: the fourth of five is missing."""
     tracks = MarkerTracks(("a",), np.array([0, 0.01, 0.0201, 0.04, 0.05]), np.arange(15.0).reshape(5, 1, 3))
-    rate, positions = at_one_rate(tracks, "t")
+    rate, positions, moved = at_one_rate(tracks, "t")
+    assert moved == pytest.approx(1e-4, abs=2e-5)
     assert rate == pytest.approx(100, rel=2e-3)
     assert np.isnan(positions[3]).all()
     assert positions[4, 0, 0] == 9

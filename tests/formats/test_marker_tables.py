@@ -41,18 +41,18 @@ def at(*time):
 
 
 def test_frames_of_one_rate_keep_their_numbers_and_gaps():
-    rate, places = at_one_rate(at(5.0, 5.02, 5.06, 5.08, 5.1), "t")
+    rate, places, _ = at_one_rate(at(5.0, 5.02, 5.06, 5.08, 5.1), "t")
     assert rate == pytest.approx(50.0)
     assert np.isnan(places[:, 0, 0]).tolist() == [False, False, True, False, False, False]
     assert places[[0, 1, 3, 4, 5], 0, 0].tolist() == [0, 3, 6, 9, 12]
-    rate, places = at_one_rate(at(0.0, 0.25), "t")
+    rate, places, _ = at_one_rate(at(0.0, 0.25), "t")
     assert (rate, places.shape) == (4.0, (2, 1, 3))
 
 
 def test_a_rate_is_that_of_all_frames_and_not_of_the_median_step():
     """Stamps in whole milliseconds, 33, 33 and 34 by turns: after a thousand frames the median is 0.3 s off."""
     time = np.round(np.arange(1000) / 30, 3)
-    rate, places = at_one_rate(MarkerTracks(("a",), time, np.ones((1000, 1, 3))), "t")
+    rate, places, _ = at_one_rate(MarkerTracks(("a",), time, np.ones((1000, 1, 3))), "t")
     assert rate == pytest.approx(30.0, rel=1e-5)
     assert places.shape == (1000, 1, 3)
     assert np.isfinite(places).all()

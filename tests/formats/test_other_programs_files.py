@@ -88,7 +88,7 @@ def test_c3d_at_an_odd_rate_keeps_it(tmp_path):
     [
         (c3d_bytes(1e3 * drawn(60), LABELS)[:-2048], r"holds \d\d of the 60 frames that its header states"),
         (c3d_bytes(1e3 * drawn(20), LABELS, frames_said=500), "of the 500 frames that its header states"),
-        (c3d_bytes(1e3 * drawn(), LABELS, rate=0.0), "states 0 frames a second"),
+        (c3d_bytes(1e3 * drawn(), LABELS, rate=0.0), "states no frame rate above 0"),
         (c3d_bytes(np.zeros((20, 0, 3)), ()), r"has no marker paths \(0 points"),
         (b"\x02\x50" + bytes(300), "is no C3D file"),
         (b"hello" * 300, "is no C3D file"),

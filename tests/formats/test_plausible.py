@@ -147,7 +147,7 @@ def test_cameras_deliver_five_to_a_thousand_frames_a_second(step):
 @pytest.mark.parametrize(
     ("step", "words"),
     [
-        (0.201, "0.201 s apart in the median; is its time in seconds?"),
+        (0.201, "it has 4.975 frames a second; a garment needs 5 to 1000; record with more frames a second"),
         (0.5, "0.5 s apart in the median; is its time in seconds?"),
         (1.5, "1.5 s apart in the median; are these milliseconds?"),
         (1.0, "these are frame numbers, or milliseconds at 1000 frames a second"),
@@ -156,7 +156,8 @@ def test_cameras_deliver_five_to_a_thousand_frames_a_second(step):
         (33300.0, "are these microseconds?"),
         (3.33e7, "are these nanoseconds?"),
         (1e9, "is its time in seconds?"),
-        (0.000998, "its frames are 998 µs apart in the median, 1002 a second; cameras deliver 5 to 1000"),
+        (0.000998, "it has 1002 frames a second; a garment needs 5 to 1000; leave out frames"),
+        (0.0001, "its frames are 100 µs apart in the median, 10000 a second; cameras deliver 5 to 1000"),
     ],
 )
 def test_times_of_no_camera_are_refused_with_the_unit_that_fits(step, words):

@@ -5,6 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from formats.plain_text import without_codes
 
 
 @cache
@@ -15,5 +18,13 @@ def environment(package: str, folder: str = "templates", *, trims_lines: bool = 
     """
     loader = PackageLoader(package, folder)
     return Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=trims_lines, lstrip_blocks=trims_lines
-    )
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=trims_lines, lstrip_blocks=trims_lines,
+        finalize=harmless,
+    )  # fmt: skip
+
+
+def harmless(value: object) -> object:
+    """Return what a template shows without codes: no name from an old take turns a line round or clears a terminal."""
+    if isinstance(value, Markup):
+        return Markup(without_codes(value))
+    return without_codes(value) if isinstance(value, str) else value

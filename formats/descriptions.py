@@ -15,8 +15,10 @@ import numpy as np
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
 from formats.meant_units import unit_of
+from formats.plain_text import code_in
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
+from formats.polygons import corner_twice, crosses_itself, distance_outside, meet, touch, touches_itself
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.toml_files import Tables, place_in, read_toml
 from formats.wrong_fields import wrong_field
@@ -36,7 +38,6 @@ HEIGHT_TOLERANCE = (
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
-TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
 THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip through cloth that is looked at in places
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
@@ -53,6 +54,7 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
     plain = read_toml(path)
     with _told_with_line(path, plain):
         garment = _converted(path, plain, Garment)
+        _refuse_codes(path, plain)
         check_garment(garment, path)
         if not anyway:
             check_plausible_garment(garment, path, offers_anyway=anyway is not None)
@@ -70,6 +72,7 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     plain = read_toml(path)
     with _told_with_line(path, plain):
         rig = _converted(path, plain, Rig)
+        _refuse_codes(path, plain)
         check_rig(rig, path)
         if not anyway:
             check_plausible_rig(rig, path, offers_anyway=anyway is not None)
@@ -108,6 +111,18 @@ def _told_with_line(path: Path, plain: Tables) -> Iterator[None]:
     except DescriptionError as error:
         place = place_in(path, plain, error.what)
         raise type(error)(error.what, where=place, advice=error.advice) from error
+
+
+def _refuse_codes(path: Path, plain: Any, field: str = "") -> None:
+    """Refuse a text with a line break, a code of a terminal or one that turns the direction of writing."""
+    if isinstance(plain, dict):
+        for key, part in plain.items():
+            _refuse_codes(path, part, f"{field}.{key}" if field else key)
+    elif isinstance(plain, list):
+        for number, part in enumerate(plain):
+            _refuse_codes(path, part, f"{field}[{number}]")
+    elif isinstance(plain, str) and (code := code_in(plain)):
+        raise DescriptionError(f"{field} has the control character {code}", where=path, advice="type it again")
 
 
 def _converted(path: Path, plain: Tables, kind: type[Description]) -> Description:
@@ -149,11 +164,11 @@ def check_garment(garment: Garment, where: object) -> None:
         refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
     if garment.area_m2 < 1e-4:
         refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
-    if (twice := _corner_twice(outline)) is not None:
+    if (twice := corner_twice(outline)) is not None:
         refuse(f"outline_m has the corner {twice} twice: leave one out; the last corner is joined to the first anyway")
-    if _crosses_itself(outline):
+    if crosses_itself(outline):
         refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
-    if (touched := _touches_itself(outline)) is not None:
+    if (touched := touches_itself(outline)) is not None:
         refuse(f"outline_m touches itself at its corner {touched}: cloth needs some width there")
     _check_held_edge(garment, refuse)
     _check_version_2(garment, outline, refuse)
@@ -164,7 +179,7 @@ def check_garment(garment: Garment, where: object) -> None:
     if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS:
         refuse(f"a name has {longest} letters, at most {MOST_LETTERS} can be used")
     for point in garment.points:
-        if _distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
+        if distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
             refuse(f"points: {point.name!r} lies outside the outline")
 
 
@@ -193,24 +208,24 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
         refuse('points_are needs format = "hangtime-garment/2"')
     for number, corners in enumerate(garment.holes_m, 1):
         hole = np.array(corners, float)
-        if len(hole) < 3 or _crosses_itself(hole):
+        if len(hole) < 3 or crosses_itself(hole):
             refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
-        if _corner_twice(hole) is not None or _touches_itself(hole) is not None:
+        if corner_twice(hole) is not None or touches_itself(hole) is not None:
             refuse(f"holes_m: hole {number} touches itself, or has a corner twice")
-        if any(_distance_outside(corner, outline) > 0 for corner in hole) or _meet(hole, outline):
+        if any(distance_outside(corner, outline) > 0 for corner in hole) or meet(hole, outline):
             refuse(f"holes_m: hole {number} is not inside the outline")
-        if _touch(hole, outline):
+        if touch(hole, outline):
             refuse(f"holes_m: hole {number} touches the outline: cut it out of the outline instead")
         for other in (np.array(before, float) for before in garment.holes_m[: number - 1]):
             if (
-                _touch(hole, other)
-                or _meet(hole, other)
-                or _distance_outside(hole[0], other) == 0
-                or _distance_outside(other[0], hole) == 0
+                touch(hole, other)
+                or meet(hole, other)
+                or distance_outside(hole[0], other) == 0
+                or distance_outside(other[0], hole) == 0
             ):
                 refuse(f"holes_m: hole {number} overlaps another one")
         for point in garment.points:
-            if _distance_outside(np.array(point.at_m), hole) == 0:
+            if distance_outside(np.array(point.at_m), hole) == 0:
                 refuse(f"points: {point.name!r} lies in hole {number}")
     if len(set(garment.seams)) < len(garment.seams):
         refuse("seams: one is there twice")
@@ -240,64 +255,6 @@ def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str
                 refuse(f"{field} is a standard deviation and cannot be below 0 (got {value:g})")
 
     look(msgspec.to_builtins(description, enc_hook=float), "")
-
-
-def _corner_twice(polygon: np.ndarray[Any, Any]) -> list[float] | None:
-    """Return a corner of a polygon that is there twice."""
-    apart = np.linalg.norm(polygon[:, None] - polygon[None], axis=2) + np.eye(len(polygon))
-    return None if apart.min() > TOUCHING else [float(x) for x in polygon[int(apart.min(0).argmin())]]
-
-
-def _touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
-    """Return a corner of a polygon that lies on one of its sides that does not end there."""
-    for k, corner in enumerate(polygon):
-        apart = np.delete(_distances_to_sides(corner, polygon), [k - 1, k])
-        if apart.min(initial=np.inf) < TOUCHING:
-            return [float(x) for x in corner]
-    return None
-
-
-def _touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
-    """Return whether a corner of one polygon lies on a side of the other."""
-    return any(
-        _distances_to_sides(corner, polygon).min() < TOUCHING
-        for corners, polygon in ((one, other), (other, one))
-        for corner in corners
-    )
-
-
-def _distances_to_sides(place: np.ndarray[Any, Any], polygon: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Distance of a place to each side of a polygon [m], (sides,), the first from the first corner to the second."""
-    along = np.roll(polygon, -1, axis=0) - polygon
-    share = np.clip(((place - polygon) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
-    return np.asarray(np.linalg.norm(polygon + share[:, None] * along - place, axis=1))
-
-
-def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
-    return _meet(outline, outline)  # neighbouring sides share an end, which is no crossing
-
-
-def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
-    """Return whether sides of two polygons cross: each parts the other's two ends."""
-
-    def hands(polygon: np.ndarray[Any, Any], places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        along = np.roll(polygon, -1, axis=0) - polygon
-        to = places[None] - polygon[:, None]
-        return np.asarray(along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0])
-
-    of_other, of_one = hands(one, other), hands(other, one)
-    parts = of_other * np.roll(of_other, -1, axis=1) < 0
-    return bool((parts & (of_one * np.roll(of_one, -1, axis=1) < 0).T).any())
-
-
-def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:
-    """Return the distance of a place outside a polygon to it [m]; 0 inside."""
-    ends = np.roll(outline, -1, axis=0)
-    above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = outline[:, 0] + (place[1] - outline[:, 1]) / (ends[:, 1] - outline[:, 1]) * (ends - outline)[:, 0]
-    is_inside = bool(np.count_nonzero(above & (place[0] < crossing)) % 2)
-    return 0.0 if is_inside else float(_distances_to_sides(place, outline).min())
 
 
 def check_rig(rig: Rig, where: object) -> None:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 LONGEST_TEXT = 2000  # characters of one text
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
+
+
+# Control characters but tab and line break, other breaks of lines, marks that turn the direction of writing, and halves
+# of letters (https://www.unicode.org/reports/tr9/, table 4). Joiners stay: Persian and Indian names need them.
+CODES = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def encoding_of(head: bytes) -> str:
@@ -31,6 +38,17 @@ def plain(text: object) -> str:
 def lines_of(text: str) -> str:
     """Return text of several lines for a terminal, of any length: names of files and words from files are in it."""
     return "".join(letter if letter in "\n\t" or is_harmless(letter) else _escaped(letter) for letter in text)
+
+
+def without_codes(text: str) -> str:
+    """Return a text for a file that others open, a page or a table: codes that no name needs are escaped."""
+    return CODES.sub(lambda found: _escaped(found[0]), text)
+
+
+def code_in(name: str) -> str:
+    """Return the first letter of a name that is a code, escaped, and nothing where there is none."""
+    found = re.search(r"[\t\n]", name) or CODES.search(name)
+    return _escaped(found[0]) if found else ""
 
 
 def counted(number: int, word: str) -> str:

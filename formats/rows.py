@@ -6,6 +6,8 @@ import csv
 import io
 from collections.abc import Container, Iterable, Sequence
 
+from formats.plain_text import without_codes
+
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return rows as CSV; numbers keep every digit, and None is an empty cell."""
@@ -18,15 +20,18 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 def spreadsheet_cell(cell: object) -> object:
     """Return a cell that a spreadsheet shows as it stands: an apostrophe before a text stops a formula from running.
+    Codes of a terminal are escaped, for whoever looks at the file with `cat`.
 
     Source: OWASP, "CSV Injection".
     """
-    if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+    if not isinstance(cell, str):
         return cell
+    if not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return without_codes(cell)
     try:
         float(cell)
     except ValueError:
-        return f"'{cell}"
+        return f"'{without_codes(cell)}"
     return cell
 
 

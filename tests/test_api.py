@@ -382,3 +382,17 @@ def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_pa
     assert mine.cost.simulations == kept.cost.simulations
     assert said.splitlines()[0] == f"Verdict: {mine.verdict}"
     assert (tmp_path / "diagnosis.html").exists()
+
+
+def test_a_simulation_with_a_fit_uses_every_parameter_of_the_fit(takes, fitted):
+    """Each value in turn goes to the farther end of its bounds; cloth that moves the same was not told of it."""
+    take, mesh = takes / "gentle.mcap", {"spacing": 0.2}
+    told = hangtime.simulate(take, fitted, **mesh).takes[0].simulated
+    assert len(fitted.result.parameters) == 5
+    for number, parameter in enumerate(fitted.result.parameters):
+        far = max((parameter.minimum, parameter.maximum), key=lambda end, p=parameter: abs(math.log(end / p.fitted)))
+        parameters = list(fitted.result.parameters)
+        parameters[number] = msgspec.structs.replace(parameter, fitted=far)
+        result = msgspec.structs.replace(fitted.result, parameters=parameters)
+        moved = hangtime.simulate(take, dataclasses.replace(fitted, result=result), **mesh).takes[0].simulated
+        assert np.abs(moved - told).max() > 1e-6, parameter.name

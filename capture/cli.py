@@ -127,6 +127,7 @@ def calibrate_command(
     from firmware_host.opening import open_sensor
     from formats.descriptions import check_rig, dump_description, load_rig
     from formats.outputs import check_is_no_input, refuse_to_replace, write_text
+    from formats.plausible_rig import check_plausible_rig
 
     if out is not None:
         check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
@@ -151,6 +152,8 @@ def calibrate_command(
     know(rig=to_builtins(measured.rig), file=str(out) if out is not None else None)
     if out is not None:
         check_rig(measured.rig, out)
+        if not anyway:
+            check_plausible_rig(measured.rig, out, offers_anyway=True)
         write_text(out, dump_description(measured.rig))
         tell(f"{out}: written")
 

@@ -230,12 +230,20 @@ def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_p
 
 
 def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_it_is_told(frames, tmp_path, monkeypatch):
-    """Named the other way round, gravity points up, and the left end of the held edge is on the right."""
+    """Named the other way round, gravity points up, and the left end of the held edge is on the right.
+
+    No rig is written of those, unless somebody asks for it: `record` would refuse it.
+    """
     monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text, **_: StageSensor(frames[:15]))
     (tmp_path / "rig.toml").write_text(dump_description(RIG))
     gather_commands()
     words = ["calibrate", "--sensor", "stage", "--rig", str(tmp_path / "rig.toml"), "--overwrite"]
-    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "new.toml"), "--plumb-ids=5,4", "--clip-ids=3,2"])
+    words += ["--out", str(tmp_path / "new.toml"), "--plumb-ids=5,4", "--clip-ids=3,2"]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code != 0
+    assert "is the plumb line's first marker the upper one?" in refused.output
+    assert not (tmp_path / "new.toml").exists()
+    done = CliRunner().invoke(app, [*words, "--anyway"])
     assert done.exit_code == 0, done.exception
     rig = load_rig(tmp_path / "new.toml", anyway=True)
     assert rig.gravity == pytest.approx(-TURN[:, 1], abs=0.01)

@@ -18,6 +18,7 @@ from typer.main import get_command
 
 from formats import telling
 from formats.command_groups import OTHER, PANELS
+from formats.typed_values import reword
 
 TOLD = "Output"
 # Headings of options that several commands have; others stand under "Options".
@@ -56,6 +57,14 @@ class Contents(TyperGroup):
 
 class Page(TyperCommand):
     """A command's options under the headings that their panels name."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line; an error names the value in our words."""
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            reword(error)
+            raise
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, each with a word for its value."""

@@ -1,0 +1,38 @@
+"""Words for a value of an option that is not what the option takes, in place of those of Typer's library."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+COMMA_FOR_POINT = re.compile(r"[+-]?\d*,\d+")
+RANGE_WORDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+NOUNS = {
+    "float": "number",
+    "finite": "finite number",
+    "int": "whole number",
+    "bool": "answer of yes or no",
+    "path": "path",
+}
+
+
+def reword(error: Any) -> None:
+    """Give an error of Typer that a failed validation caused the value and, where known, what was meant.
+
+    Typer before 0.27 validates by itself and names the value; its errors stay as they are.
+    """
+    found = getattr(error.__cause__, "errors", None)
+    if not callable(found) or not hasattr(error, "message"):
+        return
+    first = found()[0]
+    given, kind = str(first["input"]), str(first["type"])
+    limits = [f"{RANGE_WORDS[name]} {limit:g}" for name, limit in first.get("ctx", {}).items() if name in RANGE_WORDS]
+    noun = next((noun for begin, noun in NOUNS.items() if kind.startswith(begin)), None)
+    if limits:
+        error.message = f"{given} is outside the range: it must be {' and '.join(limits)}"
+    elif noun is not None:
+        error.message = f"{given!r} is no {noun}"
+        if COMMA_FOR_POINT.fullmatch(given.strip()):
+            error.message += f"; write a decimal point: {given.strip().replace(',', '.')}"
+    else:
+        error.message = str(first["msg"]).removeprefix("Value error, ")

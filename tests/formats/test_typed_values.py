@@ -1,0 +1,26 @@
+"""An option's value that is not what the option takes is named in plain words."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.fit.here import hangtime_here
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("record --seconds 1,5", "'1,5' is no number; write a decimal point: 1.5"),
+        ("record --seconds x", "'x' is no number"),
+        ("import a --out o --frames 2.5", "'2.5' is no whole number"),
+        ("takes export a --to pdf --out x", "'pdf' is not one of 'csv', 'c3d', 'npz', 'parquet', 'rrd'"),
+        ("record --seconds 100000", "100000 is outside the range: it must be"),
+    ],
+)
+def test_a_value_that_an_option_does_not_take_is_named_with_what_was_meant(tmp_path, words, said):
+    done = hangtime_here(*words.split(), folder=tmp_path)
+    told = " ".join(done.stderr.split())
+    assert done.returncode == 2
+    assert said in told, told
+    assert "Input should" not in told
+    assert "Value error" not in told

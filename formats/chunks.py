@@ -21,10 +21,10 @@ from formats.arrays import Integers
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
-FREE_BYTES, UNPACKED = 1 << 27, 64  # bytes that a file may unpack to: so many, and so many for each of its own
-FREE_RECORDS, RECORDS = 1 << 17, 64  # records in a file's chunks: so many, and one for so many of its own bytes
+UNPACKED = 32  # bytes that each of a chunk's own may unpack to: in honest takes 1 to 22 (a header of 2000 points)
+FREE_BYTES = 1 << 26  # beyond that, in all chunks of a file together: seconds in which nothing moved take few bytes
+RECORD, FREE_RECORDS = 64, 1 << 16  # own bytes of a chunk for each of its records; records beyond that in a file
 SLAB = 1 << 20  # bytes searched at once for the next chunk
 FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
 LONGEST_NAME = 16  # bytes of a compression's name
@@ -40,8 +40,8 @@ class Findings:
     is_whole: bool = False  # it ends as MCAP files do
     trailing: int = 0  # bytes behind that end
     other_compressions: set[str] = field(default_factory=set)
-    unpacked: int = 0  # bytes
-    records: int = 0  # within chunks
+    bytes_left: int = FREE_BYTES  # that chunks may still unpack to beyond their share
+    records_left: int = FREE_RECORDS  # that chunks may still hold beyond theirs
 
 
 def profile_of(raw: bytes) -> str | None:
@@ -55,28 +55,30 @@ def profile_of(raw: bytes) -> str | None:
 
 
 def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
-    """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
+    """Yield the data of every message, as `messages_with_sizes`."""
+    return (data for data, _ in messages_with_sizes(raw, findings))
+
+
+def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes, int]]:
+    """Yield the data of every message in every sound chunk, and its share of the file [bytes]; go on after damage.
 
     A record that holds no frames is skipped by its length. Where a chunk seems to begin within it, that length is
     damaged. Behind the end of the file sound chunks are found too, and everything else there is no damage: it is
-    trailing. The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any
-    take of its size, or to more records, is read up to that limit.
+    trailing. The time is linear in the file's length. A chunk has a share of bytes and records for its own length; a
+    chunk that needs more when the file has no more to give costs itself, and those behind it are read.
     """
     at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
     findings.damaged += at == 0
-    limit, most_records = FREE_BYTES + UNPACKED * len(raw), FREE_RECORDS + len(raw) // RECORDS
     starts = _Starts(raw)
     was_sound = True
     while at + 9 <= len(raw):
         opcode, end = raw[at], at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
         is_within = end <= len(raw)
-        records = _records(raw, at, end, findings) if opcode == Opcode.CHUNK and is_within else None
-        if findings.unpacked > limit or findings.records > most_records:
-            findings.damaged += 1
-            return
+        records = _records(raw, at, end, starts, findings) if opcode == Opcode.CHUNK and is_within else None
         if records is not None:
             was_sound = True
-            yield from _message_data(records, findings, most_records)
+            for data in _message_data(records, (end - at) // RECORD, findings):
+                yield data, (end - at) * len(data) // len(records)
         elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD and starts.next_at(at + 1) >= end:
             if opcode == Opcode.FOOTER and raw.startswith(MCAP_MAGIC, end):
                 end += len(MCAP_MAGIC)
@@ -94,9 +96,15 @@ class _Starts:
 
     def __init__(self, raw: bytes) -> None:
         self._raw, self._found, self._searched = raw, np.empty(0, np.int64), 0
+        self._asked, self._told = 0, -1
 
     def next_at(self, at: int) -> int:
         """Return the first of them from `at` on, the end of the file where there is none."""
+        if not self._asked <= at <= self._told:
+            self._asked, self._told = at, self._sought(at)
+        return self._told
+
+    def _sought(self, at: int) -> int:
         self._searched = max(self._searched, at)
         while True:
             index = int(np.searchsorted(self._found, at))
@@ -123,8 +131,11 @@ class _Starts:
         return np.asarray(np.minimum(view[at], most), np.int64)
 
 
-def _records(raw: bytes, at: int, end: int, findings: Findings) -> bytes | None:
-    """Return the unpacked records of the chunk between two places, None where it does not hold."""
+def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings) -> bytes | None:
+    """Return the unpacked records of the chunk between two places, None where it does not hold or is too large.
+
+    A chunk in which another one seems to begin has no share: such chunks can overlap, all others lie side by side.
+    """
     if end - at < FIXED + 4:
         return None
     size, crc, name_length = struct.unpack_from("<QII", raw, at + 25)
@@ -138,12 +149,16 @@ def _records(raw: bytes, at: int, end: int, findings: Findings) -> bytes | None:
         if compression.isalnum():
             findings.other_compressions.add(compression.decode())
         return None
-    try:
-        records = _unpacked(packed, size) if compression else bytes(packed[: size + 1])
-    except zstandard.ZstdError:
-        findings.unpacked += size if packed[:4] == ZSTD_MAGIC else 0
+    if not compression and size != len(packed):
         return None
-    findings.unpacked += len(records)
+    beyond = max(size - UNPACKED * (end - at), 0) if starts.next_at(at + 1) >= end else size
+    if beyond > findings.bytes_left:
+        return None
+    findings.bytes_left -= beyond
+    try:
+        records = _unpacked(packed, size) if compression else bytes(packed)
+    except zstandard.ZstdError:
+        return None
     return records if len(records) == size and zlib.crc32(records) == crc else None
 
 
@@ -160,11 +175,17 @@ def _unpacked(packed: memoryview, size: int) -> bytes:
 _UNPACKER = zstandard.ZstdDecompressor(max_window_size=LARGEST_WINDOW)
 
 
-def _message_data(records: bytes, findings: Findings, most: int) -> Iterator[bytes]:
+def _message_data(records: bytes, share: int, findings: Findings) -> Iterator[bytes]:
     """Yield the data of the messages among a chunk's records: after the opcode and length, 22 bytes of stamps."""
     at = 0
-    while at + 9 <= len(records) and findings.records <= most:
-        findings.records += 1
+    while at + 9 <= len(records):
+        if share > 0:
+            share -= 1
+        elif findings.records_left > 0:
+            findings.records_left -= 1
+        else:
+            findings.damaged += 1
+            return
         end = at + 9 + int.from_bytes(records[at + 1 : at + 9], "little")
         if records[at] == Opcode.MESSAGE and at + 31 <= end <= len(records):
             yield records[at + 31 : end]

@@ -27,6 +27,7 @@ ORDERS = (1, 2, 3)
 LONG = 4096  # rows: beyond them, as scans have, a column at a time is quicker than a row at a time
 HALF = 1 << 63
 CODE_BYTES = 5  # a column: its code, and its first value
+MOST_BYTES = 16  # a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
 
 
 def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
@@ -138,7 +139,8 @@ def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple
     A block whose bytes do not hold together is left out. No more is allocated than a small multiple
     of the bytes given and of rows x columns.
     """
-    sound = np.array([len(raw) >= CODE_BYTES * columns + 4 for raw in coded]) & (rows > 0)
+    beyond = np.array([len(raw) for raw in coded]) - (CODE_BYTES * columns + 4)
+    sound = (beyond >= 0) & (beyond <= MOST_BYTES * columns * rows) & (rows > 0)
     while True:
         kept = [raw for raw, good in zip(coded, sound, strict=True) if good]
         if not kept:
@@ -167,8 +169,9 @@ def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers
     exception_at = remainder_at + -(-(np.where(is_coded, k, 0).sum(1) * (rows - 1)) // 8)
     unary_at = exception_at + 8 * exceptions
     ends = begins + sizes
-    # Each value has a bit at least, so that more values than bits cannot be.
-    good = (unary_at + -(-counts // 8) <= ends) & (((order > 0) | ~is_coded) & (order <= ORDERS[-1])).all(1)
+    # Each value has a bit at least and 25 at most, so that more values than bits cannot be.
+    good = (unary_at + -(-counts // 8) <= ends) & (ends <= unary_at + -(-(ESCAPE + 1) * counts // 8))
+    good &= (((order > 0) | ~is_coded) & (order <= ORDERS[-1])).all(1)
     if not good.all():
         return first, good
 

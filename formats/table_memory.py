@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
-CELL_BYTES = 24  # of memory that a number of a table takes while it is read
-FREE_MEMORY, MEMORY, STILL_TABLE = 1 << 26, 160, 1 << 17  # bytes: for a file, each of its bytes, block or scan
+CELL_BYTES = 8  # of memory that a number of a table takes once it is read
+STILL_TABLE, MEMORY = 1 << 16, 64  # bytes of memory: for a table, and for each of its bytes of the file
+FREE_MEMORY = 1 << 25  # bytes: for the tables of a file that need more; still ones have more numbers than bytes
 
 
 @dataclass
 class TableMemory:
-    """The bytes that a file's tables may still take."""
+    """The bytes that a file's tables may still take beyond their shares."""
 
-    left: int
+    left: int = FREE_MEMORY
 
-    @classmethod
-    def of(cls, file_bytes: int) -> Self:
-        """Return the memory that a file of so many bytes may take."""
-        return cls(FREE_MEMORY + MEMORY * file_bytes)
-
-    def fits(self, numbers: int) -> bool:
-        """Set aside the memory of a table: a still one has far more numbers than bytes, few more than STILL_TABLE."""
-        self.left -= max(CELL_BYTES * numbers - STILL_TABLE, 0)
-        return self.left > 0
+    def fits(self, numbers: int, own: int) -> bool:
+        """Set aside the memory of a table of so many numbers that takes so many bytes of the file."""
+        beyond = max(CELL_BYTES * numbers - STILL_TABLE - MEMORY * own, 0)
+        if beyond > self.left:
+            return False
+        self.left -= beyond
+        return True

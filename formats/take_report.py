@@ -13,8 +13,10 @@ class TakeReport:
 
     - `missing_frames`: None where the end of the take is not known
     - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
+    - `earlier`: those that it had lost
     - `other_blocks`: that belong to another take in the same file, whose header is there too
     - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
+    - `doubts`: sentences about what its header and its end say and what cannot be
     """
 
     frames: int
@@ -25,8 +27,10 @@ class TakeReport:
     missing_frames: int | None
     missing_scans: int
     spans: tuple[Span, ...]
+    earlier: tuple[Span, ...]
     trailing_bytes: int
-    other_blocks: int = 0
+    other_blocks: int
+    doubts: tuple[str, ...]
 
     @property
     def is_sound(self) -> bool:
@@ -35,5 +39,5 @@ class TakeReport:
 
     @property
     def is_damaged(self) -> bool:
-        """True where a block does not hold or is of another take, or where something follows the end of the archive."""
-        return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_blocks > 0
+        """True where a block does not hold or is of another take, something follows the end, or says what cannot be."""
+        return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_blocks > 0 or bool(self.doubts)

@@ -133,10 +133,11 @@ def verify_takes(paths: Takes) -> None:
             rest += f"; {_of_another(report)}"
         if report.trailing_bytes:
             rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
+        rest += "".join(f"; {doubt}" for doubt in report.doubts)
+        if report.earlier:
+            rest += f"; an earlier file had lost {missing_words(take, report.earlier)}"
         if not report.is_sound:
             rest += "; `hangtime takes recover` makes a sound file"
-        elif take.missing:
-            rest = f"; an earlier file had lost {missing_words(take)}"
         word = _word(report)
         tell_entry(
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
@@ -144,7 +145,7 @@ def verify_takes(paths: Takes) -> None:
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
             other_blocks=report.other_blocks, is_complete=take.is_complete,
-            missing=missing_words(take),
+            missing=missing_words(take), doubts=list(report.doubts),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:

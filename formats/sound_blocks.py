@@ -1,0 +1,128 @@
+"""Decode the sound blocks and scans of one take, within the memory that its file may take. See `formats/SPEC.md`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from formats import version_1
+from formats.blocks import LATEST, MOST_ROWS, PLACE_STEPS, Columns, decode_blocks, widths
+from formats.surface import SurfaceScan, decode_scan, places_of
+from formats.table_memory import TableMemory
+from formats.take_messages import Message
+
+AT_ONCE = 1 << 21  # numbers of tables that are decoded together: each takes a hundred bytes meanwhile
+
+
+def is_number(value: object, least: int, most: int) -> bool:
+    """Whether a value is a whole number between two others."""
+    return type(value) is int and least <= value <= most
+
+
+def in_order(blocks: list[Message], version: int) -> tuple[list[Message], int]:
+    """Return the blocks of one take by their first frame, and how many others there were; a copy is no damage."""
+    found: dict[int, Message] = {}
+    strange = 0
+    for block in blocks:
+        holds = (
+            is_number(block["first"], 0, 2**40)
+            and is_number(block.get("frames"), 1, MOST_ROWS)
+            and is_number(block.get("start"), -LATEST, LATEST)
+            and (version == 1 or _is_table(block))
+        )
+        if not holds or found.setdefault(block["first"], block) != block:
+            strange += 1
+    return [found[first] for first in sorted(found)], strange
+
+
+def _is_table(block: Message) -> bool:
+    steps = block.get("steps")
+    return (
+        isinstance(block.get("table"), bytes)
+        and isinstance(steps, list)
+        and len(steps) == 2
+        and all(is_number(step, 0, len(PLACE_STEPS) - 1) for step in steps)
+    )
+
+
+def decoded(
+    blocks: list[Message], points: int, version: int, memory: TableMemory
+) -> tuple[Columns, list[Message], int]:
+    """Return the columns of the sound blocks, those blocks, and how many were not sound."""
+    width = sum(widths(points).values())
+    fitting = [block for block in blocks if memory.fits(width * block["frames"], block.own)]
+    columns: Columns = {}
+    kept: list[Message] = []
+    rows = 0
+    for batch in _batches(fitting, AT_ONCE // width if version > 1 else 1):
+        part, sound = decode_blocks(batch, points) if version > 1 else _of_version_1(batch[0], points)
+        kept += [block for block, good in zip(batch, sound, strict=True) if good]
+        if len(batch) == len(fitting):
+            return part, kept, len(blocks) - len(kept)
+        if not columns:
+            total = sum(block["frames"] for block in fitting)
+            columns = {name: np.empty((total, *values.shape[1:]), values.dtype) for name, values in part.items()}
+        end = rows + len(part.get("time", ()))
+        for name, values in part.items():
+            columns[name][rows:end] = values
+        rows = end
+    return {name: values[:rows] for name, values in columns.items()}, kept, len(blocks) - len(kept)
+
+
+def _batches(blocks: list[Message], rows: int) -> Iterator[list[Message]]:
+    """Yield blocks, so many together that they have `rows` rows or a few more."""
+    batch: list[Message] = []
+    count = 0
+    for block in blocks:
+        batch.append(block)
+        count += block["frames"]
+        if count >= rows:
+            yield batch
+            batch, count = [], 0
+    if batch:
+        yield batch
+
+
+def _of_version_1(block: Message, points: int) -> tuple[Columns, list[bool]]:
+    try:
+        return version_1.decode_block(block, points), [True]
+    except (ValueError, KeyError, TypeError):
+        return {}, [False]
+
+
+def increasing(columns: Columns, kept: list[Message]) -> tuple[Columns, list[Message], int]:
+    """Leave out blocks that share frames, or where time does not increase: no writer makes them; empties `columns`."""
+    rows = np.array([block["frames"] for block in kept])
+    time, starts = columns["time"], np.cumsum(rows) - rows
+    goes_back = np.concatenate([[False], np.diff(np.maximum.accumulate(time)) <= 0])
+    ends = np.maximum.accumulate([block["first"] + block["frames"] for block in kept])
+    overlaps = np.concatenate([[False], [block["first"] for block in kept[1:]] < ends[:-1]])
+    bad = (np.add.reduceat(goes_back, starts) > 0) | overlaps
+    if not bad.any():
+        return columns, kept, 0
+    stays = np.repeat(~bad, rows)
+    sound = [block for block, wrong in zip(kept, bad, strict=True) if not wrong]
+    return {name: columns.pop(name)[stays] for name in tuple(columns)}, sound, int(bad.sum())
+
+
+def sound_scans(messages: list[Message], version: int, memory: TableMemory) -> tuple[list[SurfaceScan], int]:
+    """Return the scans of one take in the order of time, and how many messages are none; a copy is no damage."""
+    decode = version_1.decode_scan if version == 1 else decode_scan
+    found: dict[int, Message] = {}
+    scans, lost = [], 0
+    for content in messages:
+        time = content["surface"]
+        if not is_number(time, -LATEST, LATEST):
+            lost += 1
+            continue
+        if version > 1 and found.setdefault(time, content) is not content:
+            lost += found[time] != content
+            continue
+        try:
+            if not memory.fits(places_of(content) * 4, content.own):
+                raise ValueError("too many places")
+            scans.append(decode(content))
+        except (ValueError, KeyError, TypeError):
+            lost += 1
+    return sorted(scans, key=lambda scan: scan.time), lost

@@ -1,0 +1,94 @@
+"""Hold the end of a take against its blocks: which frames are missing, and what contradicts. See `formats/SPEC.md`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from formats.arrays import Floats, Integers
+from formats.blocks import LATEST, TICKS
+from formats.plain_text import counted
+from formats.sound_blocks import is_number
+from formats.take import Span
+from formats.take_messages import Message
+
+
+def is_end(end: Message, version: int) -> bool:
+    """Whether a message holds what an `/end` of this version must."""
+    names = ("frames", "blocks") if version == 1 else ("frames", "blocks", "scans")
+    times = [end[name] for name in ("from", "until") if name in end]
+    return all(is_number(end.get(name), 0, 2**40) for name in names) and all(
+        is_number(time, -LATEST, LATEST) for time in times
+    )
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is there of a take, in the order of its frames.
+
+    - `first`, `rows`, (blocks,): each block's first frame, and how many it has
+    - `begins`, `ends` [s], (blocks,): times of its first and last frame
+    - `scans`: how many there are
+    """
+
+    first: Integers
+    rows: Integers
+    begins: Floats
+    ends: Floats
+    scans: int
+
+    @classmethod
+    def of(cls, kept: list[Message], time: Floats, scans: int) -> Held:
+        """Describe blocks whose frames have these times [s], (frames,)."""
+        rows = np.array([block["frames"] for block in kept])
+        last = np.cumsum(rows) - 1
+        return cls(np.array([block["first"] for block in kept]), rows, time[last - rows + 1], time[last], scans)
+
+
+def missing_spans(held: Held, end: Message | None) -> tuple[tuple[Span, ...], int | None]:
+    """Return the spans of the sensor's clock whose frames are missing, and how many these are, None if not known.
+
+    A time of the end that the blocks contradict counts as not known.
+    """
+    begin, finish = _times_of(held, end)
+    before = np.concatenate([[0], (held.first + held.rows)[:-1]])
+    until = np.concatenate([[begin], held.ends[:-1]])
+    gaps = held.first > before
+    spans = [(float(a), float(b)) for a, b in zip(until[gaps], held.begins[gaps], strict=True)]
+    frames = int((held.first - before)[gaps].sum())
+    there = int(held.first[-1] + held.rows[-1])
+    if end is None:
+        return (*spans, (float(held.ends[-1]), float("inf"))), None
+    if end["frames"] > there:
+        spans.append((float(held.ends[-1]), finish))
+        frames += end["frames"] - there
+    return tuple(spans), frames
+
+
+def _times_of(held: Held, end: Message | None) -> tuple[float, float]:
+    """Return when the first and the last frame of a take were [s], infinite where that is not known."""
+    begin, finish = (end[name] / TICKS if end and name in end else np.nan for name in ("from", "until"))
+    return begin if begin < held.begins[0] else -np.inf, finish if finish > held.ends[-1] else np.inf
+
+
+def contradictions(held: Held, ends: list[Message]) -> Iterator[str]:
+    """Yield what the ends of a take say that its blocks, its scans or another end contradict."""
+    if not ends:
+        return
+    end = ends[-1]
+    if any(other != end for other in ends):
+        yield "it has several ends that differ"
+    there = int(held.first[-1] + held.rows[-1])
+    for name, count in (("frame", there), ("block", len(held.rows)), ("scan", held.scans)):
+        if end.get(f"{name}s", count) < count:
+            yield f"its end counts {counted(end[f'{name}s'], name)}, and there are {count}"
+    for name, word, which, time, is_there in (
+        ("from", "begins", "first", float(held.begins[0]), held.first[0] == 0),
+        ("until", "ends", "last", float(held.ends[-1]), there == end["frames"]),
+    ):
+        apart = end[name] - round(time * TICKS) if name in end else 0
+        is_within = apart > 0 if name == "from" else apart < 0
+        if abs(apart) > 1 and (is_there or is_within):  # a tick of rounding is no contradiction
+            yield f"its end says that it {word} at {end[name] / TICKS:.6f} s, and its {which} frame is of {time:.6f} s"

@@ -24,7 +24,7 @@ LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames
 LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
 UNPACKED = 32  # bytes that each of a chunk's own may unpack to: in honest takes 1 to 22 (a header of 2000 points)
 FREE_BYTES = 1 << 26  # beyond that, in all chunks of a file together: seconds in which nothing moved take few bytes
-RECORD, FREE_RECORDS = 64, 1 << 16  # own bytes of a chunk for each of its records; records beyond that in a file
+RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # own bytes of a chunk for each of its records; records beyond that in a file
 SLAB = 1 << 20  # bytes searched at once for the next chunk
 FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
 LONGEST_NAME = 16  # bytes of a compression's name
@@ -64,8 +64,8 @@ def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes,
 
     A record that holds no frames is skipped by its length. Where a chunk seems to begin within it, that length is
     damaged. Behind the end of the file sound chunks are found too, and everything else there is no damage: it is
-    trailing. The time is linear in the file's length. A chunk has a share of bytes and records for its own length; a
-    chunk that needs more when the file has no more to give costs itself, and those behind it are read.
+    trailing. The time is linear in the file's length. A chunk has a share of bytes and records for its own length.
+    One that needs more, when the file has no more to give, costs itself. Those behind it are read.
     """
     at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
     findings.damaged += at == 0
@@ -77,7 +77,7 @@ def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes,
         records = _records(raw, at, end, starts, findings) if opcode == Opcode.CHUNK and is_within else None
         if records is not None:
             was_sound = True
-            for data in _message_data(records, (end - at) // RECORD, findings):
+            for data in _message_data(records, (end - at) // RECORD_BYTES, findings):
                 yield data, (end - at) * len(data) // len(records)
         elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD and starts.next_at(at + 1) >= end:
             if opcode == Opcode.FOOTER and raw.startswith(MCAP_MAGIC, end):

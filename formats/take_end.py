@@ -26,7 +26,7 @@ def is_end(end: Message, version: int) -> bool:
 
 @dataclass(frozen=True)
 class Held:
-    """What is there of a take, in the order of its frames.
+    """The part of a take that is there, in the order of its frames.
 
     - `first`, `rows`, (blocks,): each block's first frame, and how many it has
     - `begins`, `ends` [s], (blocks,): times of its first and last frame

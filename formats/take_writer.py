@@ -34,7 +34,7 @@ HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
-MOST_SPANS = 20_000  # that are missing: a reader accepts a header of three times as many lists
+MOST_MISSING = 20_000  # that are missing: a reader accepts a header of three times as many lists
 LOOKED_THROUGH = 1 << 26  # bytes of an unfinished file that is looked through: ten hours of a skirt have fewer
 
 
@@ -91,7 +91,7 @@ class TakeWriter:
 
     def _begin(self, header: dict[str, Any]) -> None:
         self._header = msgpack.packb(header)
-        if len(header.get("missing", ())) > MOST_SPANS:
+        if len(header.get("missing", ())) > MOST_MISSING:
             raise TakeError(f"lacks frames in {len(header['missing'])} places", where=self.path, advice="cut the take")
         if len(self._header) > MOST_HEADER_BYTES:
             raise TakeError(f"its header has {len(self._header)} bytes", where=self.path, advice="shorten the notes")

@@ -122,7 +122,7 @@ def _written(path, text):
 def test_a_description_in_another_encoding_is_told_so(tmp_path):
     path = tmp_path / "a.toml"
     path.write_bytes('name = "Stück"'.encode("cp1252"))
-    with pytest.raises(DescriptionError, match="is no text in UTF-8; save it as UTF-8 text"):
+    with pytest.raises(DescriptionError, match=r"is no text in UTF-8 \(at line 1\); save it as UTF-8 text"):
         load_rig(path)
 
 

@@ -19,7 +19,6 @@ from formats.plausible import (
 )
 from formats.plausible_rig import check_plausible_rig
 from formats.rig import Hanger, Sensor
-from formats.table_memory import TableMemory
 from tests.formats.test_archive import RIG, a_take
 
 
@@ -207,17 +206,3 @@ def test_a_take_is_judged_by_its_garment_its_rig_and_its_times():
         said = refused(check_plausible_take, replace(take, **changes), offers_anyway=True)
         assert said.endswith("--anyway to accept it")
         assert "--anyway" not in refused(check_plausible_take, replace(take, **changes))
-
-
-def test_tables_of_a_file_may_take_so_much_memory_and_no_more():
-    """64 MiB and 160 bytes for each of the file's; a still table's first 128 KiB cost nothing."""
-    memory = TableMemory.of(1000)
-    assert memory.left == (1 << 26) + 160_000
-    assert memory.fits((1 << 17) // 24)
-    assert memory.left == (1 << 26) + 160_000
-    numbers = 1_000_000
-    assert memory.fits(numbers)
-    assert memory.left == (1 << 26) + 160_000 - (24 * numbers - (1 << 17))
-    memory.left = 24
-    assert not memory.fits((1 << 17) // 24 + 2)
-    assert memory.left <= 0

@@ -57,3 +57,13 @@ def test_one_table_that_no_file_has_memory_for_costs_itself_alone():
     assert memory.fits(FREE_MEMORY // 16, 100)
     assert not memory.fits(FREE_MEMORY // 10, 100)
     assert memory.left_out == 1
+
+
+def test_tables_share_128_mib_and_a_still_table_of_64_kib_is_free():
+    """A number takes 8 bytes of memory; 64 are free for each byte of the file."""
+    memory = TableMemory()
+    assert memory.left == 1 << 27
+    assert memory.fits((1 << 16) // 8 + 64 * 1000 // 8, own=1000)
+    assert memory.left == 1 << 27
+    assert memory.fits((1 << 16) // 8 + 100, own=0)
+    assert memory.left == (1 << 27) - 800

@@ -289,7 +289,7 @@ def export_takes(
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
-                moved=moved,
+                moved=moved or None,
             )  # fmt: skip
         end_with(lost, len(paths))
 

@@ -89,9 +89,9 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
             {"file": "sound/d.recovered.mcap", "frames": 150, "missing": "", "lost_scans": 1},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
-            {"file": "files/a.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 0},
-            {"file": "files/c.csv", "frames": 119, "is_complete": False, "missing": WITHIN, "missing_scans": 0},
-            {"file": "files/d.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 1},
+            {"file": "files/a.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 0, "moved": None},
+            {"file": "files/c.csv", "frames": 119, "is_complete": False, "missing": WITHIN, "missing_scans": 0, "moved": None},
+            {"file": "files/d.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 1, "moved": None},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
             "files": ["all.parquet"], "takes": 3, "incomplete": {
@@ -99,11 +99,11 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
         }),
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
             {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
-             "clock": None},
+             "clock": None, "file_doubt": None},
         ]}),
         ("import r.npz --out own", 0, {"takes": [
             {"file": "own/r.mcap", "frames": 40, "duration_s": 4.29, "front": None, "never_seen": [],
-             "clock": None},
+             "clock": None, "file_doubt": None},
         ]}),
         ("swatch s.toml --mass 0.05 --side 0.4 --markers 5", 0,
          {"file": "s.toml", "markers": 25, "apart_mm": 100.0}),

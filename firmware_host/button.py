@@ -48,7 +48,7 @@ class ButtonContact(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of it."""
+        """Release the device."""
 
 
 class EventContact(ButtonContact):
@@ -59,7 +59,7 @@ class EventContact(ButtonContact):
     """
 
     def __init__(self, path: Path) -> None:
-        """Open it.
+        """Open an input device or a named pipe.
 
         Raises:
             ButtonError: there is none, or this user may not read it.
@@ -96,7 +96,7 @@ class EventContact(ButtonContact):
         return any(keys)
 
     def close(self) -> None:
-        """Close it."""
+        """Close the device."""
         os.close(self._handle)
 
 
@@ -139,7 +139,7 @@ class LineContact(ButtonContact):
         return bool(self._request.get_value(self._line) == self._active)
 
     def close(self) -> None:
-        """Give the line back."""
+        """Release the GPIO line."""
         self._request.release()
 
 

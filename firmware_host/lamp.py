@@ -28,7 +28,7 @@ class StatusLamp:
     """One LED, lit, blinking or dark; a context manager that leaves it with the trigger that it had."""
 
     def __init__(self, name: str, leds: Path = LEDS) -> None:
-        """Take over a LED.
+        """Open the LED of this name, and remember its trigger.
 
         Raises:
             LampError: there is none of this name, or this user may not change it.
@@ -61,7 +61,7 @@ class StatusLamp:
             self.close()
 
     def dark(self) -> None:
-        """Switch it off."""
+        """Switch the LED off."""
         if self._keeps_timer:
             self._write("delay_off", SOME_MS)  # never both 0: the kernel takes that for its own rhythm
             self._write("delay_on", "0")

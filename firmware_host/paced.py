@@ -27,7 +27,7 @@ class PacedSensor(DepthSensor):
         self, reopen: Callable[[], DepthSensor], uri: str, cord: Path | None = None, *,
         clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep,
     ) -> None:  # fmt: skip
-        """Begin to play.
+        """Open the recording, and start its clock.
 
         reopen: opens the recording at its beginning; cord: a file that may say "silent" or "unplugged"
 
@@ -104,6 +104,6 @@ class PacedSensor(DepthSensor):
             return ""
 
     def close(self) -> None:
-        """End the sensor."""
+        """Close the recording; `read` returns None from then on."""
         self._is_closed = True
         self._inner.close()

@@ -55,7 +55,7 @@ class TakeWriter:
         self, path: Path, *, take_id: str, created: str, rig: Rig, garment: Garment, source: str = "",
         notes: dict[str, str] | None = None, overwrite: bool = True, missing: Sequence[tuple[float, float]] = (),
     ) -> None:  # fmt: skip
-        """Begin a take.
+        """Open the partial file, lock it, and write the header.
 
         - `overwrite`: replace a take of this name; frames that an interrupted recording left are put aside
         - `missing` [s]: spans of the sensor's clock whose frames an earlier file of this take lost

@@ -111,7 +111,7 @@ class ProgressLine:
             self._last = share
 
     def end(self) -> None:
-        """Leave the line."""
+        """End the line of progress."""
         if self._is_terminal:
             say("")
 

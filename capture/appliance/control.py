@@ -89,7 +89,7 @@ class ControlServer:
             self._hear(asker, answer)
 
     def tell(self, news: dict[str, Any]) -> None:
-        """Tell everybody who watches."""
+        """Send news to every watcher, and drop those that have gone."""
         for watcher in list(self._watchers):
             if not _send(watcher, news):
                 self._watchers.remove(watcher)

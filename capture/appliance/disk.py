@@ -100,7 +100,7 @@ class Disk:
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the thread that writes."""
         self._thread.start()
 
     def close(self, timeout_s: float) -> None:

@@ -45,7 +45,7 @@ class FaultBook:
 
     @property
     def all(self) -> list[Fault]:
-        """Every fault."""
+        """The faults that stand now, those that block recording first."""
         return sorted(self._faults.values(), key=lambda fault: not fault.blocks)
 
     @property

@@ -70,7 +70,7 @@ class Panel:
             self._faults.set("lamp", error, now)
 
     def close(self) -> None:
-        """Give everything back."""
+        """Release the button and the lamps."""
         self._drop_button()
         if self._lamps is not None:
             self._lamps.close()

@@ -11,7 +11,7 @@ class Timed(Protocol):
 
     @property
     def time(self) -> float:
-        """The time [s]."""
+        """The item's time in the take [s]."""
 
 
 T = TypeVar("T", bound=Timed)

@@ -56,7 +56,7 @@ class Kept(Protocol):
 
     @property
     def size(self) -> int:
-        """Bytes of its archive."""
+        """The size of the take's archive [bytes]."""
         ...
 
     @property

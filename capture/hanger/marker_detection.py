@@ -53,7 +53,7 @@ class MarkerDetector:
     def __init__(
         self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None, is_sparing: bool = False
     ) -> None:
-        """Look for these ids.
+        """Prepare the detector of markers with these ids.
 
         `apart` is the distance of the two markers' centres over their side. An id may be seen twice, for example on a
         printed sheet in view. `apart` then decides for the hanger's own.

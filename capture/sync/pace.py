@@ -29,7 +29,7 @@ class Rate:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Begin with nothing owed."""
+        """Limit to a rate [bytes/s]; None is no limit."""
         self._rate, self._clock, self._sleep = bytes_per_second, clock, sleep
         self._free_at = clock()
 

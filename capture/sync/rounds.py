@@ -59,7 +59,7 @@ class Sync:
     chance: random.Random = field(default_factory=random.Random)
 
     def __post_init__(self) -> None:
-        """Open the server.
+        """Open the spool and the server that the settings name.
 
         Raises:
             HangtimeError: the settings or the credentials do not hold.

@@ -188,14 +188,14 @@ class Sums:
     """
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start the sums of an object of no bytes."""
         self._sha256, self._whole = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
         self._part, self._in_part = hashlib.md5(usedforsecurity=False), 0
         self._parts: list[bytes] = []
         self.size = 0
 
     def add(self, content: bytes) -> None:
-        """Take in what follows."""
+        """Add the object's next bytes to all sums."""
         self._sha256.update(content)
         self._whole.update(content)
         self.size += len(content)

@@ -34,17 +34,17 @@ class Finding:
 
 
 def ok(text: str) -> Finding:
-    """All is well: `text` says what was seen."""
+    """Return the finding that all is well; `text` says what was seen."""
     return Finding(Verdict.OK, text)
 
 
 def problem(what: str, advice: str) -> Finding:
-    """Something must be done."""
+    """Return the finding of a fault: `what` is wrong, and the advice that mends it."""
     return Finding(Verdict.PROBLEM, f"{what}; {advice}")
 
 
 def skipped(reason: str) -> Finding:
-    """It could not be looked at."""
+    """Return the finding of a check that could not be made, with the reason."""
     return Finding(Verdict.SKIPPED, reason)
 
 

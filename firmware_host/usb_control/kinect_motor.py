@@ -54,7 +54,7 @@ class Motor(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MotorState:
-    """One reading.
+    """One reading of the motor: activity, angle and acceleration.
 
     acceleration [m/s^2], accelerometer's axes; gravity counts as an acceleration upwards
     tilt_degrees [degrees], up is positive, None while the motor moves
@@ -114,5 +114,5 @@ class KinectMotor:
         )
 
     def set_led(self, led: Led) -> None:
-        """Switch the lamp."""
+        """Switch the lamp to one of its states."""
         self._link.send(SET_LED, led)

@@ -21,7 +21,7 @@ class Protocol(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """One kind of device.
+    """A model of depth sensor, by its USB ids.
 
     - `openni2_driver`: the file name of OpenNI2's driver without `lib` and `.so`, None where Debian ships none
     - `is_camera`: whether this part gives depth; a Kinect v1 is three devices, and only one of them does

@@ -91,7 +91,7 @@ class FixedParameters:
 
 
 def decode_fixed_parameters(data: bytes, where: str) -> FixedParameters:
-    """Read the whole block."""
+    """Decode the block of fixed parameters."""
     if len(data) < FIXED_PARAMETERS_SIZE:
         raise FirmwareReplyError(
             f"fixed parameters have {len(data)} of {FIXED_PARAMETERS_SIZE} bytes", where=where, advice=REPLUG_ADVICE

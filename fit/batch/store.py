@@ -92,7 +92,7 @@ class Folder:
         return (self.root / name).is_file()
 
     def read(self, name: str) -> bytes:
-        """Return a file's content."""
+        """Return the bytes of a file."""
         try:
             check_ends(self.root / name)
             with (self.root / name).open("rb") as file:
@@ -160,7 +160,7 @@ class Bucket:
         return True
 
     def read(self, name: str) -> bytes:
-        """Return an object's content."""
+        """Return the bytes of an object."""
         try:
             found = self._library.get(self._store, name)
             _refuse_a_huge(found.meta["size"], f"{self.url}/{name}")

@@ -98,7 +98,7 @@ def draw_truth(
     seed: tuple[int, ...],
     sensor: Mapping[str, float] = PERFECT_SENSOR,
 ) -> Truth:
-    """Draw one case.
+    """Draw one case: its planted effects, cloth, look and seed.
 
     - `plants`: what is planted, one for a single or unknown, two for a pair, none for a null
     - `sensor`: fields of the look that are not drawn but given

@@ -327,5 +327,5 @@ class CountLine:
         self._line.show(done / max(total, 1), f"{done}/{total} cases{without}")
 
     def end(self) -> None:
-        """Leave the line."""
+        """End the line of progress."""
         self._line.end()

@@ -155,7 +155,7 @@ class Engine:
     def run(
         self, ends: Floats, duration: float, places: Floats, *, settle: float = HANGING_TIME, shapes: bool = False
     ) -> Motion:
-        """Swing the sheet.
+        """Run the simulator over the whole motion of the hanger.
 
         - `ends` [m], (takes, n, 6): left and right end of the held edge, evenly spaced over `duration` [s], world frame
         - `places` [m], (points, 2): where on the flat sheet to look.

@@ -61,7 +61,7 @@ i2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
 @ti.func
 def at(a: ti.template(), i):
-    """Return row i."""
+    """Return row i of a flat array as a vector."""
     return [a[3 * i], a[3 * i + 1], a[3 * i + 2]]
 
 

@@ -147,7 +147,7 @@ def _make_all(
 
 
 def open_labels(folder: Path) -> Labels:
-    """Open the seal.
+    """Return the labels behind the seal.
 
     Raises:
         FitError: there is no seal or key, or either was changed since it was published.

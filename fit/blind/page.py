@@ -72,7 +72,7 @@ def write_page(answers: Path, out: Path) -> Path:
 
 
 def render(score: Score) -> str:
-    """Return the page."""
+    """Return the HTML of a scored check."""
     template = environment("fit.blind", ".", trims_lines=True).get_template("page.html.j2")
     page = template.render(
         score=score, headline=headline(score), headline_bin=HEADLINE_BIN, rates=_rates(score), ladders=_ladders(score),

@@ -26,7 +26,7 @@ class Rate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     high: float | None
 
     def __str__(self) -> str:
-        """Percentages for a terminal."""
+        """Return the rate, its interval and its counts as text for a terminal."""
         if self.rate is None or self.low is None or self.high is None:
             return "no case"
         return f"{100 * self.rate:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]  {self.k}/{self.n}"

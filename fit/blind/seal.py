@@ -24,13 +24,13 @@ NONCE, TAG, KEY = 12, 16, 32  # bytes
 
 
 def seal(text: bytes, key: bytes) -> bytes:
-    """Return the sealed text."""
+    """Encrypt a text with ChaCha20-Poly1305, with a nonce of its own."""
     nonce = secrets.token_bytes(NONCE)
     return SEAL_MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, SEAL_MAGIC)
 
 
 def unseal(sealed: bytes, key: bytes, *, where: object) -> bytes:
-    """Return the text.
+    """Decrypt a sealed text.
 
     Raises:
         FitError: not a seal, the wrong key, or sealed bytes that were changed.

@@ -21,7 +21,7 @@ Number = Any  # likewise
 
 
 class Motion(NamedTuple):
-    """State of the nodes.
+    """Positions, velocities and forces of the nodes.
 
     - `x` [m], (2 groups 3 nodes, lanes): places of all groups, then what rounding loses of them
     - `v` [m/s], (groups 3 nodes, lanes)
@@ -179,7 +179,7 @@ class Candidates(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Instants of every group.
+    """The instants of every group of candidates, step by step.
 
     time_step [s], (groups,); frame_step, (groups, frames): whole steps to each frame; frame_lag [s], alike: the rest
     counts, (groups, `Counts`)

@@ -48,7 +48,7 @@ class BlenderEngine:
     def __init__(
         self, recording: Recording, method: Parameterisation, effects: tuple[Effect, ...], resolution: Resolution
     ) -> None:
-        """Prepare the drive.
+        """Prepare the hanger's motion for Blender.
 
         Raises:
             FitError: another method than kinect-skirt, effects, bodies in the rig, or no `bpy`.

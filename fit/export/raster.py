@@ -53,7 +53,7 @@ class Faces:
 
 @functools.cache
 def _kernels() -> tuple[Any, Any]:
-    """Compile the two passes."""
+    """Compile the two passes of the rasteriser: depth, then colour."""
     runtime.start()
     import taichi as ti
 

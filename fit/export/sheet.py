@@ -20,7 +20,7 @@ SWATCH_SPACING = 0.02  # m: folds of cloth that hangs by itself are several time
 
 @dataclass(frozen=True)
 class Sheet:
-    """Cloth at rest.
+    """A sheet of cloth at rest: its nodes, faces and places in the cut.
 
     - `name`
     - `rest` [m], (nodes, 2): x across, y up on the flat cloth

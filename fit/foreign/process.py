@@ -66,7 +66,7 @@ class ForeignProcess:
     """A running simulator; ends with its owner."""
 
     def __init__(self, foreign: Foreign) -> None:
-        """Start it.
+        """Start the simulator's process.
 
         Raises:
             FitError: its Python or its module is not there.

@@ -69,7 +69,7 @@ class Likelihood:
     """The covariance of an observer's residuals, as a metric for rows of the same numbers."""
 
     def __init__(self, observer: Observer, noise: list[Floats], residual: Floats, scales: Floats) -> None:
-        """Build it.
+        """Whiten each series of residuals, and decompose the covariance of the discrepancy.
 
         noise: measured, per axis [m], (points,) a take; residual, (numbers,): shows how the discrepancy rings
         scales, (scales,): root mean square discrepancies [m], ascending

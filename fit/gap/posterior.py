@@ -93,7 +93,7 @@ class Linear:
     """The linear model about a fit: every subset's evidence, and its joint solution."""
 
     def __init__(self, observer: Observer, likelihood: Likelihood, fitted: Fitted, rows: dict[str, Floats]) -> None:
-        """Weigh it.
+        """Compute the sums from which every subset's evidence is solved.
 
         rows, (components, numbers): signatures about the fit in typical sizes, of effects that are not in the fit
         """

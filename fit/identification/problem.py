@@ -32,7 +32,7 @@ class ObservedProblem:
         windows: Windows | None = None,
         distances: Distances | None = None,
     ) -> None:
-        """Prepare it.
+        """Prepare the observer of the recordings, and the simulation of each of them.
 
         - `windows`: the pulls of the settings act inside these alone
         - `distances`: returns D [m], (candidates,), of free rollouts' points, (candidates, frames, points, 3) [m] a

@@ -35,7 +35,7 @@ class Judge(Protocol):
 
     @property
     def recordings(self) -> list[Recording]:
-        """Return the takes."""
+        """Return the takes as recordings."""
         ...
 
     def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:

@@ -321,7 +321,7 @@ def lead(text: str) -> Markup:
 
 
 def note(text: str) -> Markup:
-    """Return a remark."""
+    """Return a paragraph in the style of remarks."""
     return piece("parts.html", "note", text)
 
 

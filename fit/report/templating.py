@@ -8,7 +8,7 @@ from fit.templating import environment
 
 
 def render(template: str, **values: object) -> str:
-    """Return a whole page."""
+    """Return the HTML of a whole page."""
     return environment("fit.report").get_template(template).render(**values)
 
 

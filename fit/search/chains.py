@@ -66,7 +66,7 @@ class ParallelChains:
 
     @property
     def best_distance(self) -> float:
-        """Its distance [m]."""
+        """The distance of the best candidate so far [m]."""
         return self.winner.best_distance
 
     @property

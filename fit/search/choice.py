@@ -37,7 +37,7 @@ class Search(Protocol):
 
     @property
     def best_distance(self) -> float:
-        """Its distance [m]."""
+        """The distance of the best candidate so far [m]."""
         ...
 
     @property
@@ -88,7 +88,7 @@ class Search(Protocol):
 
 
 def check_search(name: str) -> str:
-    """Return the name.
+    """Return the name of a known search.
 
     Raises:
         FitError: there is no such search.

@@ -44,7 +44,7 @@ class Step:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Step:
-        """Return what was saved."""
+        """Return a step from its saved state."""
         vector = np.array(state["vector"], float)
         return cls(
             is_look=bool(state["is_look"]), vector=vector,

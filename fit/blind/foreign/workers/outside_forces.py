@@ -34,7 +34,7 @@ class OutsideForces:
 
     @property
     def are_there(self):
-        """Return whether anything acts."""
+        """Return whether air or a spot of mass acts."""
         return self.has_air or self.has_spots
 
     def at(self, now, x, v):

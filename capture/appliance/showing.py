@@ -88,7 +88,7 @@ class Lamps:
             raise
 
     def close(self) -> None:
-        """Give the LEDs back."""
+        """Release the LEDs."""
         for lamp in (self._lamp, self._red):
             if lamp is not None:
                 lamp.__exit__(None, None, None)

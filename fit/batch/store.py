@@ -194,7 +194,7 @@ class Bucket:
 
 
 def store_is_full(error: OSError, where: object) -> UnreachableError:
-    """Return the error of a disk that takes no more for now."""
+    """Return the error of a store whose disk is full for now."""
     return UnreachableError(
         f"cannot be written ({error.strerror})", where=where,
         advice=f"{step_to_write(error)}; finished takes are kept, and the same command goes on",

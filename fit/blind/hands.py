@@ -54,7 +54,7 @@ def swing_angle(displacement: Floats, height: float, damping: float) -> float:
 
 
 def move(rng: np.random.Generator, kind: str, duration: float, width: float, height: float, damping: float) -> Floats:
-    """Return the ends of the held edge [m], (samples, 6), world frame: x along the bar, y away, z up."""
+    """Draw a motion of the held edge's two ends [m], (samples, 6), world frame: x along the bar, y away, z up."""
     samples = round(duration * SAMPLES_A_SECOND) + 1
     time = np.arange(samples) / SAMPLES_A_SECOND
     start, stop = rng.uniform(0.25, 0.4), duration - rng.uniform(0.5, 0.8)

@@ -110,7 +110,9 @@ def motion_of(
     done = simulator.run(material_rows(result, density), amplitudes[None], shapes=True, progress=progress)
     if done.shapes is None or not np.isfinite(done.points).all():
         raise BlowUpError(
-            "the simulation of this take blew up", where=recording.take_id, advice="use a coarser mesh (--spacing)"
+            "the simulation of this take blew up",
+            where=recording.take_id,
+            advice="use a coarser mesh (a larger spacing)",
         )
     return Moving(
         name=recording.take_id, time=recording.time - recording.time[0], places=done.shapes[0],

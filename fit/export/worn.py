@@ -131,7 +131,9 @@ def worn(
     done = simulator.run(row, amplitudes, shapes=True, progress=progress)
     if done.shapes is None or not np.isfinite(done.shapes).all():
         raise BlowUpError(
-            f"the {NAMES[closed.kind]} on the figure blew up", where=flat.name, advice="use a coarser mesh (--spacing)"
+            f"the {NAMES[closed.kind]} on the figure blew up",
+            where=flat.name,
+            advice="use a coarser mesh (a larger spacing)",
         )
     shapes, time = done.shapes[0], dressed.recording.time
     bodies, motion = figure.only(figure.touching)

@@ -90,7 +90,7 @@ def decide(evidence: Evidence) -> Verdict:
         return _name_several(evidence, several)
     if not passing and evidence.is_coarse and mesh > MOSTLY_MESH * evidence.gap_mm2:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
-        return Verdict("numerics", [], f"Refine first: {most} (--spacing). {numbers}")
+        return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {most}. {numbers}")
     if not passing:
         return Verdict("unknown", [], f"{_unnamed(evidence)} {numbers}{edge_is_off(evidence)}")
     best = passing[0]
@@ -135,8 +135,8 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
     """Say that there is no gap beyond noise, mesh and solver, or why these takes cannot show one."""
     numbers, wrong = gap_numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
     if has_gap and evidence.is_coarse:
-        refine = f"Refine first: mesh and solver may be wrong by {wrong}, and a gap may hide in that (--spacing)."
-        return Verdict("numerics", [], f"{refine} {numbers}")
+        refine = f"mesh and solver may be wrong by {wrong}, and a gap may hide in that"
+        return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {refine}. {numbers}")
     hidden = f" Mesh and solver may be wrong by {wrong}." if has_gap else ""
     pull = evidence.observer.frequency
     if pull and (missed := unseen(evidence.observer.library, smallest_detectable(evidence))):

@@ -159,7 +159,7 @@ class Model:
                 raise BlowUpError(
                     "the simulation of this take blew up",
                     where=recording.take_id,
-                    advice="use a coarser mesh (--spacing)",
+                    advice="use a coarser mesh (a larger spacing)",
                 )
             by_take.append((errors[seen], recording.time[seen] + start))
             start = float(by_take[-1][1][-1]) + 1.0
@@ -250,7 +250,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
                 raise BlowUpError(
                     "the simulation of the initial parameters blew up",
                     where=model.recordings[0].take_id,
-                    advice="use a coarser mesh (--spacing) or check the garment's weight",
+                    advice="use a coarser mesh (a larger spacing) or check the garment's weight",
                 )
             search.tell(candidates, distances)
             progress(search.iteration, request.settings.iterations, search.best_distance)

@@ -325,7 +325,7 @@ class Run:
         return BlowUpError(
             "the simulation of the initial parameters blew up",
             where=self.search.free.recordings[0].take_id,
-            advice="use a coarser mesh (--spacing) or check the garment's weight",
+            advice="use a coarser mesh (a larger spacing) or check the garment's weight",
         )
 
     def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:

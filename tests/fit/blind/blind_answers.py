@@ -13,9 +13,10 @@ PLANTED = OWN_GENERATOR.plants(["hem", "time_offset"])
 
 
 def finding(name, amplitude=1.0, least=1.0, closure=0.5, **changes):
+    low, high = sorted([0.9 * amplitude, 1.1 * amplitude])
     return EffectFinding(**{
         "id": name, "group": name, "tested": True, "amplitude": amplitude, "unit": "1", "minimum_detectable": least,
-        "closure": Figure(value=closure), "amplitude_interval": (0.9 * amplitude, 1.1 * amplitude), **changes,
+        "closure": Figure(value=closure), "amplitude_interval": (low, high), **changes,
     })  # fmt: skip
 
 

@@ -16,12 +16,10 @@ from pathlib import Path
 from typing import overload
 
 from formats.errors import TakeError
-from formats.plain_text import encoding_of
+from formats.importers.text_lines import TextLines, read_text_lines
 
 LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
-MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
-LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"  # of `str.splitlines`
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header
 MOST_OF_DEVICES = 100_000  # lines above the trajectories of Vicon Nexus
@@ -44,22 +42,18 @@ class Rows(Sequence[list[str]]):
     """
 
     def __init__(
-        self, lines: list[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False
+        self, lines: Sequence[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False
     ) -> None:
         """Hold lines.
 
+        - `lines`: not cut into cells
         - `numbers`: of the lines in the file, from 1
         - `is_cut`: the last one has no end, so that it may be the part of one that was being written
         """
-        self._lines, self.numbers, self._separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
-
-    @property
-    def lines(self) -> list[str]:
-        """Return the lines, not cut into cells."""
-        return self._lines
+        self.lines, self.numbers, self.separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
 
     def __len__(self) -> int:
-        return len(self._lines)
+        return len(self.lines)
 
     @overload
     def __getitem__(self, place: int) -> list[str]: ...
@@ -68,29 +62,29 @@ class Rows(Sequence[list[str]]):
     def __getitem__(self, place: int | slice) -> list[str] | Rows:
         """Return the cells of one line, or some of the lines."""
         if isinstance(place, slice):
-            has_last = range(len(self._lines))[place][-1:] == range(len(self._lines))[-1:]
+            has_last = range(len(self.lines))[place][-1:] == range(len(self.lines))[-1:]
             is_cut = self.is_cut and has_last
-            return Rows(self._lines[place], self.numbers[place], self._separator, self._path, is_cut=is_cut)
-        return self._cells(self._lines[place])
+            return Rows(self.lines[place], self.numbers[place], self.separator, self._path, is_cut=is_cut)
+        return self._cells(self.lines[place])
 
     def __iter__(self) -> Iterator[list[str]]:
         """Yield the cells of each line."""
-        return map(self._cells, self._lines)
+        return map(self._cells, self.lines)
 
     def _cells(self, line: str) -> list[str]:
         """Return the cells of a line, which cost no more memory than any marker file needs."""
-        if len(line) > MOST_CELLS and line.count(self._separator) > MOST_CELLS:
+        if len(line) > MOST_CELLS and line.count(self.separator) > MOST_CELLS:
             raise TakeError(
                 f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"
             )
-        cells = line.split(self._separator)
+        cells = line.split(self.separator)
         if len(line) > LONGEST_CELL and max(map(len, cells)) > LONGEST_CELL:
             raise TakeError(
                 f"has a cell of more than {LONGEST_CELL} characters", where=self._path, advice="export it again"
             )
         if '"' not in line:
             return cells
-        return [unquoted(cell) for cell in (cells if self._separator == "\t" else _joined(cells, self._separator))]
+        return [unquoted(cell) for cell in (cells if self.separator == "\t" else _joined(cells, self.separator))]
 
 
 def _joined(cells: list[str], separator: str) -> list[str]:
@@ -126,22 +120,21 @@ def read_lines(path: Path) -> tuple[str, Rows]:
     if (size := path.stat().st_size) > LARGEST_TEXT:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
-        text = _text(path)
+        lines = read_text_lines(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
-    if (count := sum(map(text.count, LINE_ENDS)) - text.count("\r\n")) > MOST_LINES:
-        raise TakeError(f"has {count} lines", where=path, advice="export fewer frames at once")
-    lines = text.splitlines()
+    if not lines:
+        raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
     begin, kind, separator = _header(lines)
     # In Qualisys' table a line of separators is a frame in which no marker was seen.
     dropped = ' "' if kind == "no_of_frames" else f'{separator}" \t'
-    is_cut = not text.endswith(("\n", "\r"))
-    numbers = array("L", (n for n, line in enumerate(lines[begin:], begin + 1) if line.strip(dropped)))
-    return kind, Rows([lines[n - 1] for n in numbers], numbers, separator, path, is_cut=is_cut)
+    places = array("L", (k for k, line in enumerate(lines[begin:], begin) if line.strip(dropped)))
+    numbers = array("L", (k + 1 for k in places))
+    return kind, Rows(lines.at(places), numbers, separator, path, is_cut=lines.is_cut)
 
 
-def _header(lines: list[str]) -> tuple[int, str, str]:
+def _header(lines: TextLines) -> tuple[int, str, str]:
     """Return where the header begins, its first word in small letters, and the separator of cells below it."""
     for pattern, most in ((HEADER, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
         found = next(((k, match) for k, line in enumerate(lines[:most]) if (match := pattern.match(line))), None)
@@ -153,36 +146,6 @@ def _header(lines: list[str]) -> tuple[int, str, str]:
     return 0, "", _most_likely(lines[:LOOKED_AT])
 
 
-def _most_likely(lines: list[str]) -> str:
+def _most_likely(lines: Sequence[str]) -> str:
     """Return the separator of cells. A comma also parts decimals: it parts cells only where nothing else does."""
     return next((separator for separator in "\t;" if any(separator in line for line in lines)), ",")
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file.
-
-    Raises:
-        TakeError: it is empty.
-        OSError, UnicodeDecodeError: it cannot be read, or is no text.
-    """
-    raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
-    if not re.search(rb"[^\0\r\n\t ]", raw):
-        raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
-    encoding = encoding_of(raw[:4])
-    if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
-        encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
-    return _decoded(raw, encoding)
-
-
-def _decoded(raw: bytes, encoding: str) -> str:
-    """Return the text of bytes; text that is no UTF-8 is of western Windows, whose µ and ä are single bytes.
-
-    Raises:
-        UnicodeDecodeError: it is no text.
-    """
-    try:
-        return raw.decode(encoding)
-    except UnicodeDecodeError:
-        if encoding != "utf-8" or any(byte < 32 and byte not in b"\t\n\r" for byte in set(raw)):
-            raise
-        return raw.decode("cp1252", errors="replace")

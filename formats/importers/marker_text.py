@@ -9,32 +9,21 @@ Qualisys Track Manager, "TSV export".
 
 from __future__ import annotations
 
-import contextlib
-import math
 import re
 from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
-from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ, COMMENT, TRAJECTORIES, Rows, read_lines
-from formats.importers.marker_tracks import MarkerTracks, as_seen
+from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
+from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.units import AXES, metres_of
 from formats.rows import spreadsheet_cell
 
-DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
-PLAIN = frozenset("0123456789+-.eE ")  # `float` makes of these letters what `NUMBER` knows, or refuses them
-MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
-LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker"
-# Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
-GAP_WORDS = {
-    "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
-}  # fmt: skip
 
 
 def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
@@ -48,101 +37,10 @@ def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
     return programs.get(first, _own)(rows, unit, path)
 
 
-def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> Floats:
-    """Return rows of numbers, (rows, width), NaN for a cell that says that nothing was seen.
-
-    is_exact: whether a line must have as many cells as the first one has. Without it, ends of lines may be left out,
-    but not of a last line that has no end itself.
-    """
-    if len(rows) * width > MOST_NUMBERS:
-        raise TakeError(
-            f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
-        )
-    values = np.full((len(rows), width), np.nan)
-    for k, row in enumerate(rows):
-        if rows.is_cut and k == len(rows) - 1 and len(row) < width:
-            raise TakeError(
-                f"ends within line {rows.numbers[k]}, after {len(row)} of its {width} cells", where=path,
-                advice="it is cut off: copy or export it again",
-            )  # fmt: skip
-        if not is_exact and len(row) < width and _is_cut(row):
-            raise TakeError(
-                f"line {rows.numbers[k]} ends within a number, after {len(row)} of its {width} cells", where=path,
-                advice="the line is cut off: copy or export the file again",
-            )  # fmt: skip
-        if not is_exact and any(cell.strip() for cell in row[width:]):
-            raise TakeError(
-                f"line {rows.numbers[k]} has {len(row)} cells, the header names {width}", where=path,
-                advice="the header lacks markers, or the line has cells too many: export it again",
-            )  # fmt: skip
-        cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
-        if len(cells) != width:
-            raise TakeError(
-                f"line {rows.numbers[k]} has {len(cells)} columns, not {width}", where=path, advice="mend that line"
-            )
-        try:
-            values[k] = _row(cells)
-        except ValueError as error:
-            raise TakeError(
-                f"line {rows.numbers[k]} holds {error}, which is no number", where=path,
-                advice="mend that line",
-            ) from error  # fmt: skip
-    return values
-
-
-def _is_cut(row: list[str]) -> bool:
-    """Return whether the last cell of a row lacks digits behind its point that all other places of the row have.
-
-    Many programs write every place with as many digits. A cell without some of them was cut, and its number is
-    another one. The first two cells are a frame's number and time.
-    """
-    written = {count for cell in row[2:-1] if (count := _digits(cell))}
-    return len(written) == 1 and bool(row[-1].strip()) and _digits(row[-1]) < min(written)
-
-
-def _digits(cell: str) -> int:
-    """Return how many digits stand behind the point, or the decimal comma, of a cell."""
-    return len(cell.strip().replace(",", ".").partition(".")[2])
-
-
-def _row(cells: list[str]) -> list[float]:
-    """Return the numbers of cells, as `_number` does, five times as quickly where all of them are plain.
-
-    Raises:
-        ValueError: as `_number`.
-    """
-    if PLAIN.issuperset("".join(cells)):
-        with contextlib.suppress(ValueError):
-            numbers = [float(cell) for cell in cells]
-            if not (math.inf in numbers or -math.inf in numbers):
-                return numbers
-    return [_number(cell) for cell in cells]
-
-
-def _number(cell: str) -> float:
-    """Return the number of a cell, NaN where it says that nothing was seen.
-
-    Raises:
-        ValueError: it holds anything else, and names that.
-    """
-    word = cell.strip().lower()
-    if word.lstrip("+-") in GAP_WORDS or word in GAP_WORDS:
-        return np.nan
-    plain = word.replace(",", ".") if DECIMAL_COMMA.match(word) else word
-    # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
-    if not NUMBER.fullmatch(plain) or np.isinf(number := float(plain)):
-        raise ValueError(repr(cell.strip()[:LONGEST_SHOWN]))
-    return number
-
-
-def _tracks(
-    labels: list[str], time: Floats, values: Floats, metres: float, path: Path, rate: float | None = None,
-    doubt: str = "",
-) -> MarkerTracks:  # fmt: skip
+def _names(labels: list[str], path: Path) -> tuple[str, ...]:
     if not labels:
         raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
-    positions = values[:, : 3 * len(labels)].reshape(len(values), len(labels), 3) * metres
-    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions), rate, doubt)
+    return tuple(label.strip() for label in labels)
 
 
 def _cell(row: list[str], at: int) -> str:
@@ -151,14 +49,14 @@ def _cell(row: list[str], at: int) -> str:
 
 def _whole(cell: str, what: str, path: Path) -> int:
     try:
-        return int(_number(cell))
+        return int(number_of(cell))
     except (ValueError, OverflowError) as error:
         raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
 
 
 def _rate(cell: str, path: Path) -> float:
     try:
-        rate = _number(cell)
+        rate = number_of(cell)
     except ValueError:
         rate = np.nan
     if not 0 < rate < 1e4:
@@ -170,7 +68,7 @@ def _rate(cell: str, path: Path) -> float:
 def _rate_beside_times(cell: str) -> float | None:
     """Return the frame rate that a file with a time for each frame states, None where it states none."""
     try:
-        rate = _number(cell)
+        rate = number_of(cell)
     except ValueError:
         return None
     return rate if rate > 0 else None
@@ -209,8 +107,9 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
                 f"column {k + 1} of line {line} {there}, not {name[:LONGEST_SHOWN]!r}", where=path,
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
-    values = _numbers(rows[1:], len(head), path, is_exact=True)
-    return _tracks(labels, values[:, 0], values[:, 1:], metres_of("m", unit, path), path)
+    metres, names = metres_of("m", unit, path), _names(labels, path)
+    first, places = read_frames(rows[1:], len(head), range(1, len(head), 3), metres, path, is_exact=True)
+    return MarkerTracks(names, first[:, 0], places)
 
 
 def _as_named(cell: str) -> str:
@@ -231,9 +130,9 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     body = rows[5:]
     metres = metres_of(stated.get("units", ""), unit, path)
     doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
-    values = _numbers(body, 2 + 3 * count, path)
+    first, places = read_frames(body, 2 + 3 * count, range(2, 2 + 3 * count, 3), metres, path)
     rate = _rate_beside_times(stated.get("datarate", ""))
-    return _tracks(names, values[:, 1], values[:, 2:], metres, path, rate, doubt)
+    return MarkerTracks(_names(names, path), first[:, 1], places, rate, doubt)
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -266,8 +165,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
-    values = _numbers(body, len(kinds), path)
-    return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
+    first, places = read_frames(body, len(kinds), at, metres, path)
+    return MarkerTracks(_names(labels, path), first[:, 0] / rate, places)
 
 
 def _second_trajectories(rows: Rows) -> int | None:
@@ -293,12 +192,11 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
     doubt = _doubt_of_count(len(body), _whole(total, "number of frames", path), path) if total.strip() else ""
-    values = _numbers(body, len(axes), path)
     metres = metres_of(stated.get("length units", ""), unit, path)
-    columns = [k + axis for k in at for axis in range(3)]
+    first, places = read_frames(body, len(axes), at, metres, path)
     labels = [names[k] if k < len(names) else "" for k in at]
     rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return _tracks(labels, values[:, 1], values[:, columns], metres, path, rate, doubt)
+    return MarkerTracks(_names(labels, path), first[:, 1], places, rate, doubt)
 
 
 def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -322,6 +220,7 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         end -= 1
     body = body[:end]
     doubt = _doubt_of_count(end, count_of_frames, path)
-    values = _numbers(body, 3 * count + 2 * has_clock, path)
-    time = values[:, 1] if has_clock else np.arange(len(values)) / rate
-    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path, rate, doubt)
+    begin, width = 2 * has_clock, 2 * has_clock + 3 * count
+    first, places = read_frames(body, width, range(begin, width, 3), metres_of("mm", unit, path), path)
+    time = first[:, 1] if has_clock else np.arange(len(first)) / rate
+    return MarkerTracks(_names(names, path), time, places, rate, doubt)

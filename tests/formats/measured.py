@@ -17,9 +17,12 @@ from typing import Any, Self
 
 from formats.archive import read_with_report
 from formats.errors import HangtimeError
+from formats.importers.marker_files import read_marker_tracks
 from formats.toml_files import read_toml
 
-READERS: dict[str, Callable[[Path], object]] = {"take": read_with_report, "toml": read_toml}
+READERS: dict[str, Callable[[Path], object]] = {
+    "take": read_with_report, "toml": read_toml, "markers": read_marker_tracks,
+}  # fmt: skip
 
 
 def measured(reader: str, path: Path) -> dict[str, object]:

@@ -7,7 +7,8 @@ import pytest
 
 from formats.errors import TakeError
 from formats.exporters.marker_files import at_one_rate
-from formats.importers.marker_text import _number, read_marker_text
+from formats.importers.marker_numbers import number_of
+from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of, other_unit
 
@@ -87,15 +88,15 @@ def test_what_c3d_cannot_count_is_refused():
      ("", np.nan), (" NaN ", np.nan), ("-nan(ind)", np.nan), ("1.#QNAN", np.nan), ("#N/A", np.nan), ("--", np.nan)],
 )  # fmt: skip
 def test_a_cell_is_a_number_or_says_that_nothing_was_seen(cell, number):
-    assert _number(cell) == pytest.approx(number, nan_ok=True)
+    assert number_of(cell) == pytest.approx(number, nan_ok=True)
 
 
 @pytest.mark.parametrize("cell", ["1_0", "1e999", "1,2,3", "1.2.3", "inf", "x", "0x10", "1 2", "1,5 m", "٣"])
 def test_a_cell_that_holds_anything_else_is_named(cell):
     with pytest.raises(ValueError, match=r"^'"):
-        _number(cell)
+        number_of(cell)
     with pytest.raises(ValueError, match=rf"^'{'x' * 40}'$"):
-        _number("x" * 60)
+        number_of("x" * 60)
 
 
 def read(tmp_path, text, unit=None, name="a.csv"):

@@ -1,0 +1,146 @@
+"""The numbers of text files of marker paths: cells of lines become times and places, some lines at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import TakeError
+from formats.importers.marker_lines import Rows
+from formats.importers.marker_tracks import as_seen
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
+PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
+MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
+LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
+LONGEST_SHOWN = 40  # characters of a cell in a message
+# Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
+GAP_WORDS = {
+    "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
+}  # fmt: skip
+
+
+def read_frames(
+    rows: Rows, width: int, markers: Sequence[int], metres: float, path: Path, *, is_exact: bool = False
+) -> tuple[Floats, Floats]:
+    """Return the first two numbers of each line, (rows, 2), and places [m], (rows, markers, 3), NaN where not seen.
+
+    - `width`: cells of a line
+    - `markers`: the column of each marker's x, before its y and z
+    - `metres`: of the unit of places
+    - `is_exact`: whether a line must have as many cells as the header has. Without it, ends of lines may be left out,
+      but not of a last line that has no end itself
+
+    Raises:
+        TakeError: a line holds something else, or there are too many.
+    """
+    if len(rows) * width > MOST_NUMBERS:
+        raise TakeError(
+            f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
+        )
+    columns = np.add.outer(np.asarray(markers, int), np.arange(3))
+    first, places = np.empty((len(rows), 2)), np.empty((len(rows), len(markers), 3))
+    numbers = np.empty((LINES_AT_ONCE, max(width, 2)))
+    for begin in range(0, len(rows), LINES_AT_ONCE):
+        some = rows[begin : begin + LINES_AT_ONCE]
+        for k, row in enumerate(some):
+            _refuse_a_wrong_line(some, k, row, width, path, is_exact=is_exact)
+            cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
+            try:
+                numbers[k, :width] = _row(cells)
+            except ValueError as error:
+                raise TakeError(
+                    f"line {some.numbers[k]} holds {error}, which is no number", where=path, advice="mend that line"
+                ) from error
+        piece = slice(begin, begin + len(some))
+        first[piece] = numbers[: len(some), :2]
+        places[piece] = as_seen(numbers[: len(some), columns] * metres)
+    return first, places
+
+
+def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: Path, *, is_exact: bool) -> None:
+    """Refuse a line with other cells than its header promises."""
+    if len(row) == width:
+        return
+    number = rows.numbers[at]
+    if rows.is_cut and at == len(rows) - 1 and len(row) < width:
+        raise TakeError(
+            f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
+            advice="it is cut off: copy or export it again",
+        )  # fmt: skip
+    if len(row) < width and any(rows.separator in cell for cell in row):
+        raise TakeError(
+            f"line {number} has {len(row)} cells, not {width}: quotation marks join some of them", where=path,
+            advice="take the quotation marks out of that line",
+        )  # fmt: skip
+    if len(row) > width and rows.separator == "," and all(map(WHOLE.fullmatch, row)):
+        raise TakeError(
+            f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
+            advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
+        )  # fmt: skip
+    if is_exact:
+        raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
+    if len(row) < width and _is_cut(row):
+        raise TakeError(
+            f"line {number} ends within a number, after {len(row)} of its {width} cells", where=path,
+            advice="the line is cut off: copy or export the file again",
+        )  # fmt: skip
+    if any(cell.strip() for cell in row[width:]):
+        raise TakeError(
+            f"line {number} has {len(row)} cells, the header names {width}", where=path,
+            advice="the header lacks markers, or the line has cells too many: export it again",
+        )  # fmt: skip
+
+
+def _is_cut(row: list[str]) -> bool:
+    """Return whether the last cell of a row lacks digits behind its point that all other places of the row have.
+
+    Many programs write every place with as many digits. A cell without some of them was cut, and its number is
+    another one. The first two cells are a frame's number and time.
+    """
+    written = {count for cell in row[2:-1] if (count := _digits(cell))}
+    return len(written) == 1 and bool(row[-1].strip()) and _digits(row[-1]) < min(written)
+
+
+def _digits(cell: str) -> int:
+    """Return how many digits stand behind the point, or the decimal comma, of a cell."""
+    return len(cell.strip().replace(",", ".").partition(".")[2])
+
+
+def _row(cells: list[str]) -> Floats:
+    """Return the numbers of cells, as `number_of` does, five times as quickly where all of them are plain.
+
+    Raises:
+        ValueError: as `number_of`.
+    """
+    text = "".join(cells)
+    if "," in text:
+        text, cells = text.replace(",", "."), [cell.replace(",", ".") for cell in cells]
+    if text.isascii() and not text.encode().translate(None, PLAIN):
+        with contextlib.suppress(ValueError):
+            numbers = np.array([float(cell) if cell else np.nan for cell in cells])
+            if not np.isinf(numbers).any():
+                return numbers
+    return np.array([number_of(cell) for cell in cells])
+
+
+def number_of(cell: str) -> float:
+    """Return the number of a cell, NaN where it says that nothing was seen.
+
+    Raises:
+        ValueError: it holds anything else, and names that.
+    """
+    word = cell.strip().lower()
+    plain = word.replace(",", ".")
+    # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
+    if NUMBER.fullmatch(plain) and np.isfinite(number := float(plain)):
+        return number
+    if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS:
+        return np.nan
+    raise ValueError(repr(cell.strip()[:LONGEST_SHOWN]))

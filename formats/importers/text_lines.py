@@ -1,0 +1,134 @@
+"""The lines of a large text file, held as pieces of text that are cut into lines where they are looked at.
+
+All lines at once take several times the memory of their text.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO, overload
+
+from formats.errors import TakeError
+from formats.plain_text import encoding_of
+
+PIECE_BYTES = 1 << 20  # of a file that are turned into text at once
+MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
+CTRL_Z, MOST_CTRL_Z = b"\x1a", 4096  # with which programs of DOS end a text; bytes of them
+LOOKED_AT_BYTES = 200  # in which a zero byte shows text of two bytes a letter
+WORDS = re.compile(rb"[^\0\r\n\t ]")  # bytes that a file without any text lacks
+CONTROL = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that are in no text of Windows
+
+
+class TextLines(Sequence[str]):
+    """Lines of a text, all or some of them, without their ends.
+
+    - `is_cut`: the last line of the text has no end
+    """
+
+    def __init__(self, pieces: list[str], first: list[int], numbers: Sequence[int], *, is_cut: bool = False) -> None:
+        """Hold lines.
+
+        - `pieces`: of text, of whole lines each
+        - `first`: numbers of the first line of each piece, counted from 0, and of the line behind the last one
+        - `numbers`: of the lines that are held
+        """
+        self._pieces, self._first, self._numbers, self.is_cut = pieces, first, numbers, is_cut
+        self._begin, self._cut = 0, list[str]()
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, place: int) -> str: ...
+    @overload
+    def __getitem__(self, place: slice) -> TextLines: ...
+    def __getitem__(self, place: int | slice) -> str | TextLines:
+        """Return one line, or some of the lines."""
+        if isinstance(place, slice):
+            return TextLines(self._pieces, self._first, self._numbers[place], is_cut=self.is_cut)
+        number = self._numbers[place]
+        if not self._begin <= number < self._begin + len(self._cut):
+            piece = bisect_right(self._first, number) - 1
+            self._begin, self._cut = self._first[piece], self._pieces[piece].splitlines()
+        return self._cut[number - self._begin]
+
+    def at(self, numbers: Sequence[int]) -> TextLines:
+        """Return the lines of these numbers, counted from 0."""
+        return TextLines(self._pieces, self._first, numbers, is_cut=self.is_cut)
+
+
+def read_text_lines(path: Path) -> TextLines:
+    """Return the lines of a text file, none of one that holds no words.
+
+    Text that is no UTF-8 is of western Windows, whose µ and ä are single bytes.
+
+    Raises:
+        TakeError: it has more than `MOST_LINES` lines.
+        OSError, UnicodeDecodeError: it cannot be read, or is no text.
+    """
+    with path.open("rb") as file:
+        if not _holds(WORDS, file):
+            return TextLines([], [0], [])
+        file.seek(0)
+        head = file.read(LOOKED_AT_BYTES)
+        encoding = encoding_of(head[:4])
+        if encoding == "utf-8" and b"\0" in head:  # without a mark: every other byte of plain text is zero
+            encoding = "utf-16-le" if head[1:2] == b"\0" else "utf-16-be"
+        try:
+            return _lines(_pieces(file, encoding), path)
+        except UnicodeDecodeError:
+            if encoding != "utf-8" or _holds(CONTROL, file):
+                raise
+            return _lines(_pieces(file, "cp1252"), path)
+
+
+def _lines(pieces: Iterator[str], path: Path) -> TextLines:
+    kept, first, is_cut = list[str](), [0], False
+    for piece in pieces:
+        lines = piece.splitlines(keepends=True)
+        first.append(first[-1] + len(lines))
+        is_cut = not piece.endswith(("\n", "\r"))
+        if first[-1] <= MOST_LINES:
+            kept.append(piece)
+    if first[-1] > MOST_LINES:
+        raise TakeError(f"has {first[-1]} lines", where=path, advice="export fewer frames at once")
+    return TextLines(kept, first, range(first[-1]), is_cut=is_cut)
+
+
+def _pieces(file: BinaryIO, encoding: str) -> Iterator[str]:
+    """Yield the text of a file in pieces of whole lines."""
+    left, text = _end(file), ""
+    decoder = codecs.getincrementaldecoder(encoding)("replace" if encoding == "cp1252" else "strict")
+    while left > 0:
+        raw = file.read(min(left, max(PIECE_BYTES, len(text))))  # so that no long line is looked through often
+        left = left - len(raw) if raw else 0
+        text += decoder.decode(raw, final=not left)
+        rest = text.splitlines(keepends=True)[-1] if text and left else ""  # its end may go on: \r\n
+        if len(text) > len(rest):
+            yield text[: len(text) - len(rest)]
+        text = rest
+    if text:
+        yield text
+
+
+def _end(file: BinaryIO) -> int:
+    """Return the place in a file at which its text ends, and go to its beginning."""
+    size = file.seek(0, 2)
+    file.seek(max(size - MOST_CTRL_Z, 0))
+    end = size - len(tail := file.read()) + len(tail.rstrip(CTRL_Z))
+    file.seek(0)
+    return end
+
+
+def _holds(wanted: re.Pattern[bytes], file: BinaryIO) -> bool:
+    """Return whether the text of a file holds a byte that is wanted."""
+    left = _end(file)
+    while raw := file.read(min(left, PIECE_BYTES)):
+        left -= len(raw)
+        if wanted.search(raw):
+            return True
+    return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,13 +79,18 @@ class Contents:
 _NOTHING = Parts()
 
 
-def sorted_messages(messages: Iterable[tuple[bytes, int]]) -> Contents:
+def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callable[[int], None]) -> Contents:
     """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
 
-    messages: the data of each, and its share of the file [bytes]
+    - messages: the data of each, and its share of the file [bytes]
+    - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
+    header = b""
     for data, own in messages:
+        if data == header:
+            take_for_copy(len(data))
+            continue
         content = _unpacked(data, FEW_CONTAINERS, FEW_ENTRIES)
         if content is None and len(data) <= MOST_HEADER_BYTES and FORMAT_KEY in data:
             content = {"format": None}
@@ -93,7 +98,7 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]]) -> Contents:
             contents.damaged += 1
             continue
         if "format" in content:
-            contents.headers.setdefault(binding_of(data), data)
+            header = contents.headers.setdefault(binding_of(data), data)
             continue
         take = content.get("take")
         if take is None or type(take) is bytes:

@@ -9,7 +9,7 @@ from typing import Any
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
 from formats.errors import TakeError
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
-from formats.table_memory import FREE_MEMORY, TableMemory
+from formats.table_memory import TableMemory
 from formats.take import Take
 from formats.take_end import Held, contradictions, is_end, missing_spans
 from formats.take_header import described, possible_spans
@@ -111,7 +111,7 @@ class _Archive:
         if not raw:
             raise TakeError("is empty", where=where, advice="give a take archive")
         self._raw, self._where, self._findings = raw, where, Findings()
-        self._contents = sorted_messages(messages_with_sizes(raw, self._findings))
+        self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.take_for_copy)
         self._memory = TableMemory()
         self._all = self._contents.counted(self._contents.parts)
         self._named = self._contents.counted(self._contents.headers)  # of takes whose headers are there
@@ -151,28 +151,24 @@ class _Archive:
         blocks, strange = in_order(parts.blocks, version)
         before = self._memory.left_out
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
-        too_many = self._memory.left_out - before
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
         damaged += strange + lost + self._without - (not self._contents.of(binding).blocks)
         if not kept:
             raise _no_frame(ends, damaged, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)
-        damaged += lost_scans + out_of_order - too_many
+        too_large = self._memory.left_out - before
+        unread = findings.left_packed + too_large
+        damaged += lost_scans + out_of_order - too_large
         end = ends[-1] if ends else None
         held = Held.of(kept, columns["time"], len(scans))
         spans, missing_frames = missing_spans(held, end)
         lacks_scans = max(end["scans"] - len(scans), 0) if end and "scans" in end else 0
         if end is not None:
-            damaged = max(damaged, end["blocks"] - len(kept) - too_many)
+            damaged = max(damaged, end["blocks"] - len(kept) - unread)
         damaged += end is not None and not findings.is_whole  # cut off behind the last message
         is_complete = end is not None and not missing_frames and len(kept) == end["blocks"]
         earlier = tuple(possible_spans(words.missing, columns["time"]))
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
-        if too_many:
-            doubts.append(
-                f"{too_many} blocks need more memory than the {FREE_MEMORY >> 20} MB for points at rest; "
-                "they were not read"
-            )
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
             notes=words.notes, is_complete=is_complete and not earlier, missing=tuple(sorted((*earlier, *spans))),
@@ -181,7 +177,8 @@ class _Archive:
         return take, TakeReport(
             frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
-            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks, doubts=tuple(doubts),
+            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks, unread_blocks=unread,
+            doubts=tuple(doubts),
         )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ class TakeReport:
     - `earlier`: those that it had lost
     - `other_blocks`: that belong to another take in the same file, whose header is there too
     - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
+    - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
     """
 
@@ -30,12 +31,15 @@ class TakeReport:
     earlier: tuple[Span, ...]
     trailing_bytes: int
     other_blocks: int
+    unread_blocks: int
     doubts: tuple[str, ...]
 
     @property
     def is_sound(self) -> bool:
         """True for a finished take without damage or missing parts, behind which nothing follows."""
-        return self.is_complete and not (self.is_damaged or self.missing_frames or self.missing_scans)
+        return self.is_complete and not (
+            self.is_damaged or self.missing_frames or self.missing_scans or self.unread_blocks
+        )
 
     @property
     def is_damaged(self) -> bool:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from formats.take import Take
     from formats.take_report import TakeReport
 
+TOO_LARGE = "too large"  # the word for a take of which blocks need more memory than one file may take
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
@@ -98,7 +99,11 @@ def show_take(
     take, report = read_with_report(path)
     summary = summarise(take)
     lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
-    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans)
+    lost += f"\nnot read  {_unread(report)}" if report.unread_blocks else ""
+    tell(
+        f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
+        unread_blocks=report.unread_blocks,
+    )  # fmt: skip
     if plot is not None:
         refuse_an_input(plot, [path])
         if not overwrite:
@@ -126,9 +131,12 @@ def verify_takes(paths: Takes) -> None:
             rest += f", {report.damaged_blocks} damaged"
         if report.spans:
             frames = f" ({report.missing_frames} frames)" if report.missing_frames else ""
-            rest += f"; missing: {missing_words(take, report.spans)}{frames}"
+            label = "not read" if _word(report) == TOO_LARGE else "missing"
+            rest += f"; {label}: {missing_words(take, report.spans)}{frames}"
         if report.missing_scans:
             rest += f"; missing: {_lost_scans(report)}"
+        if report.unread_blocks:
+            rest += f"; {_unread(report)}"
         if report.other_blocks:
             rest += f"; {_of_another(report)}"
         if report.trailing_bytes:
@@ -136,15 +144,15 @@ def verify_takes(paths: Takes) -> None:
         rest += "".join(f"; {doubt}" for doubt in report.doubts)
         if report.earlier:
             rest += f"; an earlier file had lost {missing_words(take, report.earlier)}"
-        if not report.is_sound:
-            rest += "; `hangtime takes recover` makes a sound file"
         word = _word(report)
+        if word in ("damaged", "incomplete"):
+            rest += "; `hangtime takes recover` makes a sound file"
         tell_entry(
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
-            other_blocks=report.other_blocks, is_complete=take.is_complete,
+            other_blocks=report.other_blocks, unread_blocks=report.unread_blocks, is_complete=take.is_complete,
             missing=missing_words(take), doubts=list(report.doubts),
         )  # fmt: skip
         all_sound &= report.is_sound
@@ -158,11 +166,22 @@ def _of_another(report: TakeReport) -> str:
     return f"{counted(report.other_blocks, 'block')} of another take in this file, which is not read"
 
 
+def _unread(report: TakeReport) -> str:
+    from formats.plain_text import counted
+
+    return (
+        f"{counted(report.unread_blocks, 'block')} at rest need{'s' * (report.unread_blocks == 1)} more memory than one "
+        "file may take, which is no damage; keep this file, and record shorter takes"
+    )
+
+
 def _lost_scans(report: TakeReport) -> str:
     return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
 
 
 def _word(report: TakeReport) -> str:
+    if report.unread_blocks and not report.is_damaged:
+        return TOO_LARGE
     return "sound" if report.is_sound else "damaged" if report.is_damaged else "incomplete"
 
 
@@ -203,7 +222,8 @@ def recover_takes(
         told = f"missing: {lost}" if lost else "nothing is missing"
         scans = f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
         other = f"; {_of_another(report)}" if report.other_blocks else ""
-        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}{other}"
+        unread = f"; {_unread(report)}" if report.unread_blocks else ""
+        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}{unread}{other}"
         tell_entry(
             "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
         )

@@ -57,7 +57,7 @@ LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z"
 SOUND = {"state": "sound", "missing": "", "is_complete": True}
 LOST = {"state": "lost", "error": ""}
 VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0,
-          "trailing_bytes": 0, "other_blocks": 0, "doubts": []}  # fmt: skip
+          "trailing_bytes": 0, "other_blocks": 0, "unread_blocks": 0, "doubts": []}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def sound_scans(messages: list[Message], version: int, memory: TableMemory) -> t
         if not is_number(time, -LATEST, LATEST):
             lost += 1
             continue
-        if version > 1 and found.setdefault(time, content) is not content:
+        if found.setdefault(time, content) is not content:
             lost += found[time] != content
             continue
         try:

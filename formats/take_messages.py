@@ -14,6 +14,7 @@ from formats.take_writer import MOST_HEADER_BYTES, binding_of
 MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; ten hours lack 18,000 spans at most
 FEW_CONTAINERS, FEW_ENTRIES = 16, 64  # of another message: it has a map and a list, and at most 17 entries
 FORMAT_KEY = b"\xa6format"  # in msgpack
+FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
 
 
 class Message(dict[str, Any]):
@@ -51,7 +52,7 @@ class Contents:
     """The messages of a file.
 
     - `headers`: the bytes of each, by the hash that binds the other messages to it; nobody has looked at them
-    - `parts`: by that hash, None where a message names none
+    - `parts`: by that hash, None where a message names none: those of version 1
     - `damaged`: messages that are of no kind
     """
 
@@ -68,12 +69,24 @@ class Contents:
         parts = [self.of(key) for key in bindings]
         return Count(sum(len(part) for part in parts), sum(len(part.blocks) for part in parts))
 
+    def key_of(self, binding: bytes) -> bytes | None:
+        """Return the hash that messages of a header's take name; those of version 1 name none."""
+        return None if FORMAT_1 in self.headers[binding][:200] else binding
+
+    def takes(self) -> dict[bytes | None, bytes]:
+        """Return the takes that have blocks, by what their messages name: the hash of each one's first header."""
+        found: dict[bytes | None, bytes] = {}
+        for binding in self.headers:
+            if self.of(key := self.key_of(binding)).blocks:
+                found.setdefault(key, binding)
+        return found
+
     def by_preference(self) -> Iterator[bytes]:
         """Yield the takes: the finished ones, then those of most blocks, of as many the last one first."""
-        finished = [key for key in self.headers if _is_finished(self.of(key))]
-        yield from finished
-        rest = [key for key in reversed(self.headers) if key not in set(finished)]
-        yield from sorted(rest, key=lambda key: -len(self.of(key).blocks))
+        parts = {key: self.of(self.key_of(key)) for key in self.headers}
+        yield from (key for key, part in parts.items() if _is_finished(part))
+        rest = [key for key in reversed(parts) if not _is_finished(parts[key])]
+        yield from sorted(rest, key=lambda key: -len(parts[key].blocks))
 
 
 _NOTHING = Parts()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from formats.take_report import TakeReport
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
 IMPOSSIBLE_SPANS = "its header names missing times that cannot be"
+MOST_TAKES = 50  # that are read of one file: more than anyone joins
+COPY = "copy it again from where it was recorded"
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
 
@@ -58,15 +61,25 @@ def read_with_report(path: Path) -> tuple[Take, TakeReport]:
     return _Archive(_bytes_of(path), path).first()
 
 
-def read_every_take(path: Path) -> Iterator[tuple[Take, TakeReport] | TakeError]:
-    """Yield the take that `read_take` reads, then every other one of which the file has blocks, or why it is lost.
+@dataclass(frozen=True)
+class EveryTake:
+    """The takes of a file.
+
+    - `count`: how many have blocks
+    - `each`: the one that `read_take` reads, then the others in the order of the file; or why one is lost
+    """
+
+    count: int
+    each: Iterator[tuple[Take, TakeReport] | TakeError]
+
+
+def read_every_take(path: Path) -> EveryTake:
+    """Read all takes of a file, one after the other.
 
     Raises:
-        TakeError: as `read_take`.
+        TakeError: the file is missing, not a take, or has no header that can be read.
     """
-    archive = _Archive(_bytes_of(path), path)
-    yield archive.first()
-    yield from archive.others()
+    return _Archive(_bytes_of(path), path).every()
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -114,45 +127,60 @@ class _Archive:
         self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.take_for_copy)
         self._memory = TableMemory()
         self._all = self._contents.counted(self._contents.parts)
-        self._named = self._contents.counted(self._contents.headers)  # of takes whose headers are there
-        self._without = sum(not self._contents.of(key).blocks for key in self._contents.headers)  # takes without blocks
-        self._chosen: bytes | None = None
+        # Those of takes whose headers are there.
+        self._named = self._contents.counted({self._contents.key_of(binding) for binding in self._contents.headers})
+        self._takes = self._contents.takes()
+        self._without = len(self._contents.headers) - len(self._takes)  # headers without blocks of their own
 
     def first(self) -> tuple[Take, TakeReport]:
         """Return the take that is read where one is asked for."""
+        return self._read(*self._chosen())
+
+    def every(self) -> EveryTake:
+        """Return all takes: the one that is read where one is asked for, then the others in the order of the file."""
+        chosen, _ = self._chosen()
+        key = self._contents.key_of(chosen)
+        takes = [chosen, *(binding for other, binding in self._takes.items() if other != key)]
+        return EveryTake(len(takes), self._each(takes))
+
+    def _each(self, takes: list[bytes]) -> Iterator[tuple[Take, TakeReport] | TakeError]:
+        for binding in takes[:MOST_TAKES]:
+            yield self._read_or_lost(binding)
+        if len(takes) > MOST_TAKES:
+            what = f"holds {len(takes)} takes, of which {MOST_TAKES} are read"
+            yield TakeError(what, where=self._where, advice="cut the file into several")
+
+    def _chosen(self) -> tuple[bytes, dict[str, Any]]:
         for binding in self._contents.by_preference():
             header = header_of(self._contents.headers[binding])
             if header is not None:
-                self._chosen = binding
-                return self._read(binding, header)
+                return binding, header
             self._contents.damaged += 1
         raise _no_header(self._raw, self._findings, self._where)
 
-    def others(self) -> Iterator[tuple[Take, TakeReport] | TakeError]:
-        """Yield the others that have blocks, in the order of the file, or why one is lost."""
-        for binding, data in self._contents.headers.items():
-            header = header_of(data) if binding != self._chosen and self._contents.of(binding).blocks else None
-            if header is not None:
-                try:
-                    yield self._read(binding, header)
-                except TakeError as error:
-                    yield error
+    def _read_or_lost(self, binding: bytes) -> tuple[Take, TakeReport] | TakeError:
+        header = header_of(self._contents.headers[binding])
+        if header is None:
+            return TakeError("the header of another take in it does not hold", where=self._where, advice=COPY)
+        try:
+            return self._read(binding, header)
+        except TakeError as error:
+            return error
 
     def _read(self, binding: bytes, header: dict[str, Any]) -> tuple[Take, TakeReport]:
         rig, garment, words = described(header, self._where)
         version = int(header["format"].partition("/")[2])
-        ours = None if version == 1 else binding
-        parts, findings = self._contents.of(ours), self._findings
-        named = self._named if version > 1 else self._contents.counted([None])
-        other_blocks = named.blocks - len(parts.blocks)
+        parts, findings = self._contents.of(self._contents.key_of(binding)), self._findings
+        other_blocks = self._named.blocks - len(parts.blocks)
         strange_ends = [end for end in parts.ends if not is_end(end, version)]
         ends = [end for end in parts.ends if is_end(end, version)]
-        damaged = findings.damaged + self._contents.damaged + self._all.messages - named.messages + len(strange_ends)
+        nameless = self._all.messages - self._named.messages
+        damaged = findings.damaged + self._contents.damaged + nameless + len(strange_ends)
         blocks, strange = in_order(parts.blocks, version)
         before = self._memory.left_out
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
-        damaged += strange + lost + self._without - (not self._contents.of(binding).blocks)
+        damaged += strange + lost + self._without - (not parts.blocks)
         if not kept:
             raise _no_frame(ends, damaged, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)
@@ -177,15 +205,15 @@ class _Archive:
         return take, TakeReport(
             frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
-            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks, unread_blocks=unread,
-            doubts=tuple(doubts),
+            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
+            other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
         )  # fmt: skip
 
 
 def _no_frame(ends: list[Message], damaged: int, path: object) -> TakeError:
     if damaged or (ends and ends[-1]["frames"]):
         told = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
-        return TakeError(f"holds {told}", where=path, advice="copy it again from where it was recorded")
+        return TakeError(f"holds {told}", where=path, advice=COPY)
     why = "it ended in its first second" + " or is cut off" * (not ends)
     return TakeError("holds no frame", where=path, advice=why)
 

@@ -16,6 +16,7 @@ class TakeReport:
     - `earlier`: those that it had lost
     - `other_blocks`: that belong to another take in the same file, whose header is there too
     - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
+    - `other_takes`: to which these belong
     - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
     """
@@ -31,6 +32,7 @@ class TakeReport:
     earlier: tuple[Span, ...]
     trailing_bytes: int
     other_blocks: int
+    other_takes: int
     unread_blocks: int
     doubts: tuple[str, ...]
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from formats.take_report import TakeReport
 
 TOO_LARGE = "too large"  # the word for a take of which blocks need more memory than one file may take
+RECOVERS = "`hangtime takes recover` makes a sound file"
+RECOVERS_EACH = f"{RECOVERS} of each take"
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
@@ -71,12 +73,13 @@ def list_takes(
         length = float(take.time[-1] - take.time[0])
         state = _word(report)
         lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
+        other = f"; {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
-            f"{plain(take.garment.name)}, {plain(take.created)}" + (f"; missing: {lost}" if lost else ""),
+            f"{plain(take.garment.name)}, {plain(take.created)}" + (f"; missing: {lost}" if lost else "") + other,
             file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
-            created=take.created, is_complete=take.is_complete, missing=lost,
+            created=take.created, is_complete=take.is_complete, missing=lost, other_takes=report.other_takes,
         )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
@@ -100,9 +103,10 @@ def show_take(
     summary = summarise(take)
     lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
     lost += f"\nnot read  {_unread(report)}" if report.unread_blocks else ""
+    lost += f"\nother     {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     tell(
         f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
-        unread_blocks=report.unread_blocks,
+        unread_blocks=report.unread_blocks, other_takes=report.other_takes,
     )  # fmt: skip
     if plot is not None:
         refuse_an_input(plot, [path])
@@ -137,7 +141,7 @@ def verify_takes(paths: Takes) -> None:
             rest += f"; missing: {_lost_scans(report)}"
         if report.unread_blocks:
             rest += f"; {_unread(report)}"
-        if report.other_blocks:
+        if report.other_takes:
             rest += f"; {_of_another(report)}"
         if report.trailing_bytes:
             rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
@@ -146,14 +150,14 @@ def verify_takes(paths: Takes) -> None:
             rest += f"; an earlier file had lost {missing_words(take, report.earlier)}"
         word = _word(report)
         if word in ("damaged", "incomplete"):
-            rest += "; `hangtime takes recover` makes a sound file"
+            rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
         tell_entry(
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
-            other_blocks=report.other_blocks, unread_blocks=report.unread_blocks, is_complete=take.is_complete,
-            missing=missing_words(take), doubts=list(report.doubts),
+            other_blocks=report.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
+            is_complete=take.is_complete, missing=missing_words(take), doubts=list(report.doubts),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -163,15 +167,17 @@ def verify_takes(paths: Takes) -> None:
 def _of_another(report: TakeReport) -> str:
     from formats.plain_text import counted
 
-    return f"{counted(report.other_blocks, 'block')} of another take in this file, which is not read"
+    takes = "another take" if report.other_takes == 1 else f"{report.other_takes} other takes"
+    return f"{counted(report.other_blocks, 'block')} of {takes} in this file"
 
 
 def _unread(report: TakeReport) -> str:
     from formats.plain_text import counted
 
+    need = "needs" if report.unread_blocks == 1 else "need"
     return (
-        f"{counted(report.unread_blocks, 'block')} at rest need{'s' * (report.unread_blocks == 1)} more memory than one "
-        "file may take, which is no damage; keep this file, and record shorter takes"
+        f"{counted(report.unread_blocks, 'block')} at rest {need} more memory than one file may take, which is no "
+        "damage; keep this file, and record shorter takes"
     )
 
 
@@ -195,13 +201,13 @@ def recover_takes(
 ) -> None:
     """Make a sound file, NAME.recovered.mcap, of every frame that a damaged or interrupted take still holds.
 
+    Of a file that holds several takes, as joined files do, the others become NAME.recovered-2.mcap and so on.
+
     Exit code 2: nothing can be read from at least one; the others are recovered all the same.
     """
-    from formats.archive import read_with_report, write_take
     from formats.errors import TakeError
-    from formats.missing import missing_words
-    from formats.outputs import unwritable
-    from formats.plain_text import plain
+    from formats.outputs import refuse_an_input, refuse_to_replace, unwritable
+    from formats.take_reader import read_every_take
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
@@ -209,26 +215,56 @@ def recover_takes(
     all_read = True
     for path, target in zip(paths, targets, strict=True):
         try:
-            take, report = read_with_report(path)
+            takes = read_every_take(path)
         except TakeError as error:
-            tell_entry("takes", f"lost: {error}", file=None, frames=0, missing="", lost_scans=0, error=str(error))
+            _tell_lost(error)
             all_read = False
             continue
-        try:
-            write_take(target, take, overwrite=overwrite)
-        except OSError as error:
-            raise unwritable(target, error) from error
-        lost = missing_words(take)
-        told = f"missing: {lost}" if lost else "nothing is missing"
-        scans = f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
-        other = f"; {_of_another(report)}" if report.other_blocks else ""
-        unread = f"; {_unread(report)}" if report.unread_blocks else ""
-        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}{unread}{other}"
-        tell_entry(
-            "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
-        )
+        free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
+        for one in free:
+            refuse_an_input(one, paths)
+            try:
+                if not overwrite:
+                    refuse_to_replace(one)
+            except OSError as error:
+                raise unwritable(one, error) from error
+        free.reverse()
+        is_another = False
+        for found in takes.each:
+            if isinstance(found, TakeError):
+                _tell_lost(found)
+            else:
+                _recover(*found, free.pop(), overwrite=overwrite, is_another=is_another)
+            is_another = True
+            del found  # before the next one is read
+        all_read &= len(free) < takes.count
     if not all_read:
         raise typer.Exit(2)
+
+
+def _tell_lost(error: TakeError) -> None:
+    tell_entry("takes", f"lost: {error}", file=None, take_id=None, frames=0, missing="", lost_scans=0, error=str(error))
+
+
+def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, is_another: bool) -> None:
+    from formats.archive import write_take
+    from formats.missing import missing_words
+    from formats.outputs import unwritable
+    from formats.plain_text import plain
+
+    try:
+        write_take(target, take, overwrite=overwrite)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    lost = missing_words(take)
+    told = f"missing: {lost}" if lost else "nothing is missing"
+    told += f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
+    told += f"; {_unread(report)}" if report.unread_blocks else ""
+    of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
+    tell_entry(
+        "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), take_id=take.take_id,
+        frames=len(take.time), missing=lost, lost_scans=report.missing_scans,
+    )  # fmt: skip
 
 
 def refuse_the_same_name(targets: list[Path], advice: str) -> None:

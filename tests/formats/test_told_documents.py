@@ -53,11 +53,11 @@ def desk(tmp_path_factory):
 
 
 AFTER, WITHIN = "from 4.97 s on", "2.03 to 3.10 s"
-LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z"}
+LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z", "other_takes": 0}
 SOUND = {"state": "sound", "missing": "", "is_complete": True}
 LOST = {"state": "lost", "error": ""}
 VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0,
-          "trailing_bytes": 0, "other_blocks": 0, "unread_blocks": 0, "doubts": []}  # fmt: skip
+          "trailing_bytes": 0, "other_blocks": 0, "other_takes": 0, "unread_blocks": 0, "doubts": []}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -85,8 +85,8 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
         ]}),
         ("takes verify takes/a.mcap", 0, {"takes": [{"file": "takes/a.mcap", **VERIFY, **SOUND}]}),
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
-            {"file": "sound/c.recovered.mcap", "frames": 119, "missing": WITHIN, "lost_scans": 0},
-            {"file": "sound/d.recovered.mcap", "frames": 150, "missing": "", "lost_scans": 1},
+            {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN, "lost_scans": 0},
+            {"file": "sound/d.recovered.mcap", "take_id": "a", "frames": 150, "missing": "", "lost_scans": 1},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
             {"file": "files/a.csv", "frames": 150, "is_complete": True,

@@ -1,0 +1,139 @@
+"""Files that hold several takes: joined ones, and a page of one within another. None of their frames is lost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from formats.archive import read_take, take_of, verify_take, write_take
+from tests.fit.here import hangtime_here
+from tests.formats.bombs import BOMBS
+from tests.formats.damage import chunk_of, chunks_of, without_end
+from tests.formats.test_archive import a_scan, a_take
+from tests.formats.test_vectors import HERE as VECTORS
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """The bytes of takes a, of 150 frames in 5 blocks, and b, of 90 in 3, of another garment and with two scans."""
+    folder = tmp_path_factory.mktemp("pair")
+    other = a_take(90)
+    other = replace(
+        other, take_id="b", garment=msgspec.structs.replace(other.garment, name="other"),
+        scans=(a_scan(0.4, 1), a_scan(0.6, 2)),
+    )  # fmt: skip
+    return [write_take(folder / f"{take.take_id}.mcap", take).read_bytes() for take in (a_take(), other)]
+
+
+def recovered(folder, raw, name="c.mcap", *options):
+    """What `recover` says of a file of these bytes, and its lines."""
+    (folder / name).write_bytes(raw)
+    done = hangtime_here("takes", "recover", name, *options, folder=folder)
+    return done, done.stdout.splitlines()
+
+
+def assert_same(path, raw):
+    found, wanted = read_take(path), take_of(raw, "wanted")
+    assert (found.take_id, found.garment, len(found.scans)) == (wanted.take_id, wanted.garment, len(wanted.scans))
+    np.testing.assert_array_equal(found.points, wanted.points)
+
+
+def test_each_of_two_joined_takes_gets_a_file_of_its_own(pair, tmp_path):
+    done, lines = recovered(tmp_path, pair[0] + pair[1])
+    assert (done.returncode, lines) == (0, [
+        "c.recovered.mcap: 150 frames, nothing is missing",
+        "c.recovered-2.mcap: 90 frames of another take in this file, b, nothing is missing",
+    ])  # fmt: skip
+    for name, raw in zip(("c.recovered.mcap", "c.recovered-2.mcap"), pair, strict=True):
+        assert_same(tmp_path / name, raw)
+        assert verify_take(tmp_path / name).is_sound
+
+
+def test_commands_say_that_there_is_another_take_and_which_command_gets_it(pair, tmp_path):
+    (tmp_path / "c.mcap").write_bytes(pair[0] + pair[1])
+    told = "3 blocks of another take in this file; "
+    gets = "`hangtime takes recover` makes a sound file of each take"
+    verified = hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
+    assert verified.startswith(f"damaged     c.mcap: 150 frames in 5 blocks; {told}")
+    assert verified.endswith(f"; {gets}\n")
+    assert f"\nother     {told}{gets}\n" in hangtime_here("takes", "show", "c.mcap", folder=tmp_path).stdout
+    assert hangtime_here("takes", "list", ".", folder=tmp_path).stdout.endswith(f"; {told}{gets}\n")
+    for words in (("verify", "c.mcap"), ("list", "."), ("show", "c.mcap")):
+        document = json.loads(hangtime_here("takes", *words, "--json", folder=tmp_path).stdout)
+        assert document.get("takes", [document])[0]["other_takes"] == 1
+
+
+def test_two_interrupted_takes_joined_are_both_recovered(pair, tmp_path):
+    done, lines = recovered(tmp_path, without_end(pair[1]) + without_end(pair[0]), "c.mcap.partial")
+    assert (done.returncode, lines) == (0, [
+        "c.recovered.mcap: 150 frames, missing: from 4.97 s on",
+        "c.recovered-2.mcap: 90 frames of another take in this file, b, missing: from 2.97 s on",
+    ])  # fmt: skip
+
+
+def test_a_page_of_one_take_within_another_becomes_a_file_of_its_frames(pair, tmp_path):
+    """Its header and its first block of 31 frames."""
+    parts, at = chunks_of(pair[1]), chunks_of(pair[0])[2][1]
+    page = pair[1][parts[0][0] : parts[1][1]]
+    _, lines = recovered(tmp_path, pair[0][:at] + page + pair[0][at:])
+    assert lines[1] == "c.recovered-2.mcap: 31 frames of another take in this file, b, missing: from 1.00 s on"
+
+
+def test_two_takes_of_one_name_and_one_of_version_1_before_them_are_three_files(pair, tmp_path):
+    first = (VECTORS / "version-1.mcap").read_bytes()
+    same = write_take(tmp_path / "x.mcap", replace(a_take(60), created="2026-02-02T00:00:00Z")).read_bytes()
+    done, lines = recovered(tmp_path, first + pair[0] + same)
+    assert done.returncode == 0
+    assert [line.split(" ")[1] for line in lines] == ["70", "150", "60"]
+    assert len(read_take(tmp_path / "c.recovered-3.mcap").time) == 60
+
+
+def test_a_take_of_version_1_that_comes_twice_is_one_with_its_scans(tmp_path):
+    raw = (VECTORS / "version-1.mcap").read_bytes()
+    _, lines = recovered(tmp_path, raw + raw)
+    assert lines == ["c.recovered.mcap: 70 frames, nothing is missing"]
+    assert verify_take(tmp_path / "c.recovered.mcap").is_sound
+
+
+def test_a_file_that_is_there_stays_and_none_of_the_others_is_written(pair, tmp_path):
+    (tmp_path / "c.recovered-2.mcap").write_text("mine")
+    done, _ = recovered(tmp_path, pair[0] + pair[1])
+    assert done.returncode == 2
+    assert "c.recovered-2.mcap: is already there; give another name, or --overwrite to replace it" in done.stderr
+    assert (tmp_path / "c.recovered-2.mcap").read_text() == "mine"
+    assert not (tmp_path / "c.recovered.mcap").exists()
+    done, lines = recovered(tmp_path, pair[0] + pair[1], "c.mcap", "--overwrite")
+    assert (done.returncode, len(lines)) == (0, 2)
+    assert_same(tmp_path / "c.recovered-2.mcap", pair[1])
+
+
+def test_a_take_that_is_read_is_not_replaced_by_another_one_of_a_joined_file(pair, tmp_path):
+    (tmp_path / "c.recovered-2.mcap").write_bytes(pair[0])
+    done, _ = recovered(tmp_path, pair[0] + pair[1], "c.mcap", "c.recovered-2.mcap", "--overwrite")
+    assert "c.recovered-2.mcap: would replace the take that is read; give another name" in done.stderr
+    assert (tmp_path / "c.recovered-2.mcap").read_bytes() == pair[0]
+
+
+def test_where_the_take_that_is_read_has_no_sound_frame_the_other_one_is_recovered(pair, tmp_path):
+    """The tables of its blocks have a byte each."""
+    broken = pair[0]
+    for begin, end, content in reversed(chunks_of(broken)):
+        if "table" in content:
+            broken = broken[:begin] + chunk_of({**content, "table": b"\x07"}) + broken[end:]
+    done, lines = recovered(tmp_path, broken + pair[1])
+    assert done.returncode == 0
+    assert lines == [
+        "lost: c.mcap: holds none of the 150 frames that it had; copy it again from where it was recorded",
+        "c.recovered.mcap: 90 frames of another take in this file, b, nothing is missing",
+    ]
+
+
+def test_of_hundreds_of_takes_in_one_file_fifty_are_written(pair, tmp_path):
+    done, lines = recovered(tmp_path, BOMBS["thousands of whole takes"](pair[0]), "c.mcap", "--out", "out")
+    assert done.returncode == 0
+    assert lines[-1] == "lost: c.mcap: holds 1501 takes, of which 50 are read; cut the file into several"
+    assert len(list((tmp_path / "out").iterdir())) == 50

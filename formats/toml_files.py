@@ -17,8 +17,9 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LARGEST_TOML = 1 << 20  # bytes of a file
-# Signs of a file, in strings and comments too: Python takes 1 kB and 12 us for each part of a table's name, gigabytes
-# for what a megabyte holds. A garment of 1000 corners, 1000 of its holes and 2000 points has 8000, 4000, 8000, 8000.
+# Signs of a file, those in strings and comments too. Python takes 1 kB and 12 us for each part of a table's name, hence
+# gigabytes for what a megabyte can hold. A garment of 1000 corners, 1000 of its holes and 2000 points has 8000 of each
+# but 4000 equals signs.
 MOST_SIGNS = {
     "[{": (12_000, "opening brackets"), "=": (10_000, "equals signs"), ",": (30_000, "commas"), ".": (30_000, "dots"),
 }  # fmt: skip

@@ -31,7 +31,7 @@ def import_recordings(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv) or swung-cloth recordings (.npz)."
+            metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt) or swung-cloth recordings (.npz)."
         ),
     ],
     garment: Annotated[
@@ -82,7 +82,9 @@ def import_recordings(
             )
         if not overwrite:
             refuse_to_replace(out / f"{path.stem}.mcap")
-        if path.suffix.lower() in FILE_ENDINGS:
+        if path.suffix.lower() == ".npz":
+            _refuse_options_of_markers(path, {"--frames": frames, "--unit": unit, "--subject": subject or None})
+        elif path.suffix.lower() in FILE_ENDINGS:
             if described is None:
                 raise TakeError(
                     "motion capture needs to know the garment", where=path,
@@ -108,6 +110,18 @@ def import_recordings(
             continue
         _write_imported(take, out, overwrite)
     end_with(lost, len(paths))
+
+
+def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -> None:
+    """Refuse options that a recording of swung cloth would not follow: without a word the take would be another."""
+    from formats.errors import TakeError
+
+    for name, value in given.items():
+        if value is not None:
+            raise TakeError(
+                f"is for motion capture, and {path.name} is none", where=name,
+                advice=f"leave out {name}, or import that file by itself",
+            )  # fmt: skip
 
 
 def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
@@ -151,13 +165,14 @@ def describe_swatch(
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
     from formats.outputs import check_name, refuse_to_replace, write_text
+    from formats.plain_text import plain
     from formats.plausible import check_plausible_garment
     from formats.swatch import swatch
 
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)
-    described = swatch(mass, side=side, markers=markers, name=path.stem)
+    described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, path, offers_anyway=True)
     write_text(path, dump_description(described))

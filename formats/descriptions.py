@@ -54,7 +54,7 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
     plain = read_toml(path)
     with _told_with_line(path, plain):
         garment = _converted(path, plain, Garment)
-        _refuse_codes(path, plain)
+        refuse_codes(path, plain)
         check_garment(garment, path)
         if not anyway:
             check_plausible_garment(garment, path, offers_anyway=anyway is not None)
@@ -72,7 +72,7 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     plain = read_toml(path)
     with _told_with_line(path, plain):
         rig = _converted(path, plain, Rig)
-        _refuse_codes(path, plain)
+        refuse_codes(path, plain)
         check_rig(rig, path)
         if not anyway:
             check_plausible_rig(rig, path, offers_anyway=anyway is not None)
@@ -94,6 +94,24 @@ def dump_description(description: Garment | Rig) -> str:
     return "".join(lines) + "".join(tables)
 
 
+def refuse_codes(path: Path, plain: Any, field: str = "") -> None:
+    """Refuse a text with a line break, a code of a terminal or one that turns the direction of writing.
+
+    plain: the tables of a description, as `msgspec.to_builtins` gives them
+
+    Raises:
+        DescriptionError: names the field and the code.
+    """
+    if isinstance(plain, dict):
+        for key, part in plain.items():
+            refuse_codes(path, part, f"{field}.{key}" if field else key)
+    elif isinstance(plain, list):
+        for number, part in enumerate(plain):
+            refuse_codes(path, part, f"{field}[{number}]")
+    elif isinstance(plain, str) and (code := code_in(plain)):
+        raise DescriptionError(f"{field} has the control character {code}", where=path, advice="type it again")
+
+
 def _toml(value: Any) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
@@ -111,18 +129,6 @@ def _told_with_line(path: Path, plain: Tables) -> Iterator[None]:
     except DescriptionError as error:
         place = place_in(path, plain, error.what)
         raise type(error)(error.what, where=place, advice=error.advice) from error
-
-
-def _refuse_codes(path: Path, plain: Any, field: str = "") -> None:
-    """Refuse a text with a line break, a code of a terminal or one that turns the direction of writing."""
-    if isinstance(plain, dict):
-        for key, part in plain.items():
-            _refuse_codes(path, part, f"{field}.{key}" if field else key)
-    elif isinstance(plain, list):
-        for number, part in enumerate(plain):
-            _refuse_codes(path, part, f"{field}[{number}]")
-    elif isinstance(plain, str) and (code := code_in(plain)):
-        raise DescriptionError(f"{field} has the control character {code}", where=path, advice="type it again")
 
 
 def _converted(path: Path, plain: Tables, kind: type[Description]) -> Description:

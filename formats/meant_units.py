@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+NEAR_A_RANGE = 2.0  # times the longest: so near a length is meant as it is; a wrong unit is wrong by 25 times and more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
 
 
 def unit_of(value: float, least: float, most: float) -> str:
-    """Return a question for the unit in which a length would fit, nothing where none does."""
+    """Return a question for the unit in which a length would fit, nothing where none does or none is needed."""
+    if least <= value <= NEAR_A_RANGE * most:
+        return ""
     fitting = [name for name, metres in UNITS if least <= value * metres <= most]
     return f"; were {' or '.join(fitting)} meant?" if fitting else ""
 

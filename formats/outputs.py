@@ -6,7 +6,9 @@ import contextlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
+import msgspec
+
+from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig, refuse_codes
 from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
@@ -164,6 +166,7 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
         check_rig(description, path)
     else:
         check_garment(description, path)
+    refuse_codes(path, msgspec.to_builtins(description))
     make_parent(path)
     if path.exists():
         with contextlib.suppress(DescriptionError):

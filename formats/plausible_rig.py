@@ -131,7 +131,7 @@ def _check_sizes(hanger: Hanger, refuse: Refuse) -> None:
         if not least <= value <= most:
             refuse(
                 f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{unit_of(value, least, most)}",
-                "give metres",
+                "measure it again and give metres",
             )
 
 

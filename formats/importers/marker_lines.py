@@ -19,7 +19,7 @@ from formats.errors import TakeError
 from formats.importers.text_lines import TextLines, read_text_lines
 
 LARGEST_TEXT = 1 << 28  # bytes
-CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
+CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung cloth from .npz"
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header
 MOST_OF_DEVICES = 100_000  # lines above the trajectories of Vicon Nexus

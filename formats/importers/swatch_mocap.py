@@ -22,7 +22,9 @@ from formats.errors import TakeError
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
+from formats.plain_text import counted
 from formats.plausible import check_plausible_times, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
@@ -48,7 +50,7 @@ class MarkerOptions:
     - `frames`: keep only so many from the beginning
     - `unit`: of lengths, where the file states none
     - `subject`: whose markers, where several have the same names
-    - `anyway`: accept implausible times; None: refuse them, and name no option for it
+    - `anyway`: accept implausible times, and corners that leap; None: refuse them, and name no option for it
     """
 
     up: str = "z"
@@ -66,7 +68,12 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
             fit the garment.
     """
     options = options or MarkerOptions()
-    up = options.up
+    up, frames = options.up, options.frames
+    if frames is not None and frames < FEWEST_FRAMES:
+        raise TakeError(
+            f"a fit needs {FEWEST_FRAMES} frames or more, not {frames}", where="--frames",
+            advice=f"give {FEWEST_FRAMES} or more, or leave it out",
+        )  # fmt: skip
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
     tracks = read_marker_tracks(path, options.unit)
@@ -77,6 +84,9 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     _check_up(positions, garment, (left, right), path, up)
     seen = np.asarray(np.isfinite(positions).all(2))
     held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
+    if not options.anyway:
+        advice = f"empty {garment.points[left].name!r} or {garment.points[right].name!r} there, and export again"
+        refuse_strays(time, held, path, one="frame", advice=advice, offers_anyway=options.anyway is not None)
     state = np.where(held_seen.all(1), 0, FrameState.MARKER_LOST).astype(np.uint16)
     return Take(
         take_id=path.stem,
@@ -134,14 +144,15 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
                 else "rename one and export again",
             )  # fmt: skip
     time = tracks.time[:frames]
-    if len(time) < FEWEST_FRAMES or (frames is not None and len(time) < frames):
-        needed = FEWEST_FRAMES if frames is None else max(frames, FEWEST_FRAMES)
-        if frames is not None and frames < FEWEST_FRAMES:
-            raise TakeError(
-                f"{frames} frames are too few to fit, {FEWEST_FRAMES} are needed", where="--frames",
-                advice=f"give {FEWEST_FRAMES} or more, or leave it out",
-            )  # fmt: skip
-        raise TakeError(f"has {len(time)} frames, {needed} are needed", where=path, advice="record for longer")
+    if len(time) < FEWEST_FRAMES:
+        raise TakeError(
+            f"has {counted(len(time), 'frame')}, {FEWEST_FRAMES} are needed", where=path, advice="record for longer"
+        )
+    if frames is not None and len(time) < frames:
+        raise TakeError(
+            f"has {len(time)} frames, --frames asks for {frames}", where=path,
+            advice=f"give --frames {len(time)} or fewer, or leave it out",
+        )  # fmt: skip
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
     if not options.anyway:

@@ -27,6 +27,7 @@ from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
+from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
 from formats.meant_units import unit_of
 from formats.plausible import LONGEST, SHORTEST, check_plausible_times
@@ -50,7 +51,9 @@ FARTHEST_HELD = 0.5  # of the cloth's side, corners from the held row, median: t
 ON_TOP = 1e-3  # of the side: so near to the top a place is of the held row
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
-WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
+WHAT_TO_GIVE = (
+    "give marker paths (.c3d, .trc, .csv, .tsv, .txt) or a swung-cloth .npz, see docs/reference/file-formats.md"
+)
 
 OTHER_DOORS = {
     ".mcap": "a take needs no import: `hangtime fit` reads it",
@@ -71,7 +74,7 @@ def import_swung_cloth(
     hanger: the hanger's path on its own clock (`formats.importers.arm_path`), in place of `hanger_corners`: a file, or
     a folder with a file of the same name
 
-    anyway: accept times that no camera has; None: refuse them, and name no option for it
+    anyway: accept times that no camera has, and poses that leap; None: refuse them, and name no option for it
 
     Raises:
         TakeError: a file is missing or is no such recording, its time does not increase or is not in
@@ -105,6 +108,9 @@ def import_swung_cloth(
             clock = check_arm_path(own, time, pictures)
         else:
             clock = check_clock(own, time, _row_ends(points, valid, rest))
+        if not anyway:
+            advice = "leave such poses out of 'tcp_t' and 'tcp_pose'"
+            refuse_strays(own.time, own.held, own.file, one="pose", advice=advice, offers_anyway=anyway is not None)
     is_crossed = _is_crossed(held, points, valid, rest)
     held = held[:, ::-1] if is_crossed else held
     held_valid = np.isfinite(held).all(2)

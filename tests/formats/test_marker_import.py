@@ -171,7 +171,9 @@ def test_markers_that_do_not_fit_the_garment_are_refused(tmp_path, change, sente
 
 def test_fewer_frames_than_asked_for_are_refused(tmp_path):
     path = write_marker_csv(tmp_path / "a.csv", hanging_tracks())
-    with pytest.raises(TakeError, match="has 30 frames, 500 are needed"):
+    with pytest.raises(
+        TakeError, match="has 30 frames, --frames asks for 500; give --frames 30 or fewer, or leave it out"
+    ):
         import_marker_take(path, GARMENT, MarkerOptions(frames=500))
 
 

@@ -1,0 +1,51 @@
+"""Find single places that leap away from a path and back, as a wrong marker or a wrong pose makes them.
+
+A place at t[k] is held against the straight line between those before and after it, h1 and h2 seconds away. An
+acceleration a leaves it a h1 h2 / 2 beside that line.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import ImplausibleError
+from formats.meant_units import step_or_anyway
+
+HARDEST_PULL = 150.0  # m/s^2, 15 times gravity, as `fit.recordings.hanger_path` allows the held edge
+MOST_STRAYS = 0.05  # of all instants: of more, the whole path is another, or of another unit, as other checks tell
+NOISE = 0.03  # m beside that: corners that cameras saw are some centimetres off
+
+
+def refuse_strays(
+    time: Floats, ends: Floats, where: object, *, one: str, advice: str, offers_anyway: bool = False
+) -> None:
+    """Refuse held ends of which one leaps away from its path for a single instant.
+
+    - `time` [s], (n,), increasing; `ends` [m], (n, 2, 3), NaN where not seen
+    - `one`: the word for an instant; `advice`: what to do about it
+
+    Raises:
+        ImplausibleError: names how many leap, and the first one, when and how far.
+    """
+    found = {}
+    for end in range(2):
+        seen = np.flatnonzero(np.isfinite(ends[:, end]).all(1))
+        if len(seen) < 3:
+            continue
+        instants, places = time[seen], ends[seen, end]
+        before, after = np.diff(instants)[:-1], np.diff(instants)[1:]
+        share = (before / (before + after))[:, None]
+        beside = np.linalg.norm(places[1:-1] - (1 - share) * places[:-2] - share * places[2:], axis=1)
+        across = np.linalg.norm(places[2:] - places[:-2], axis=1)
+        for k in np.flatnonzero((beside > NOISE + HARDEST_PULL * before * after / 2) & (beside > across)):
+            place = int(seen[1 + k])
+            found[place] = max(found.get(place, 0.0), float(beside[k]))
+    if not found or len(found) > MOST_STRAYS * len(time):
+        return
+    first = min(found)
+    what = f"1 {one} leaps" if len(found) == 1 else f"{len(found)} {one}s leap"
+    raise ImplausibleError(
+        f"{what} away from the held edge's path and back, first number {first + 1} at {time[first] - time[0]:.2f} s, "
+        f"by {found[first]:.2g} m", where=where, advice=step_or_anyway(advice, offers_anyway),
+    )  # fmt: skip

@@ -28,7 +28,7 @@ def refuse_strays(
     Raises:
         ImplausibleError: names how many leap, and the first one, when and how far.
     """
-    found = {}
+    found = dict[int, float]()
     for end in range(2):
         seen = np.flatnonzero(np.isfinite(ends[:, end]).all(1))
         if len(seen) < 3:

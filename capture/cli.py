@@ -154,7 +154,7 @@ def calibrate_command(
         check_rig(measured.rig, out)
         if not anyway:
             check_plausible_rig(measured.rig, out, offers_anyway=True)
-        write_text(out, dump_description(measured.rig))
+        write_text(out, dump_description(measured.rig), overwrite=overwrite)
         tell(f"{out}: written")
 
 

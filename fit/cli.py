@@ -182,7 +182,7 @@ def fit_command(
         progress.show(done / total, f"{count}, {error}")
 
     try:
-        with alone(out, "fit"):
+        with alone(out):
             result = calibrate(training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show)
             progress.end()
             aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
@@ -335,7 +335,7 @@ def diagnose_command(
         say(f"Going on with {finished} finished fits.")
     progress = ProgressLine("diagnosis")
     try:
-        with alone(out, "diagnose"):
+        with alone(out):
             findings = diagnose(
                 training,
                 testing,

@@ -37,8 +37,8 @@ def make_folder(folder: Path, *files: str) -> Path:
 
 
 @contextmanager
-def alone(folder: Path, command: str) -> Iterator[None]:
-    """Hold a folder for one command; the kernel lets go of it when the process ends, however it does.
+def alone(folder: Path) -> Iterator[None]:
+    """Hold a folder for one command, whichever; the kernel lets go of it when the process ends, however it does.
 
     Work that fails or is interrupted before it has written anything leaves no empty folder behind.
 
@@ -51,9 +51,8 @@ def alone(folder: Path, command: str) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise FitError(
-                f"another `hangtime {command}` writes here", where=folder,
-                advice="wait until it has ended, or name another folder",
-            ) from error  # fmt: skip
+                "another command writes here", where=folder, advice="wait until it has ended, or name another folder"
+            ) from error
         except OSError:  # a network's file system locks no folders
             pass
         try:

@@ -175,7 +175,7 @@ def describe_swatch(
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, path, offers_anyway=True)
-    write_text(path, dump_description(described))
+    write_text(path, dump_description(described), overwrite=overwrite)
     apart = 1e3 * side / (markers - 1)
     words = f"{path}: {markers * markers} markers, {apart:.1f} mm apart"
     tell(words, file=str(path), markers=markers * markers, apart_mm=apart)

@@ -129,23 +129,27 @@ def make_parent(path: Path) -> None:
         ) from error
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text whole or not at all.
+def write_text(path: Path, text: str, *, overwrite: bool = True) -> None:
+    """Write a text as `write_bytes` does.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: as `write_bytes`.
     """
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(), overwrite=overwrite)
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes, *, overwrite: bool = True) -> None:
     """Write a file whole or not at all.
 
+    overwrite: whether one may be replaced that came there since `refuse_to_replace` looked
+
     Raises:
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     try:
-        write_whole(path, content)
+        write_whole(path, content, may_replace=overwrite)
+    except FileExistsError as error:
+        raise already_there(path) from error
     except OSError as error:
         raise unwritable(path, error) from error
 
@@ -174,4 +178,4 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
                 return
     if not overwrite:
         refuse_to_replace(path)
-    write_text(path, dump_description(description))
+    write_text(path, dump_description(description), overwrite=overwrite)

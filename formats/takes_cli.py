@@ -304,7 +304,7 @@ def export_takes(
     from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
     from formats.plain_text import counted, plain
 
-    writers: dict[ExportKind, Callable[[Path, Take], str | None]] = {
+    writers: dict[ExportKind, Callable[..., str | None]] = {
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
     }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
@@ -323,7 +323,7 @@ def export_takes(
             except TakeError as error:
                 lost[path] = error
         if read:
-            write_parquet(out, [take for take, _ in read.values()])
+            write_parquet(out, [take for take, _ in read.values()], overwrite=overwrite)
             lacking = {str(path): words for path, one in read.items() if (words := _lacks(*one))}
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
             tell(
@@ -336,7 +336,7 @@ def export_takes(
         for path, target in zip(paths, targets, strict=True):
             try:
                 take, report = read_with_report(path)
-                moved = writers[to](target, take)
+                moved = writers[to](target, take, overwrite=overwrite)
             except TakeError as error:
                 lost[path] = error
                 continue

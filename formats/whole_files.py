@@ -9,22 +9,25 @@ from contextlib import suppress
 from pathlib import Path
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None:
     """Write a file of a folder that is there; on any failure the former file stays, and nothing else is left.
 
     The unfinished file has a name of its own, so that two processes may write the same file at once.
 
+    may_replace: whether a file of this name may be there; without it one of two processes is refused
+
     Raises:
+        FileExistsError: it is there and may not be replaced.
         OSError: it cannot be written; names the file.
     """
     try:
-        _write_whole(path, content)
+        _write_whole(path, content, may_replace)
     except OSError as error:
         error.filename, error.filename2 = str(path), None  # a full disk names none
         raise
 
 
-def _write_whole(path: Path, content: bytes) -> None:
+def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
     partial = path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial")
     # Unlike `tempfile`, which makes files for one user alone: who may read a result is the user's umask's to say.
     handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
@@ -34,11 +37,28 @@ def _write_whole(path: Path, content: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         _refuse_device(path)
-        partial.replace(path)
+        if may_replace:
+            partial.replace(path)
+        else:
+            _put_where_none_is(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def _put_where_none_is(partial: Path, path: Path) -> None:
+    """Give a file its name unless another has it: a link fails then, without a moment between the look and the name."""
+    try:
+        path.hardlink_to(partial)
+    except FileExistsError:
+        raise
+    except OSError as error:  # of a file system without such links
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from error
+        partial.replace(path)
+    else:
+        partial.unlink()
 
 
 def _refuse_device(path: Path) -> None:

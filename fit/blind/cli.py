@@ -113,7 +113,7 @@ def make_command(
             advice="leave out --generator, --side, --noise, --missing and --rate, or --real",
         )
     make_folder(folder, "manifest.json")
-    with alone(folder, "blind make"), counting("making", "finished cases are kept") as show:
+    with alone(folder), counting("making", "finished cases are kept") as show:
         if real is not None:
             manifest = make_real_set(folder, real, numbers, real_plants(effect), seed, progress=show)
         else:

@@ -62,7 +62,7 @@ def run_set(
             advice="the same `hangtime blind make` makes them again",
         )  # fmt: skip
     diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers, takes)
-    with alone(make_folder(answers), "blind run"):
+    with alone(make_folder(answers)):
         return _run(dict.fromkeys(manifest.cases, "") if without is None else without, folder, answers, diagnoses,
                     again, workers, progress)  # fmt: skip
 

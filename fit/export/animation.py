@@ -139,10 +139,10 @@ def animate(
     check_film(path, size, overwrite=overwrite)
     scene.check()
     with output_folder(path.parent):
-        return _animated(scene, path, size, show)
+        return _animated(scene, path, size, show, overwrite=overwrite)
 
 
-def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show) -> Animated:
+def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, overwrite: bool) -> Animated:
     suffix = path.suffix.lower()
     is_film = suffix in FILMS
     moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
@@ -156,7 +156,7 @@ def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show) -> An
         drawn = _part(show, "drawing", SIMULATED, 1.0)
         words = " ".join([*caches.words(scene.result, fabric), *moving.remarks])
         raw = film(moving, suffix, words, size, lambda done, total: drawn(done / total))
-    write_bytes(path, raw)
+    write_bytes(path, raw, overwrite=overwrite)
     return Animated(path, moving.remarks)
 
 

@@ -184,7 +184,7 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
     files = {names[suffix]: raw for suffix, raw in made.items()}
     with output_folder(path.parent):
         for file, raw in files.items():
-            write_bytes(file, raw)
+            write_bytes(file, raw, overwrite=overwrite)
     return list(files)
 
 

@@ -85,5 +85,5 @@ def compare_command(
     know(kind=found.kind, compared=list(found.records))
     tell("\n".join(aligned([("", *found.heads), *found.rows], ())))
     if out is not None:
-        write_text(out, found.page())
+        write_text(out, found.page(), overwrite=overwrite)
         tell(f"Page: {out}", page=str(out))

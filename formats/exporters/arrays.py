@@ -20,11 +20,11 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def write_npz(path: Path, take: Take) -> None:
+def write_npz(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """Write a take's arrays by their names in `formats.take.Take`, metres and seconds, and `about`, a JSON text.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     about = {
         "take_id": take.take_id, "created": take.created, "source": take.source, "notes": take.notes,
@@ -40,15 +40,15 @@ def write_npz(path: Path, take: Take) -> None:
         }
     stream = io.BytesIO()
     np.savez_compressed(stream, about=np.array(json.dumps(about)), **arrays)
-    write_bytes(path, stream.getvalue())
+    write_bytes(path, stream.getvalue(), overwrite=overwrite)
 
 
-def write_parquet(path: Path, takes: Sequence[Take]) -> None:
+def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) -> None:
     """Write many takes as one table: a row for each place in each frame, metres and seconds, null where not seen.
 
     Raises:
         ModuleNotFoundError: PyArrow is not installed.
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -56,7 +56,7 @@ def write_parquet(path: Path, takes: Sequence[Take]) -> None:
     table = pa.concat_tables([pa.table(_rows(take, pa)) for take in takes])
     stream = io.BytesIO()
     pq.write_table(table, stream, compression="zstd")
-    write_bytes(path, stream.getvalue())
+    write_bytes(path, stream.getvalue(), overwrite=overwrite)
 
 
 def _rows(take: Take, pa: Any) -> dict[str, Any]:

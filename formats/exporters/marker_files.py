@@ -45,16 +45,16 @@ def marker_tracks(take: Take) -> MarkerTracks:
     return MarkerTracks(tuple(labels), take.time - take.time[0], positions)
 
 
-def write_csv(path: Path, take: Take) -> None:
+def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """Write the marker paths of a take as CSV (`hangtime import` reads it).
 
     Raises:
         TakeError: a name cannot be written so that it comes back.
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     tracks = marker_tracks(take)
     _refuse_odd_names(tracks, take.take_id)
-    write_marker_csv(path, replace(tracks, positions=off_origin(tracks.positions)))
+    write_marker_csv(path, replace(tracks, positions=off_origin(tracks.positions)), overwrite=overwrite)
 
 
 def off_origin(positions: Floats) -> Floats:
@@ -77,13 +77,13 @@ def _refuse_odd_names(tracks: MarkerTracks, where: str) -> None:
             )  # fmt: skip
 
 
-def write_c3d(path: Path, take: Take) -> str:
+def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
     """Write the marker paths of a take as C3D, in millimetres; return how far frames were moved, '' for not at all.
 
     Raises:
         TakeError: its frames come at no steady rate, or a name is longer than such a file can hold.
         ModuleNotFoundError: ezc3d is not installed.
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     import ezc3d
 
@@ -115,7 +115,7 @@ def write_c3d(path: Path, take: Take) -> str:
                 "the folder for temporary files has no room for the C3D file", where=tempfile.gettempdir(),
                 advice="make room there, or name another folder in TMPDIR",
             )  # fmt: skip
-        write_bytes(path, raw)
+        write_bytes(path, raw, overwrite=overwrite)
     return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
 
 

@@ -23,12 +23,12 @@ RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
 GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
 
 
-def write_rrd(path: Path, take: Take) -> None:
+def write_rrd(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """Write a take for Rerun.
 
     Raises:
         ModuleNotFoundError: rerun-sdk is not installed.
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     import rerun
 
@@ -40,7 +40,7 @@ def write_rrd(path: Path, take: Take) -> None:
             _send_moving(rerun, stream, take)
             stream.flush()
             stream.disconnect()
-        write_bytes(path, file.read_bytes())
+        write_bytes(path, file.read_bytes(), overwrite=overwrite)
 
 
 def _send_still(rerun: Any, stream: Any, take: Take) -> None:

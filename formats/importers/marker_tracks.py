@@ -57,11 +57,11 @@ def as_seen(positions: Floats, absent: Booleans | None = None) -> Floats:
     return np.where(gone[..., None], np.nan, positions)
 
 
-def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
+def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True) -> Path:
     """Write marker paths as CSV, to 1 µm, whole or not at all; return the path.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: it is there and may not be replaced, or cannot be written.
     """
     columns = ["time_s", *(spreadsheet_cell(label + axis) for label in tracks.labels for axis in AXES)]
     flat = tracks.positions.reshape(len(tracks.time), -1)
@@ -70,5 +70,5 @@ def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
     writer.writerow(columns)
     for time, row in zip(tracks.time, flat, strict=True):
         writer.writerow([f"{time:.6f}", *("" if np.isnan(value) else f"{value:.6f}" for value in row)])
-    write_text(path, text.getvalue())
+    write_text(path, text.getvalue(), overwrite=overwrite)
     return path

@@ -219,10 +219,10 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
     stiffness = load_fit_result(tmp_path / "fitted/fit.json").material["bending_stiffness"]
     assert stiffness > 0
     assert "B " in sheet_in_words.stdout  # bending rigidity, as KES calls it
-    with alone(tmp_path / "fitted", "fit"):
+    with alone(tmp_path / "fitted"):
         second = hangtime_here("fit", *words, folder=tmp_path)
     assert second.returncode == 2
-    assert "another `hangtime fit` writes here" in second.stderr
+    assert "another command writes here" in second.stderr
 
 
 def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_path, monkeypatch):
@@ -325,13 +325,13 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
     flat, path = sheet(), swing(time)
     take = take_of(flat, time, path, hung(flat, time) + path[:, None])
     write_take(tmp_path / "a.mcap", take)
-    with alone(tmp_path, "diagnose"):
+    with alone(tmp_path):
         second = hangtime_here("diagnose", "a.mcap", "--out", ".", folder=tmp_path)
     heavy = msgspec.structs.replace(scaled(flat, 6.0), mass_kg=1.3)
     write_take(tmp_path / "b.mcap", dataclasses.replace(take, garment=heavy))
     impossible = hangtime_here("diagnose", "b.mcap", folder=tmp_path)
     assert (second.returncode, impossible.returncode) == (2, 2)
-    assert "another `hangtime diagnose` writes here" in second.stderr
+    assert "another command writes here" in second.stderr
     assert "the garment's held edge is 2400 mm long" in impossible.stderr
     assert not (tmp_path / "diagnosis").exists()
 
@@ -380,7 +380,7 @@ def test_work_that_ends_before_it_wrote_anything_leaves_no_empty_folder(tmp_path
     empty, used = tmp_path / "empty", tmp_path / "used"
     for folder in (empty, used):
         folder.mkdir()
-        with pytest.raises(KeyboardInterrupt), alone(folder, "fit"):
+        with pytest.raises(KeyboardInterrupt), alone(folder):
             interrupted_after(folder / "fit.partial.json" if folder == used else None)
     assert not empty.exists()
     assert (used / "fit.partial.json").exists()

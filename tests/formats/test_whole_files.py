@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
+import subprocess
+import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from formats.archive import write_take
+from formats.errors import OutputError
+from formats.outputs import write_bytes
 from formats.whole_files import make_folders, write_whole
+from tests.formats.test_archive import a_take
 
 
 def test_a_file_is_replaced_whole_and_readable_by_others(tmp_path):
@@ -80,3 +89,63 @@ def test_a_file_takes_no_devices_or_pipes_place(tmp_path):
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert link.is_symlink()
     assert sorted(os.listdir(tmp_path)) == ["link", "pipe"]
+
+
+def test_of_two_that_write_where_nothing_was_one_is_refused(tmp_path, monkeypatch):
+    """Both looked before either wrote, so that both had found nothing there."""
+    path = tmp_path / "a.csv"
+    write_bytes(path, b"one", overwrite=False)
+    words = r"a\.csv: is already there; give another name, or --overwrite to replace it"
+    with pytest.raises(OutputError, match=words):
+        write_bytes(path, b"two", overwrite=False)
+    assert (path.read_bytes(), os.listdir(tmp_path)) == (b"one", ["a.csv"])
+    write_bytes(path, b"three")
+    assert path.read_bytes() == b"three"
+
+    def unknown(here, there):
+        raise OSError(errno.EPERM, "Operation not permitted")  # of vfat
+
+    monkeypatch.setattr(os, "link", unknown)
+    with pytest.raises(OutputError, match=words):
+        write_bytes(path, b"two", overwrite=False)
+    write_bytes(tmp_path / "b.csv", b"four", overwrite=False)
+    assert (path.read_bytes(), (tmp_path / "b.csv").read_bytes()) == (b"three", b"four")
+    assert sorted(os.listdir(tmp_path)) == ["a.csv", "b.csv"]
+
+
+# Looks whether the output is there only once the other command has begun to look as well.
+TOGETHER = """
+import pathlib, sys, time
+from formats import outputs
+from formats.command import main
+meeting, look = pathlib.Path(sys.argv.pop(1)), outputs.refuse_to_replace
+
+def together(path, text=None):
+    look(path, text)
+    (meeting / sys.argv[3].replace("/", "-")).touch()
+    while len(list(meeting.iterdir())) < 2:
+        time.sleep(0.01)
+
+outputs.refuse_to_replace = together
+main()
+"""
+
+
+def test_two_exports_at_once_to_one_file_are_one_whole_file_and_one_refusal(tmp_path):
+    """Two takes of one name from two folders; both commands find nothing there."""
+    (tmp_path / "meeting").mkdir()
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        write_take(tmp_path / folder / "a.mcap", replace(a_take(frames=30), take_id=folder))
+    words = [sys.executable, "-c", TOGETHER, str(tmp_path / "meeting"), "takes", "export"]
+    running = {
+        folder: subprocess.Popen([*words, f"{folder}/a.mcap", "--to", "npz", "--out", "out"], cwd=tmp_path,
+                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for folder in ("one", "other")
+    }  # fmt: skip
+    said = {folder: one.communicate(timeout=120)[1] for folder, one in running.items()}
+    ends = {one.returncode: folder for folder, one in running.items()}
+    assert set(ends) == {0, 2}, said
+    assert said[ends[2]] == "hangtime: out/a.npz: is already there; give another name, or --overwrite to replace it\n"
+    with np.load(tmp_path / "out/a.npz") as archive:
+        assert f'"take_id": "{ends[0]}"' in str(archive["about"])

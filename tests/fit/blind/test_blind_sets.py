@@ -194,7 +194,7 @@ def test_so_many_takes_alone_are_the_first_ones_and_none_is_held_out(a_set, tmp_
 HOLDER = """
 import pathlib, sys, time
 from fit.folders import alone, make_folder
-with alone(make_folder(pathlib.Path(sys.argv[1])), "blind run"):
+with alone(make_folder(pathlib.Path(sys.argv[1]))):
     print("held", flush=True)
     time.sleep(60)
 """
@@ -208,7 +208,7 @@ def test_two_runs_do_not_write_the_same_answers_and_a_killed_one_is_in_nobodys_w
     words = [sys.executable, "-c", HOLDER, str(answers)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(FitError, match="another `hangtime blind run` writes here"):
+        with pytest.raises(FitError, match="another command writes here"):
             run_set(a_set, answers, command=[sys.executable, str(program)])
         assert not (tmp_path / "calls.txt").exists()
         other.kill()

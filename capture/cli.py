@@ -237,7 +237,7 @@ def record_command(
     from capture.recording.frame_queue import QueuedSensor
     from capture.recording.frame_reader import ScanPlan
     from capture.recording.precedence import Precedence
-    from capture.recording.session import record
+    from capture.recording.session import check_sensor, record
     from capture.recording.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
@@ -281,6 +281,7 @@ def record_command(
             if names_live_sensor(sensor):
                 opened.enter_context(precedence)
             source = opened.enter_context(open_sensor(sensor, anyway=anyway))
+            check_sensor(source.info, described_rig, rig)
             for note in source.info.notes:
                 tell_entry("notes", f"note: {note}", words=note)
             if source.info.is_live:

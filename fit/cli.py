@@ -149,6 +149,7 @@ def fit_command(
 
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
+    from fit.engines import check_engine
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
@@ -165,6 +166,7 @@ def fit_command(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
     ).request()  # fmt: skip
+    check_engine(request.engine, request.method, request.effects)
     training, testing = _read(takes, held_out, held_out_motion, anyway)
     prepared = ready(training, testing)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")

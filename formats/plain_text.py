@@ -56,6 +56,14 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
+def sized(count: float) -> str:
+    """Return a number of bytes in the largest unit of which there is one: "3.2 GB", "14.0 kB", "12 bytes"."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= size:
+            return f"{count / size:.1f} {unit}"
+    return counted(round(count), "byte")
+
+
 def is_harmless(letter: str) -> bool:
     """Return whether a terminal shows a letter and does nothing else."""
     # Surrogates stand for bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.

@@ -11,6 +11,7 @@ import msgspec
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.fit_records import FitResult
+from formats.plain_text import encoding_of, sized
 from formats.result_checks import as_plain, check_result
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
@@ -94,7 +95,7 @@ def _load(path: Path, kind: type[Result]) -> Result:
     try:
         check_ends(path)
         if (size := path.stat().st_size) > LARGEST_RESULT:
-            raise ResultError(f"has {size / 1e9:.1f} GB, which no result has", where=path, advice="check the path")
+            raise ResultError(f"has {sized(size)}, which no result has", where=path, advice="check the path")
         raw = path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
@@ -102,6 +103,7 @@ def _load(path: Path, kind: type[Result]) -> Result:
 
 
 def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
+    _refuse_no_text(raw, where)
     try:
         record = msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -110,6 +112,22 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
     check_result(record, where)
     return record
+
+
+def _refuse_no_text(raw: bytes, where: object) -> None:
+    """Refuse bytes that hold nothing, zeros, or letters of two bytes, and say which."""
+    if not raw.strip(b"\0\r\n\t "):
+        what = "holds nothing but zeros, as a power cut leaves a file" if b"\0" in raw else "is empty"
+        raise ResultError(what, where=where, advice="copy it again, or make it again")
+    if (encoding := encoding_of(raw[:4])) not in ("utf-8", "utf-8-sig"):
+        raise ResultError(
+            f"is text in {encoding[:6].upper()}, and a result is UTF-8", where=where,
+            advice="save it as UTF-8, or copy it from where it was made",
+        )  # fmt: skip
+    if b"\0" in raw:
+        raise ResultError(
+            "holds zero bytes within its text: it is damaged", where=where, advice="copy it again, or make it again"
+        )
 
 
 def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None:

@@ -11,6 +11,7 @@ from capture.appliance.showing import Light
 from capture.appliance.states import State
 from capture.appliance.wall_clock import wall_time
 from capture.recording.condition import Condition
+from formats.plain_text import sized
 
 
 @dataclass
@@ -72,7 +73,7 @@ def lines(told: dict[str, Any]) -> list[str]:
         said += [f"! {finding['words']}; {finding['advice']}" for finding in last["findings"]]
     said.append(
         f"since the start: {told['frames']} frames, {told['dropped']} lost in {told['gaps']} gaps; "
-        f"{told['bytes_kept'] / 1e6:.1f} MB kept, {told['free_bytes'] / 1e9:.1f} GB free"
+        f"{sized(told['bytes_kept'])} kept, {sized(told['free_bytes'])} free"
     )
     salvaged = f", {told['salvaged']} of them salvaged after a crash" if told["salvaged"] else ""
     said.append(f"takes: {told['takes']}, {told['waiting']} of them wait for the server{salvaged}")

@@ -151,7 +151,7 @@ def _described(rig: Rig, sensor: DepthSensor) -> tuple[Hanger, Sensor]:
     info, camera = sensor.info, rig.sensor or sensor.info.intrinsics
     if (info.width, info.height) != (camera.width, camera.height):
         raise UntrackableError(
-            f"the sensor gives {info.width} x {info.height} pixels, the rig says {camera.width} x {camera.height}",
+            f"{info.uri} gives {info.width} x {info.height} pixels, the rig says {camera.width} x {camera.height}",
             where=rig.name, advice="leave [sensor] out of the rig to take over the sensor's own",
         )  # fmt: skip
     return rig.hanger, camera

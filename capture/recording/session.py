@@ -21,7 +21,7 @@ from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.judgement import FEWEST_HANGERS, Finding, judge
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
-from firmware_host.depth_sensor import DepthSensor, SensorFrame
+from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter, read_take
 from formats.arrays import Floats
@@ -57,6 +57,27 @@ class RecordingReport:
     failure: HangtimeError | None
     doubt: CaptureError | None
     findings: tuple[Finding, ...] = ()
+
+
+def check_sensor(info: SensorInfo, rig: Rig, where: object) -> None:
+    """Refuse a sensor whose picture is not the one that a rig describes, and a rig that describes none.
+
+    Raises:
+        UntrackableError: names both.
+    """
+    if rig.sensor is None or rig.hanger is None:
+        raise UntrackableError(
+            "the rig has no [sensor] or no [hanger]",
+            where=where,
+            advice="add it, see docs/reference/file-formats.md",
+        )
+    if (info.width, info.height) != (rig.sensor.width, rig.sensor.height):
+        raise UntrackableError(
+            f"{info.uri} gives {info.width} x {info.height} pixels, the rig says "
+            f"{rig.sensor.width} x {rig.sensor.height}",
+            where=where,
+            advice=Condition.WRONG_SIZE.value.advice,
+        )
 
 
 def record(
@@ -95,7 +116,7 @@ def record(
     """
     if out.is_dir():
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
-    _check_rig(sensor, rig)
+    check_sensor(sensor.info, rig, rig.name)
     reader = FrameReader(sensor.info, rig, garment, picks=picks, scans=scans)
     tally = Tally(len(garment.points))
     cv2.setNumThreads(1)
@@ -265,20 +286,3 @@ def _markers_of(hanger: Hanger) -> str:
         return f"two dots of {1e3 * hanger.marker_size_m:g} mm, {1e3 * hanger.marker_distance_m:g} mm apart"
     size, distance = 1e3 * hanger.marker_size_m, 1e3 * hanger.marker_distance_m
     return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {hanger.dictionary}, {size:g} mm, {distance:g} mm apart"
-
-
-def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
-    if rig.sensor is None or rig.hanger is None:
-        raise UntrackableError(
-            "the rig has no [sensor] or no [hanger]",
-            where=rig.name,
-            advice="add it, see docs/reference/file-formats.md",
-        )
-    info = sensor.info
-    if (info.width, info.height) != (rig.sensor.width, rig.sensor.height):
-        raise UntrackableError(
-            f"the sensor gives {info.width} x {info.height} pixels, the rig says "
-            f"{rig.sensor.width} x {rig.sensor.height}",
-            where=rig.name,
-            advice=Condition.WRONG_SIZE.value.advice,
-        )

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from formats.help_pages import TOLD
+from formats.plain_text import sized
 from formats.telling import know, tell
 
 Config = Annotated[Path, typer.Option("--config", metavar="FILE", help="The appliance's configuration.")]
@@ -126,7 +127,7 @@ def prune_takes(
         is_enough=room.is_enough,
         unsafe=unsafe,
     )
-    tell(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
+    tell(f"{len(room.left)} left, {sized(room.used)} of takes stay, {sized(room.free)} are free")
     if not room.is_enough:
         tell(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from fit.errors import BatchError, UnreachableError
 from formats.errors import AddressError
 from formats.files_below import files_below
+from formats.plain_text import sized
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
 from formats.system_causes import FULL, step_to_read, step_to_write
 from formats.take_reader import LARGEST_FILE
@@ -205,6 +206,6 @@ def _refuse_a_huge(size: int, where: object) -> None:
     """Refuse what no take and no result can be, before it is read."""
     if size > LARGEST_FILE:
         raise BatchError(
-            f"has {size / 1e9:.1f} GB, and a take {LARGEST_FILE / 1e9:.1f} GB at most", where=where,
+            f"has {sized(size)}, and a take {sized(LARGEST_FILE)} at most", where=where,
             advice="is it a take?",
         )  # fmt: skip

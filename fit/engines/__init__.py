@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from fit.engines.blender import BlenderEngine
+from fit.cloth.effect import Effect
+from fit.engines.blender import BlenderEngine, check_blender
 from fit.engines.contract import Engine, EngineMaker, OwnEngine
 from fit.errors import FitError
+from fit.methods.method import Parameterisation
 
-__all__ = ["ENGINES", "OWN_ENGINE", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
+__all__ = [
+    "ENGINES",
+    "OWN_ENGINE",
+    "BlenderEngine",
+    "Engine",
+    "EngineMaker",
+    "OwnEngine",
+    "check_engine",
+    "find_engine",
+]
 
 OWN_ENGINE = "own"
 ENGINES: dict[str, EngineMaker] = {OWN_ENGINE: OwnEngine, "blender": BlenderEngine}
@@ -21,3 +32,13 @@ def find_engine(name: str) -> EngineMaker:
     if name not in ENGINES:
         raise FitError(f"there is no engine named {name!r}", advice=f"known engines: {', '.join(ENGINES)}")
     return ENGINES[name]
+
+
+def check_engine(name: str, method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+    """Refuse, before takes are read, an engine that is not installed, or has not these parameters and effects.
+
+    Raises:
+        FitError: says how to get it, or what to choose.
+    """
+    if find_engine(name) is BlenderEngine:
+        check_blender(method, effects)

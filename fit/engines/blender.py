@@ -42,6 +42,30 @@ FRAMES_PER_SECOND_OF_VELOCITY = 25.0  # 1/s: the method's Velocity is a share ke
 NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
 
 
+def check_blender(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+    """Refuse what Blender's cloth cannot simulate, and a Blender that is not there.
+
+    Raises:
+        FitError: another method than kinect-skirt, effects, or no `bpy`.
+    """
+    _check_fit(method, effects)
+    if not BLENDER.is_installed():
+        raise BLENDER.absent()
+
+
+def _check_fit(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+    if tuple(p.name for p in method.parameters) != NEEDED:
+        raise FitError(
+            f"Blender has no {method.name} parameters", where="--engine", advice="use --method kinect-skirt with it"
+        )
+    if effects:
+        raise FitError(
+            "Blender's cloth cannot be given effects",
+            where="--effect",
+            advice="leave out --effect, or --engine blender",
+        )
+
+
 class BlenderEngine:
     """Blender's cloth for one recording."""
 
@@ -53,16 +77,7 @@ class BlenderEngine:
         Raises:
             FitError: another method than kinect-skirt, effects, bodies in the rig, or no `bpy`.
         """
-        if tuple(p.name for p in method.parameters) != NEEDED:
-            raise FitError(
-                f"Blender has no {method.name} parameters", where="--engine", advice="use --method kinect-skirt with it"
-            )
-        if effects:
-            raise FitError(
-                "Blender's cloth cannot be given effects",
-                where="--effect",
-                advice="leave out --effect, or --engine blender",
-            )
+        _check_fit(method, effects)
         if recording.bodies:
             raise FitError("Blender's cloth is given no bodies", where=recording.take_id, advice="leave out --engine")
         self._recording = recording

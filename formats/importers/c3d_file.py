@@ -23,6 +23,7 @@ from formats.errors import TakeError
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of
+from formats.plain_text import sized
 
 BLOCK_BYTES = 512  # bytes
 C3D_KEY = 0x50  # second byte of every C3D file
@@ -43,7 +44,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     """
     size = path.stat().st_size
     if size > LARGEST_C3D:
-        raise TakeError(f"has {size / 1e9:.1f} GB, which no C3D file has", where=path, advice="check the path")
+        raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
     header = _refuse_a_short_file(path, size)
     told = _parameters(path, header.data_at)
     labels, points = [label for name in LABELS for label in told.texts("POINT", name)], header.points

@@ -17,6 +17,7 @@ from typing import overload
 
 from formats.errors import TakeError
 from formats.importers.text_lines import TextLines, read_text_lines
+from formats.plain_text import sized
 
 LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung cloth from .npz"
@@ -118,7 +119,7 @@ def read_lines(path: Path) -> tuple[str, Rows]:
         TakeError: the file cannot be read, is empty, no text, or too large.
     """
     if (size := path.stat().st_size) > LARGEST_TEXT:
-        raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
+        raise TakeError(f"has {sized(size)} of text", where=path, advice="export fewer frames at once")
     try:
         lines = read_text_lines(path)
     except (OSError, UnicodeDecodeError) as error:

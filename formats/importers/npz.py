@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.errors import TakeError
+from formats.plain_text import sized
 from formats.whole_files import check_ends
 
 
@@ -60,4 +61,4 @@ def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_byte
 def _refuse_too_many(size: int, path: Path, most_bytes: int) -> None:
     """Refuse so many bytes of numbers."""
     if size > most_bytes:
-        raise TakeError(f"its arrays have {size / 1e9:.1f} GB", where=path, advice="import shorter recordings")
+        raise TakeError(f"its arrays have {sized(size)}", where=path, advice="import shorter recordings")

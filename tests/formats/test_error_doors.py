@@ -79,7 +79,7 @@ def desk(tmp_path):
             "import cap.csv --garment swatch.toml",
             "cap.csv: none of the garment's markers was ever seen; export their trajectories",
         ),
-        ("import huge.csv --garment swatch.toml", "huge.csv: has 0.3 GB of text; export fewer frames at once"),
+        ("import huge.csv --garment swatch.toml", "huge.csv: has 268.4 MB of text; export fewer frames at once"),
         ("import huge.c3d --garment swatch.toml", "huge.c3d: has 1.1 GB, which no C3D file has; check the path"),
         (
             "import m.csv --garment long.toml",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain
+from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain, sized
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,12 @@ def test_an_error_shows_a_files_text_by_its_code():
 
 def test_one_is_told_without_the_letter_of_many():
     assert [counted(n, "take") for n in (0, 1, 2)] == ["0 takes", "1 take", "2 takes"]
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [(0, "0 bytes"), (1, "1 byte"), (999, "999 bytes"), (1000, "1.0 kB"), (52_000, "52.0 kB"), (3.2e6, "3.2 MB"),
+     (322.1e9, "322.1 GB")],
+)  # fmt: skip
+def test_a_number_of_bytes_is_told_in_a_unit_that_fits(count, words):
+    assert sized(count) == words

@@ -171,3 +171,25 @@ def test_a_diagnosis_that_contradicts_itself_is_refused_when_it_is_read(tmp_path
         load_diagnosis(tmp_path / "diagnosis.json")
     assert str(refused.value).startswith(f"{tmp_path}/diagnosis.json: {says}")
     assert refused.value.advice == "diagnose again"
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "says"),
+    [
+        (lambda raw: raw.decode().encode("utf-16"), "is text in UTF-16, and a result is UTF-8; save it as UTF-8"),
+        (lambda raw: raw.decode().encode("utf-16-le"), "is text in UTF-16, and a result is UTF-8; save it as UTF-8"),
+        (lambda raw: bytes(len(raw)), "holds nothing but zeros, as a power cut leaves a file; copy it again"),
+        (lambda raw: b" \n", "is empty; copy it again, or make it again"),
+        (lambda raw: raw[:300] + bytes(9) + raw[309:], "holds zero bytes within its text: it is damaged; copy it"),
+    ],
+)
+def test_a_result_that_is_no_text_says_what_it_is(tmp_path, spoilt, says):
+    for save, load, record in (
+        (save_fit_result, load_fit_result, fit_result()), (save_diagnosis, load_diagnosis, diagnosis()),
+    ):  # fmt: skip
+        path = tmp_path / "r.json"
+        save(path, record)
+        path.write_bytes(spoilt(path.read_bytes()))
+        with pytest.raises(ResultError) as refused:
+            load(path)
+        assert str(refused.value).startswith(f"{path}: {says}")

@@ -227,5 +227,5 @@ def test_arrays_of_small_numbers_count_as_what_an_import_makes_of_them(tmp_path)
     """A thousand numbers of one byte are eight thousand bytes; an archive of 1.5 MB once took 8 GB."""
     np.savez(tmp_path / "a.npz", t=np.zeros(1000, np.int8))
     assert load_arrays(tmp_path / "a.npz", ["t"], most_bytes=8000, advice="give less")["t"].shape == (1000,)
-    with pytest.raises(TakeError, match=r"its arrays have 0.0 GB; import shorter recordings"):
+    with pytest.raises(TakeError, match=r"its arrays have [0-9.]+ [kM]B; import shorter recordings"):
         load_arrays(tmp_path / "a.npz", ["t"], most_bytes=7999, advice="give less")

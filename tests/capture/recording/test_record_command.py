@@ -171,7 +171,7 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
     done = CliRunner().invoke(app, ["record", *words(tmp_path)])
     assert done.exit_code != 0
     assert str(done.exception) == (
-        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; "
+        f"{tmp_path}/rig.toml: {tmp_path}/a.oni gives 320 x 240 pixels, the rig says 640 x 480; "
         "set the rig's [sensor] to what `hangtime sensor play` says"
     )
     assert not list(tmp_path.glob("a.mcap*"))

@@ -25,6 +25,7 @@ ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in
 LARGEST_K = 30
 ORDERS = (1, 2, 3)
 LONG = 4096  # rows: beyond them, as scans have, a column at a time is quicker than a row at a time
+FEW = 16  # numbers in a row of all blocks: fewer cost less in columns too
 HALF = 1 << 63
 CODE_BYTES = 5  # a column: its code, and its first value
 MOST_BYTES = 16  # a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
@@ -217,12 +218,15 @@ def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers
 
 
 def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers) -> Integers:
-    """Undo the prediction row by row, in all blocks and columns at once; a single long table column by column."""
+    """Undo the prediction row by row, in all blocks and columns at once; where that is little, column by column."""
     if not residual.size:
         return residual
-    if len(rows) == 1 and rows[0] > LONG:
-        return np.column_stack([_column(*parts) for parts in zip(residual.T, first[0], order[0], strict=True)])
     starts = np.cumsum(rows) - rows
+    if residual.size < FEW * rows.max() or (len(rows) == 1 and rows[0] > LONG):
+        for start, count, *of_block in zip(starts, rows, first, order, strict=True):
+            part = residual[start : start + count]
+            part[:] = np.column_stack([_column(*one) for one in zip(part.T, *of_block, strict=True)])
+        return residual
     residual[starts] = first
     longest_first = np.argsort(-rows, kind="stable")
     starts, order, rows = starts[longest_first], order[longest_first], rows[longest_first]

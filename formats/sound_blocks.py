@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from formats import version_1
-from formats.blocks import LATEST, MOST_ROWS, PLACE_STEPS, Columns, decode_blocks, widths
+from formats.blocks import FARTHEST_PLACE, LATEST, MOST_ROWS, PLACE_STEPS, Columns, decode_blocks, widths
 from formats.surface import SurfaceScan, decode_scan, places_of
-from formats.table_memory import TableMemory
+from formats.table_memory import AT_ONCE, TableMemory
 from formats.take_messages import Message
 
-AT_ONCE = 1 << 21  # numbers of tables that are decoded together: each takes a hundred bytes meanwhile
+SCAN_NUMBERS = 7  # of a place of a scan: four of the table, and the three that stay
 
 
 def is_number(value: object, least: int, most: int) -> bool:
@@ -55,9 +55,10 @@ def decoded(
     columns: Columns = {}
     kept: list[Message] = []
     rows = 0
-    for batch in _batches(fitting, AT_ONCE // width if version > 1 else 1):
-        part, sound = decode_blocks(batch, points) if version > 1 else _of_version_1(batch[0], points)
-        kept += [block for block, good in zip(batch, sound, strict=True) if good]
+    for batch in _batches(fitting, AT_ONCE // width if version > 1 else 0):
+        part, good = decode_blocks(batch, points) if version > 1 else _of_version_1(batch[0], points)
+        part, sound = _within_reach(part, [block for block, holds in zip(batch, good, strict=True) if holds])
+        kept += sound
         if len(batch) == len(fitting):
             return part, kept, len(blocks) - len(kept)
         if not columns:
@@ -71,15 +72,15 @@ def decoded(
 
 
 def _batches(blocks: list[Message], rows: int) -> Iterator[list[Message]]:
-    """Yield blocks, so many together that they have `rows` rows or a few more."""
+    """Yield blocks, so many together that they have `rows` rows at most, or one that has more."""
     batch: list[Message] = []
     count = 0
     for block in blocks:
-        batch.append(block)
-        count += block["frames"]
-        if count >= rows:
+        if batch and count + block["frames"] > rows:
             yield batch
             batch, count = [], 0
+        batch.append(block)
+        count += block["frames"]
     if batch:
         yield batch
 
@@ -89,6 +90,20 @@ def _of_version_1(block: Message, points: int) -> tuple[Columns, list[bool]]:
         return version_1.decode_block(block, points), [True]
     except (ValueError, KeyError, TypeError):
         return {}, [False]
+
+
+def _within_reach(columns: Columns, blocks: list[Message]) -> tuple[Columns, list[Message]]:
+    """Leave out blocks with a place that no writer stores, as it lies too far away."""
+    if not blocks:
+        return columns, blocks
+    is_far = np.any([(np.abs(columns[name]) > FARTHEST_PLACE).any((1, 2)) for name in ("held", "markers", "points")], 0)
+    rows = np.array([block["frames"] for block in blocks])
+    bad = np.logical_or.reduceat(is_far, np.cumsum(rows) - rows)
+    if not bad.any():
+        return columns, blocks
+    stays = np.repeat(~bad, rows)
+    near = [block for block, is_bad in zip(blocks, bad, strict=True) if not is_bad]
+    return {name: values[stays] for name, values in columns.items()}, near
 
 
 def increasing(columns: Columns, kept: list[Message]) -> tuple[Columns, list[Message], int]:
@@ -120,7 +135,7 @@ def sound_scans(messages: list[Message], version: int, memory: TableMemory) -> t
             lost += found[time] != content
             continue
         try:
-            if not memory.fits(places_of(content) * 4, content.own):
+            if not memory.fits(places_of(content) * SCAN_NUMBERS, content.own, may_rest=False):
                 raise ValueError("too many places")
             scans.append(decode(content))
         except (ValueError, KeyError, TypeError):

@@ -11,6 +11,8 @@ STILL_TABLE, MEMORY = 1 << 17, 64
 # for 1.6 hours, 30 frames a second, take so much; 500 take it in 2.6 minutes, 2000 in 36 seconds.
 FREE_MEMORY = 1 << 27
 
+AT_ONCE = 1 << 20  # numbers of tables that are decoded together: each takes 70 bytes meanwhile
+
 
 @dataclass
 class TableMemory:
@@ -19,10 +21,15 @@ class TableMemory:
     left: int = FREE_MEMORY
     left_out: int = 0  # tables for which a file without the others has memory
 
-    def fits(self, numbers: int, own: int) -> bool:
-        """Set aside the memory of a table of so many numbers that takes so many bytes of the file."""
-        beyond = max(CELL_BYTES * numbers - STILL_TABLE - MEMORY * own, 0)
-        if beyond > self.left:
+    def fits(self, numbers: int, own: int, may_rest: bool = True) -> bool:
+        """Set aside the memory of a table of so many numbers that takes so many bytes of the file.
+
+        A table that is too large to be decoded with others takes none beyond its bytes.
+
+        may_rest: whether it may hold a second in which nothing moves, and has memory of its own for that
+        """
+        beyond = max(CELL_BYTES * numbers - STILL_TABLE * may_rest - MEMORY * own, 0)
+        if beyond > (0 if numbers > AT_ONCE else self.left):
             self.left_out += beyond <= FREE_MEMORY
             return False
         self.left -= beyond

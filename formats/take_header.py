@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -64,9 +63,8 @@ def possible_spans(spans: Sequence[Span], time: Floats) -> list[Span]:
 
     time [s], (frames,): of the frames that are there
     """
-    found = []
-    for begin, end in spans:
-        is_span = begin < end and all(abs(t) <= LATEST / TICKS or math.isinf(t) for t in (begin, end))
-        if is_span and np.searchsorted(time, begin + 1 / TICKS) >= np.searchsorted(time, end - 1 / TICKS):
-            found.append((begin, end))
-    return found
+    begin, end = np.array(spans, float).reshape(-1, 2).T
+    are_times = [(np.abs(at) <= LATEST / TICKS) | np.isinf(at) for at in (begin, end)]
+    is_free = np.searchsorted(time, begin + 1 / TICKS) >= np.searchsorted(time, end - 1 / TICKS)
+    can_be = (begin < end) & np.all(are_times, axis=0) & is_free
+    return [span for span, is_span in zip(spans, can_be, strict=True) if is_span]

@@ -9,6 +9,7 @@ from typing import Any
 
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
 from formats.errors import TakeError
+from formats.plain_text import counted
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
 from formats.table_memory import TableMemory
 from formats.take import Take
@@ -179,10 +180,11 @@ class _Archive:
         blocks, strange = in_order(parts.blocks, version)
         before = self._memory.left_out
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
+        unread = findings.left_packed + self._memory.left_out - before
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
         damaged += strange + lost + self._without - (not parts.blocks)
         if not kept:
-            raise _no_frame(ends, damaged, self._where)
+            raise _no_frame(ends, damaged, unread, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)
         too_large = self._memory.left_out - before
         unread = findings.left_packed + too_large
@@ -210,7 +212,10 @@ class _Archive:
         )  # fmt: skip
 
 
-def _no_frame(ends: list[Message], damaged: int, path: object) -> TakeError:
+def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> TakeError:
+    if unread:
+        what = f"needs more memory in each of its {counted(unread, 'block')} than one file may take"
+        return TakeError(what, where=path, advice="keep this file, and record fewer points or frames a second")
     if damaged or (ends and ends[-1]["frames"]):
         told = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
         return TakeError(f"holds {told}", where=path, advice=COPY)

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
-from formats.blocks import MOST_ROWS, Columns, Frame, check_columns, cut_into_blocks, encode_blocks
+from formats.blocks import MOST_ROWS, Columns, Frame, check_columns, cut_into_blocks, encode_blocks, widths
 from formats.chunks import Findings, messages_in
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
@@ -31,6 +31,7 @@ BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
+WRITTEN_AT_ONCE = 1 << 20  # numbers that are coded together: each takes 400 bytes meanwhile
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
@@ -137,7 +138,11 @@ class TakeWriter:
         if self._first_time == -np.inf:
             self._first_time = float(columns["time"][0])
         rows = cut_into_blocks(columns["time"], BLOCK_SECONDS)
-        self._write_blocks(columns, rows)
+        each = max(WRITTEN_AT_ONCE // sum(widths(self._points).values()), 1)
+        ends = np.cumsum(rows)
+        for of_batch in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(ends // each)) + 1):
+            part = slice(ends[of_batch[0]] - rows[of_batch[0]], ends[of_batch[-1]])
+            self._write_blocks({name: values[part] for name, values in columns.items()}, rows[of_batch])
         self._last_time = float(columns["time"][-1])
 
     def append_scan(self, scan: SurfaceScan) -> None:

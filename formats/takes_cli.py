@@ -151,8 +151,9 @@ def verify_takes(paths: Takes) -> None:
         word = _word(report)
         if word in ("damaged", "incomplete"):
             rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
+        held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
         tell_entry(
-            "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
+            "takes", f"{word:<11} {plain(path)}: {held}{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
@@ -174,11 +175,8 @@ def _of_another(report: TakeReport) -> str:
 def _unread(report: TakeReport) -> str:
     from formats.plain_text import counted
 
-    need = "needs" if report.unread_blocks == 1 else "need"
-    return (
-        f"{counted(report.unread_blocks, 'block')} at rest {need} more memory than one file may take, which is no "
-        "damage; keep this file, and record shorter takes"
-    )
+    which = f"{counted(report.unread_blocks, 'block')} or scan{'s need' if report.unread_blocks > 1 else ' needs'}"
+    return f"{which} more memory than one file may take, which is no damage; keep this file, and record shorter takes"
 
 
 def _lost_scans(report: TakeReport) -> str:
@@ -234,7 +232,11 @@ def recover_takes(
             if isinstance(found, TakeError):
                 _tell_lost(found)
             else:
-                _recover(*found, free.pop(), overwrite=overwrite, is_another=is_another)
+                try:
+                    _recover(*found, free[-1], overwrite=overwrite, is_another=is_another)
+                    free.pop()
+                except TakeError as error:
+                    _tell_lost(error)
             is_another = True
             del found  # before the next one is read
         all_read &= len(free) < takes.count

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from functools import cache
 
 import msgpack
+import numpy as np
 
+from formats.integers import encode_tables
 from formats.take_writer import binding_of
 from tests.formats.damage import chunk_of, chunk_of_records, chunks_of
 
@@ -268,3 +270,25 @@ def keys_that_collide(raw: bytes) -> bytes:
     return among(
         raw, chunk_of(b"\x82\xa6format\xaehangtime-take/2\xa5notes\xdf" + struct.pack(">I", 50_000) + pairs) * 20
     )
+
+
+@bomb
+def still_scans_of_64_places(raw: bytes) -> bytes:
+    scan = {"take": binding(raw), "grid_size": 64, "contour_size": 512, "grid": bytes(24), "contour": bytes(24)}
+    return among(raw, b"".join(chunk_of({**scan, "surface": k}) for k in range(5000)))
+
+
+@bomb
+def copies_of_a_header_between_chunks_of_nothing(raw: bytes) -> bytes:
+    nothing = chunk_of_records(struct.pack("<BQ", 1, 0)) * 20
+    copy = chunk_of(header_of(raw, notes={"n": "n" * 1_000_000}))
+    return among(raw, copy + (nothing + copy) * 1000)
+
+
+@bomb
+def places_beyond_a_kilometre(raw: bytes) -> bytes:
+    block, n, columns = blocks_of(raw)[0], 31, 28 + 8 * 4
+    values = np.full((n, columns), 1)
+    values[:, 0], values[:, 6:12], values[1:, 24:36] = 30_000 * np.arange(n), 2**31 - 1, -(2**31) + 1
+    far = {**block, "frames": n, "table": encode_tables(values, np.array([n]))[0]}
+    return among(raw, b"".join(chunk_of({**far, "first": 10**4 + n * k, "start": 10**9 + k}) for k in range(10)))

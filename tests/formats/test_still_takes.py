@@ -10,7 +10,7 @@ import pytest
 
 from formats.archive import read_with_report, write_take
 from formats.garment import TrackedPoint
-from formats.table_memory import FREE_MEMORY, TableMemory
+from formats.table_memory import AT_ONCE, FREE_MEMORY, TableMemory
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 
@@ -53,7 +53,7 @@ def test_commands_say_of_a_take_beyond_the_limit_that_nothing_is_damaged(tmp_pat
     monkeypatch.setattr("formats.take_reader.TableMemory", lambda: TableMemory(left=1 << 23))
     write_take(tmp_path / "a.mcap", still(2000, 100))
     why = (
-        "2 blocks at rest need more memory than one file may take, which is no damage; keep this file, and record "
+        "2 blocks or scans need more memory than one file may take, which is no damage; keep this file, and record "
         "shorter takes"
     )
     done = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)
@@ -74,12 +74,25 @@ def test_81_points_that_nobody_sees_are_read_for_an_hour_and_a_half():
 
 
 def test_one_table_that_no_file_has_memory_for_costs_itself_alone():
-    memory = TableMemory()
+    memory = TableMemory(left=4_000_000)
     assert not memory.fits(FREE_MEMORY, 100)
     assert memory.left_out == 0
-    assert memory.fits(FREE_MEMORY // 16, 100)
-    assert not memory.fits(FREE_MEMORY // 10, 100)
+    assert memory.fits(500_000, 100)
+    assert not memory.fits(500_000, 100)
     assert memory.left_out == 1
+
+
+def test_a_table_that_is_decoded_alone_needs_the_bytes_of_its_numbers_and_a_scan_has_none_free():
+    """Of 2^20 numbers and one, decoding takes 73 MB beyond the table: it needs a byte of the file for eight."""
+    memory = TableMemory()
+    assert not memory.fits(AT_ONCE + 1, 1000)
+    assert (memory.left, memory.left_out) == (FREE_MEMORY, 1)
+    assert memory.fits(AT_ONCE + 1, AT_ONCE // 8 + 1)
+    assert memory.fits(AT_ONCE, 1000)
+    assert memory.left == FREE_MEMORY - 8 * AT_ONCE + 64 * 1000 + (1 << 17)
+    memory = TableMemory()
+    assert memory.fits(64 * 64 * 4, 100, may_rest=False)
+    assert memory.left == FREE_MEMORY - 8 * 64 * 64 * 4 + 64 * 100
 
 
 def test_tables_share_128_mib_and_a_still_table_of_128_kib_is_free():

@@ -14,6 +14,7 @@ from fit.export.cli import add_commands as add_export_commands
 from fit.report.cli import add_commands as add_report_commands
 from formats.anyway import Anyway
 from formats.command_groups import FIT
+from formats.plain_text import plain
 from formats.telling import know, tell
 from formats.terminal import ProgressLine, say
 
@@ -203,7 +204,7 @@ def fit_command(
         plot_of(report, result, None, plot)
     know(fit=to_builtins(result), file=str(out / "fit.json"), report=str(report))
     tell(as_text(fit_tables(result)))
-    tell(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
+    tell(f"Fit result: {plain(out / 'fit.json')}\nReport:     {plain(report)}")
 
 
 def fabric_command(
@@ -369,7 +370,7 @@ def diagnose_command(
         plot_of(report, fitted, findings.diagnosis, plot)
     know(diagnosis=to_builtins(findings.diagnosis), file=str(out / "diagnosis.json"), report=str(report))
     tell(as_text(diagnosis_tables(findings.diagnosis, tuple(add))))
-    tell(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+    tell(f"Diagnosis: {plain(out / 'diagnosis.json')}\nReport:    {plain(report)}")
     if findings.diagnosis.verdict == "inconclusive":
         raise typer.Exit(INCONCLUSIVE)
 
@@ -385,4 +386,4 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str], anyway: b
 
 
 def _listed(takes: list[Take]) -> str:
-    return ", ".join(t.take_id for t in takes)
+    return ", ".join(plain(t.take_id) for t in takes)

@@ -128,6 +128,7 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     """Write a take with rig and garment beside it, and tell of it."""
     from formats.archive import write_take
     from formats.outputs import unwritable, write_description
+    from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
 
     write_description(out / "rig.toml", take.rig, overwrite=overwrite)
@@ -139,14 +140,16 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
         raise unwritable(target, error) from error
     length = float(take.time[-1])
     front = take.notes.get("front")
-    words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (f", its front looks along {front}" * bool(front))
+    words = f"{plain(target)}: {len(take.time)} frames, {length:.1f} s" + (
+        f", its front looks along {front}" * bool(front)
+    )
     doubts = [take.notes[name] for name in ("clock", "file") if name in take.notes]
     if not shows_points(take).all():
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)
     unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
     if unseen:
-        words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
+        words += f"; never seen: {plain(', '.join(unseen[:MOST_NAMES]))}" + " and more" * (len(unseen) > MOST_NAMES)
     words += "".join(f"\nWarning: {doubt}" for doubt in doubts)
     tell_entry(
         "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen,
@@ -177,5 +180,5 @@ def describe_swatch(
         check_plausible_garment(described, path, offers_anyway=True)
     write_text(path, dump_description(described), overwrite=overwrite)
     apart = 1e3 * side / (markers - 1)
-    words = f"{path}: {markers * markers} markers, {apart:.1f} mm apart"
+    words = f"{plain(path)}: {markers * markers} markers, {apart:.1f} mm apart"
     tell(words, file=str(path), markers=markers * markers, apart_mm=apart)

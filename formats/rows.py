@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Container, Iterable, Sequence
 
-from formats.plain_text import without_codes
+from formats.plain_text import plain, without_codes
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -20,23 +20,28 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 def spreadsheet_cell(cell: object) -> object:
     """Return a cell that a spreadsheet shows as it stands: an apostrophe before a text stops a formula from running.
-    Codes of a terminal are escaped, for whoever looks at the file with `cat`.
+    Codes of a terminal and ends of lines are escaped, for whoever looks at the file with `cat`: one line a row.
 
     Source: OWASP, "CSV Injection".
     """
     if not isinstance(cell, str):
         return cell
+    shown = without_codes(cell).replace("\n", "\\n").replace("\t", "\\t")
     if not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return without_codes(cell)
+        return shown
     try:
         float(cell)
     except ValueError:
-        return f"'{without_codes(cell)}"
+        return f"'{shown}"
     return cell
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
-    """Return a line a row with columns two spaces apart, those of `right` set to the right, as numbers are."""
+    """Return a line a row with columns two spaces apart, those of `right` set to the right, as numbers are.
+
+    Names in cells may hold ends of lines and codes, which are escaped.
+    """
+    rows = [[plain(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from formats.command_groups import FIT
+from formats.plain_text import plain
 from formats.telling import know, tell
 from formats.terminal import say
 
@@ -57,7 +58,7 @@ def report_command(
         say("No motion of these results is kept in the folder, so the page has no player.")
     if plot is not None:
         draw_plot(motions, run_names(found.fit, found.diagnosis), plot)
-    tell(f"Report: {report}", report=str(report), takes=[motion.take_id for motion in motions])
+    tell(f"Report: {plain(report)}", report=str(report), takes=[motion.take_id for motion in motions])
 
 
 def compare_command(
@@ -86,4 +87,4 @@ def compare_command(
     tell("\n".join(aligned([("", *found.heads), *found.rows], ())))
     if out is not None:
         write_text(out, found.page(), overwrite=overwrite)
-        tell(f"Page: {out}", page=str(out))
+        tell(f"Page: {plain(out)}", page=str(out))

@@ -14,6 +14,7 @@ from fit.virtual_tests.fitted_rows import FittedRows
 from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.arrays import Floats
 from formats.fit_records import NOT_IDENTIFIED, FitResult
+from formats.plain_text import plain
 from formats.rows import aligned
 
 Span = tuple[float, float] | None  # a 90 % interval, where one is known
@@ -112,7 +113,7 @@ def sheet_of(result: FitResult) -> str:
     many = ", ".join(shares) or NOT_IDENTIFIED
     row("B, bending 0.5 to 1.5 1/cm", "gf cm2/cm", ways("bending"), "bending", many)
     row("2HB at 1 1/cm", "gf cm/cm", ways("bending_hysteresis"))
-    head = f"Virtual fabric tests of {', '.join(result.take_ids)} ({result.method})"
+    head = f"Virtual fabric tests of {plain(', '.join(result.take_ids))} ({result.method})"
     return "\n".join([head, "", *aligned(rows, right=(2, 3)), "", *_remarks(result, untold)])
 
 

@@ -12,11 +12,13 @@ import pytest
 from fit.batch.summary import Row, as_csv, as_html
 from fit.identification.request import Plan
 from fit.report.page import render_report
+from fit.virtual_tests.sheet import sheet_of
 from formats.archive import write_take
 from formats.descriptions import dump_description, load_garment, load_rig
 from formats.errors import DescriptionError
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.fit.virtual_tests.test_kes import a_fit, known
 from tests.formats.test_archive import RIG, a_take
 from tests.formats.test_descriptions import GARMENT
 
@@ -79,3 +81,12 @@ def test_every_command_that_shows_an_old_take_shows_its_codes(tmp_path):
         assert done.returncode == 0
         assert not any(code in done.stdout for code in CODES)
         assert "\\x1b[2J\\u202e" in done.stdout
+
+
+def test_a_takes_name_with_an_end_of_line_forges_no_line_of_a_fit(tmp_path):
+    name = "a\nhangtime: all is well"
+    write_take(tmp_path / "a.mcap", replace(a_take(), take_id=name))
+    done = hangtime_here("fit", "a.mcap", "--method", "mocap-swatch", folder=tmp_path)
+    assert "Fitting to a\\nhangtime: all is well; judging on the same" in done.stderr
+    result = msgspec.structs.replace(known(a_fit()), take_ids=[name])
+    assert "Virtual fabric tests of a\\nhangtime: all is well (" in sheet_of(result).splitlines()[0]

@@ -31,3 +31,10 @@ def test_columns_are_as_wide_as_their_widest_cell_and_no_line_ends_in_blanks():
     assert aligned(rows) == ["a     bb  c", "dddd  e"]
     assert aligned(rows, right=(0, 2)) == ["   a  bb  c", "dddd  e"]
     assert aligned([]) == []
+
+
+def test_a_name_with_an_end_of_line_or_a_code_is_one_cell_of_one_line():
+    name = "a\n=1+1\t\x1b[31m\u202e"
+    assert csv_text(("take",), [(name,)]) == "take\na\\n=1+1\\t\\x1b[31m\\u202e\n"
+    assert spreadsheet_cell("=1\n2") == "'=1\\n2"
+    assert aligned([(name, "1")]) == ["a\\n=1+1\\t\\x1b[31m\\u202e  1"]

@@ -236,7 +236,6 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
         told = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
         return TakeError(f"is not a take archive: {told}", where=path, advice=NO_TAKE)
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
-        return TakeError(
-            "holds no readable header", where=path, advice="it is not a take archive, or too little of it is left"
-        )
+        why = "it is not a take archive" if profile is None else "it ended in its first second"
+        return TakeError("holds no readable header", where=path, advice=f"{why}, or too little of it is left")
     return TakeError("is not a take archive", where=path, advice=NO_TAKE)

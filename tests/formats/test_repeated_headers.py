@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -62,3 +63,20 @@ def test_chunks_that_find_no_more_bytes_are_said_to_be_unread_and_not_damaged(ra
     (tmp_path / "a.mcap").write_bytes(raw[:at] + b"".join(parts) + raw[at:])
     _, report = read_with_report(tmp_path / "a.mcap")
     assert (report.frames, report.unread_blocks, report.damaged_blocks) == (150, 5, 4)
+
+
+def test_a_long_take_is_written_in_batches_that_come_back_as_one(tmp_path, monkeypatch):
+    """Of 6000 rows of 60 numbers, all at once take 25 MB beside the columns; batches of 1092 rows take 5 MB."""
+    take = replace(long_take(6000), notes={}, time=np.arange(6000) / 30)
+    take.points_valid[1080:1130, 2] = False  # a batch ends among them
+    monkeypatch.setattr("formats.take_writer.WRITTEN_AT_ONCE", 1 << 16)
+    tracemalloc.start()
+    path = write_take(tmp_path / "a.mcap", take)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 10e6
+    back, report = read_with_report(path)
+    assert report.is_sound
+    np.testing.assert_array_equal(back.points_valid, take.points_valid)
+    np.testing.assert_allclose(back.time, take.time, atol=5.1e-7)
+    assert np.abs(back.points - take.points)[take.points_valid].max() < 5.1e-5

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from capture.appliance import config
+from capture.appliance import config, config_tables
 
 ROOT = Path(__file__).parent.parent
 SYSTEM = ROOT / "systemd/system"
@@ -92,8 +92,8 @@ def test_a_service_runs_a_module_that_is_there_from_the_environment_that_is_curr
 
 def test_the_recorder_finds_its_3_places_where_its_settings_look_for_them() -> None:
     unit = settings("system/hangtime-capture.service")
-    assert config.SpoolPart().folder.parent == Path("/var/lib") / unit["StateDirectory"][0]
-    assert config.ControlPart().socket.parent == Path("/run") / unit["RuntimeDirectory"][0]
+    assert config_tables.SpoolPart().folder.parent == Path("/var/lib") / unit["StateDirectory"][0]
+    assert config_tables.ControlPart().socket.parent == Path("/run") / unit["RuntimeDirectory"][0]
     assert config.DEFAULT.parent == Path("/etc") / unit["ConfigurationDirectory"][0]
     assert (ROOT / "systemd/etc" / config.DEFAULT.name).is_file()
 

@@ -15,6 +15,7 @@ from formats.telling import tell, tell_entry
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
 
+DESCRIBED_AS = ".toml"
 MOST_NAMES = 5  # of markers in one sentence
 
 
@@ -72,6 +73,11 @@ def import_recordings(
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace
 
+    for path in paths:
+        if path.suffix.lower() == DESCRIBED_AS:
+            raise TakeError(
+                "is a description, and no recording", where=path, advice=f"give it as --garment {path.name}"
+            )
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
     for path in paths:
@@ -167,6 +173,7 @@ def describe_swatch(
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
+    from formats.errors import OutputError
     from formats.outputs import check_name, refuse_to_replace, write_text
     from formats.plain_text import plain
     from formats.plausible import check_plausible_garment
@@ -175,6 +182,8 @@ def describe_swatch(
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)
+    if path.suffix.lower() != DESCRIBED_AS:
+        raise OutputError("a garment is written as TOML", where=path, advice="give a name that ends in .toml")
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, path, offers_anyway=True)

@@ -26,6 +26,7 @@ from formats.importers.units import metres_of
 from formats.plain_text import sized
 
 BLOCK_BYTES = 512  # bytes
+TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
 LARGEST_C3D = 1 << 30  # bytes
 LONGEST_RATE = 10_000.0  # frames a second
@@ -201,8 +202,9 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     with path.open("rb") as file:
         head = file.read(BLOCK_BYTES)
         if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:
-            raise TakeError("is no C3D file that can be read (its first block is none)", where=path,
-                            advice="export it again")  # fmt: skip
+            is_text = bool(head) and not head.translate(None, TEXT_BYTES)
+            advice = "it is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
+            raise TakeError("is no C3D file that can be read (its first block is none)", where=path, advice=advice)
         file.seek(BLOCK_BYTES * (head[0] - 1) + 3)
         processor = (file.read(1) or b"\0")[0]
     order = ">" if processor == SGI else "<"

@@ -124,7 +124,9 @@ def read_lines(path: Path) -> tuple[str, Rows]:
         lines = read_text_lines(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
+        is_c3d = isinstance(error, UnicodeDecodeError) and error.object[1:2] == b"\x50"
+        advice = "it looks like C3D: give it the ending .c3d" if is_c3d else "export it as text again"
+        raise TakeError(f"cannot be read ({reason})", where=path, advice=advice) from error
     if not lines:
         raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
     begin, kind, separator = _header(lines)

@@ -10,6 +10,7 @@ import pytest
 
 from formats.descriptions import load_garment
 from formats.errors import DescriptionError, ImplausibleError, TakeError
+from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import write_marker_csv
 from formats.importers.strays import refuse_strays
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
@@ -18,7 +19,10 @@ from formats.meant_units import unit_of
 from formats.outputs import write_description
 from formats.plain_text import plain
 from tests.fit.here import hangtime_here
+from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_marker_import import GARMENT, hanging_tracks
+from tests.formats.test_marker_tables import TRC
+from tests.formats.test_other_programs_files import LABELS, drawn
 from tests.formats.test_swung_cloth_import import changed
 from tests.formats.test_two_clocks import recorded
 
@@ -134,3 +138,27 @@ def test_no_description_is_written_that_no_command_would_read(tmp_path):
 def test_a_swatch_of_any_name_is_read_again(tmp_path, name):
     assert hangtime_here("swatch", f"{name}.toml", "--mass", "0.05", folder=tmp_path).returncode == 0
     assert load_garment(tmp_path / f"{name}.toml").name == plain(name)
+
+
+def test_a_description_in_the_place_of_a_recording_is_told_where_it_belongs(tmp_path):
+    done = hangtime_here("import", "g.toml", "--garment", "a.mcap", folder=tmp_path)
+    assert done.stderr == "hangtime: g.toml: is a description, and no recording; give it as --garment g.toml\n"
+    assert done.returncode == 2
+
+
+def test_a_swatch_is_no_take_by_its_name(tmp_path):
+    done = hangtime_here("swatch", "g.mcap", "--mass", "0.05", folder=tmp_path)
+    assert done.stderr == "hangtime: g.mcap: a garment is written as TOML; give a name that ends in .toml\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_wrong_ending_is_told_with_the_right_one(tmp_path):
+    (tmp_path / "a.c3d").write_text(TRC * 9)
+    with pytest.raises(TakeError, match=r"its first block is none\); it is text: give it the ending \.trc"):
+        read_marker_tracks(tmp_path / "a.c3d")
+    (tmp_path / "b.c3d").write_bytes(bytes(600))
+    with pytest.raises(TakeError, match=r"its first block is none\); export it again"):
+        read_marker_tracks(tmp_path / "b.c3d")
+    (tmp_path / "a.csv").write_bytes(c3d_bytes(1e3 * drawn(), LABELS))
+    with pytest.raises(TakeError, match=r"not a text file\); it looks like C3D: give it the ending \.c3d"):
+        read_marker_tracks(tmp_path / "a.csv")

@@ -133,6 +133,7 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
 def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     """Write a take with rig and garment beside it, and tell of it."""
     from formats.archive import write_take
+    from formats.missing import doubts_of
     from formats.outputs import unwritable, write_description
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
@@ -149,7 +150,7 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     words = f"{plain(target)}: {len(take.time)} frames, {length:.1f} s" + (
         f", its front looks along {front}" * bool(front)
     )
-    doubts = [take.notes[name] for name in ("clock", "file") if name in take.notes]
+    doubts = doubts_of(take)
     if not shows_points(take).all():
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)

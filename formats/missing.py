@@ -1,4 +1,4 @@
-"""Say in words which seconds of a take are missing.
+"""Say in words which seconds of a take are missing, and what else is doubtful about it.
 
 Seconds in every sentence about a take count from `origin_of`, the take's first frame. That frame may show the points,
 the hanger or both.
@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from formats.plain_text import counted
 from formats.take import Span, Take
 
 MOST_SPANS = 5  # that one sentence lists
+DOUBTS = ("clock", "file")  # notes in which an import doubts clocks, or the number of frames
 
 
 def missing_words(take: Take, spans: Sequence[Span] | None = None) -> str:
@@ -46,6 +48,15 @@ def incomplete_words(take: Take) -> str:
     if take.is_complete:
         return ""
     return f"is incomplete; missing: {missing_words(take) or 'its end was never written'}"
+
+
+def doubts_of(take: Take) -> list[str]:
+    """Return sentences about what makes a take doubtful though nothing of it is missing; none of most takes."""
+    doubts = [take.notes[name] for name in DOUBTS if name in take.notes]
+    if take.other_blocks:
+        found = counted(take.other_blocks, "block")
+        doubts.append(f"{found} of another take in its file are left out; `hangtime takes recover` saves each take")
+    return doubts
 
 
 def _span(begin: float, end: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from formats.garment import PointKind
 from formats.missing import missing_words
 from formats.motion import kind_of
-from formats.plain_text import plain
+from formats.plain_text import counted, plain
 from formats.rig import Calibration
 from formats.take import FrameState, Take
 from formats.two_clocks import shows_hanger, shows_points
@@ -128,7 +128,7 @@ def describe(summary: dict[str, Any]) -> str:
         lines.append(f"surface   scanned {s['surface_scans']} times")
     for name, count in s["states"].items():
         if count:
-            lines.append(f"state     {name} in {count} frames")
+            lines.append(f"state     {name} in {counted(count, 'frame')}")
     if s["source"]:
         lines.append(f"source    {s['source']}")
     lines += [f"note      {key}: {text}" for key, text in s["notes"].items()]

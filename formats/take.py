@@ -38,6 +38,7 @@ class Take:
     - `is_complete`: the recording was finished and every frame of it is here
     - `missing` [s]: spans of the sensor's clock without frames, lost by damage or an interruption. Each goes from the
       last frame before to the first one after; -inf and inf where the beginning or the end is not known
+    - `other_blocks`: blocks of other takes in the same file, which are not part of this one
     """
 
     take_id: str
@@ -62,6 +63,7 @@ class Take:
     notes: dict[str, str] = field(default_factory=dict)
     is_complete: bool = True
     missing: tuple[Span, ...] = ()
+    other_blocks: int = 0
 
 
 class FrameState:

@@ -201,8 +201,8 @@ class _Archive:
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
-            notes=words.notes, is_complete=is_complete and not earlier, missing=tuple(sorted((*earlier, *spans))),
-            scans=tuple(scans), **columns,
+            notes=words.notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
+            missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
         )  # fmt: skip
         return take, TakeReport(
             frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,

@@ -347,7 +347,7 @@ def export_takes(
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
-                moved=moved or None,
+                other_takes=report.other_takes, moved=moved or None,
             )  # fmt: skip
         end_with(lost, len(paths))
 
@@ -368,8 +368,9 @@ def end_with(lost: dict[Path, TakeError], asked: int) -> None:
 
 
 def _lacks(take: Take, report: TakeReport) -> str:
-    """Return a sentence about the missing parts of a take; nothing of a whole one."""
+    """Return a sentence about what an export of a take lacks; nothing of a whole one that is alone in its file."""
     from formats.missing import incomplete_words
 
     scans = f"lacks {_lost_scans(report)}" if report.missing_scans else ""
-    return " and ".join(filter(None, [incomplete_words(take), scans]))
+    others = f"stands beside {_of_another(report)}, which are left out" if report.other_takes else ""
+    return " and ".join(filter(None, [incomplete_words(take), scans, others]))

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from formats.arrays import Floats
-from formats.missing import listed, missing_words, origin_of, span_words
+from formats.missing import doubts_of, listed, missing_words, origin_of, span_words
 from formats.take import LONGEST_GAP, Take
 
 SETTLING_TIME = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
@@ -127,6 +127,11 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
             note += f"; {SETTLING_TIME:g} s after a hole are not judged, as how the hanger moved there is lost"
         found.append(note + ".")
     return found
+
+
+def describe_doubts(takes: Sequence[Take]) -> list[str]:
+    """Return a warning for everything that makes a take doubtful though nothing of it is missing."""
+    return [f"Warning: the take {take.take_id}: {doubt}." for take in takes for doubt in doubts_of(take)]
 
 
 def incomplete_notes(notes: Sequence[str]) -> list[str]:

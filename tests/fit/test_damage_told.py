@@ -12,9 +12,9 @@ import pytest
 
 from fit.export.about import remarks_on_take
 from fit.export.kinds import EXPORT_KINDS, Order
-from fit.recordings.intact import FRAME_FIELDS, describe_missing
+from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_missing
 from fit.virtual_tests.sheet import sheet_of
-from formats.archive import write_take
+from formats.archive import read_take, write_take
 from formats.results import save_fit_result
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
@@ -104,3 +104,23 @@ def test_lost_scans_are_told_by_every_command_of_takes(tmp_path):
         ("export", "a.mcap", "--to", "npz", "--out", "."),
     ):  # fmt: skip
         assert "1 scan of the surface" in hangtime_here("takes", *words, folder=tmp_path).stdout, words
+
+
+def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp_path):
+    alone = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
+    other = write_take(tmp_path / "b.mcap", replace(a_take(), take_id="b")).read_bytes()
+    (tmp_path / "both.mcap").write_bytes(alone + other)
+    joined = read_take(tmp_path / "both.mcap")
+    beside = "Warning: the take a: 5 blocks of another take in its file are left out; `hangtime takes"
+    assert [doubt.startswith(beside) for doubt in describe_doubts([joined, a_take()])] == [True]
+    doubted = replace(a_take(), notes={"clock": "its clocks differ", "who": "me", "file": "lacks frames"})
+    assert describe_doubts([doubted]) == [
+        "Warning: the take a: its clocks differ.", "Warning: the take a: lacks frames."
+    ]  # fmt: skip
+    of_other = msgspec.structs.replace(a_fit(), garment_content="", take_contents=[])
+    assert any(remark.startswith(beside) for remark in remarks_on_take(of_other, joined))
+    told = hangtime_here("takes", "export", "both.mcap", "b.mcap", "--to", "csv", "--out", ".", folder=tmp_path).stdout
+    assert told.splitlines() == [
+        "both.csv: 150 frames; the take stands beside 5 blocks of another take in this file, which are left out",
+        "b.csv: 150 frames",
+    ]

@@ -43,7 +43,7 @@ def test_show_says_what_a_take_holds(tmp_path):
     done = hangtime("takes", "show", write_take(tmp_path / "a.mcap", a_take()))
     assert done.returncode == 0
     assert "4.967 s, 150 frames, 30 a second" in done.stdout
-    assert "marker lost in 1 frames" in done.stdout
+    assert "marker lost in 1 frame\n" in done.stdout
 
 
 def test_json_of_a_take_is_valid_where_an_axis_was_never_measured(tmp_path):

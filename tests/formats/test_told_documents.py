@@ -90,11 +90,11 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
             {"file": "files/a.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 0, "moved": None},
+             "missing": "", "missing_scans": 0, "other_takes": 0, "moved": None},
             {"file": "files/c.csv", "frames": 119, "is_complete": False,
-             "missing": WITHIN, "missing_scans": 0, "moved": None},
+             "missing": WITHIN, "missing_scans": 0, "other_takes": 0, "moved": None},
             {"file": "files/d.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 1, "moved": None},
+             "missing": "", "missing_scans": 1, "other_takes": 0, "moved": None},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
             "files": ["all.parquet"], "takes": 3, "incomplete": {

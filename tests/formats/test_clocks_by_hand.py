@@ -255,7 +255,7 @@ def test_a_summary_leaves_out_what_a_take_has_not():
     assert f"length    {19 / 30:.3f} s, 20 frames, 30 a second" in lines
     assert "source    test" in lines
     assert "note      who: me" in lines
-    assert any(line.startswith("state     marker lost in 1 frames") for line in lines)
+    assert any(line.startswith("state     marker lost in 1 frame") for line in lines)
     lost = replace(take, is_complete=False, missing=((0.3, 0.4),))
     assert describe(summarise(lost)).splitlines()[0] == "take      a   (INCOMPLETE)"
     assert describe(summarise(lost)).splitlines()[1] == "missing   0.05 to 0.15 s"

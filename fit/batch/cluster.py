@@ -21,6 +21,7 @@ from fit.errors import BatchError, UnreachableError
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
+WAITS = "hangtime-waits"  # topic under which a worker says for what it waits
 LONGEST_FILE = 1 << 20  # letters of a scheduler file
 
 

@@ -11,12 +11,12 @@ import contextlib
 import json
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fit.batch.cluster import RETRY, Workers, connect, has_workers
+from fit.batch.cluster import RETRY, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
 from fit.batch.kept import has_fit
@@ -149,6 +149,8 @@ class _Round:
         self.attempts: Counter[str] = Counter()
         self.last_seen = self.last_look = time.monotonic()  # when there were workers, and when they were looked for [s]
         self.outage = Outage()
+        self.waits: deque[str] = deque()  # sentences of workers that wait with a finished result
+        self.client.subscribe_topic(WAITS, lambda event: self.waits.append(event[1]))
 
     def run(self, ending: Ending) -> bool:
         """Hand out what is waiting and collect until nothing is left; true when the scheduler was lost."""
@@ -163,6 +165,8 @@ class _Round:
             for future in [f for f in self.pending if f.status != "pending"]:
                 if not self._collect(future):
                     return True
+            while self.waits:
+                self._note_outage(self.waits.popleft())
             self._look_for_workers()
             now = time.monotonic()
             due = [job for at, job in self.later if at <= now]
@@ -202,13 +206,16 @@ class _Round:
         return True
 
     def _wait_for_store(self, error: UnreachableError, job: Task) -> None:
-        now = time.monotonic()
-        is_new, seconds = self.outage.goes_on(now)
-        if seconds >= self.workers.patience:
+        if self._note_outage(str(error)) >= self.workers.patience:
             raise error
+        self.later.append((time.monotonic() + RETRY, job))
+
+    def _note_outage(self, sentence: str) -> float:
+        """Say once that takes or results are not reached; return for how long that has lasted [s]."""
+        is_new, seconds = self.outage.goes_on(time.monotonic())
         if is_new:
-            self.say(f"{error}. Waiting for it to come back.")
-        self.later.append((now + RETRY, job))
+            self.say(f"{sentence}. Waiting for it to come back.")
+        return seconds
 
     def _look_for_workers(self) -> None:
         now = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -11,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from fit import runtime
-from fit.batch.cluster import RETRY
+from fit.batch.cluster import RETRY, WAITS
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
 from fit.batch.kept import has_fit, keep
 from fit.batch.store import Store, open_store, store_is_full
@@ -106,21 +107,28 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
         results.write(failure_name(job.key), json.dumps(record, indent=2).encode())
         return ended("failed", sentence)
-    _write_patiently(results, errand.result, result, job.patience)
+    write_patiently(results, errand.result, result, job.patience)
     errand.tidy()
     results.remove(failure_name(job.key))
     return ended(errand.done)
 
 
-def _write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:
-    """Write what took long to find, also into a bucket that is gone for a while."""
+def write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:
+    """Write what took long to find, also into a bucket that is gone or onto a disk that is full for a while.
+
+    The batch hears of it at once (`WAITS`), long before the patience [s] ends.
+    """
+    from distributed import get_worker
+
     deadline = time.monotonic() + patience
     while True:
         try:
             return keep(results, name, content)
-        except UnreachableError:
+        except UnreachableError as error:
             if time.monotonic() >= deadline:
                 raise
+            with contextlib.suppress(ValueError):  # no worker of dask runs this
+                get_worker().log_event(WAITS, str(error))
         time.sleep(RETRY)
 
 

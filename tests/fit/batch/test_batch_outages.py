@@ -159,10 +159,27 @@ class GoneTwice(Folder):
 
 def test_a_finished_fit_waits_for_a_bucket_that_is_gone_as_long_as_patience_lasts(tmp_path, monkeypatch):
     monkeypatch.setattr(worker, "RETRY", 0.0)
-    worker._write_patiently(GoneTwice(tmp_path), "fits/a.json", b"{}", patience=60.0)
+    worker.write_patiently(GoneTwice(tmp_path), "fits/a.json", b"{}", patience=60.0)
     assert (tmp_path / "fits/a.json").read_bytes() == b"{}"
     with pytest.raises(UnreachableError):
-        worker._write_patiently(GoneTwice(tmp_path), "fits/b.json", b"{}", patience=0.0)
+        worker.write_patiently(GoneTwice(tmp_path), "fits/b.json", b"{}", patience=0.0)
+
+
+def keeps_late(job):
+    """Finish a fit whose folder is not reached at first."""
+    results = open_store(job.results_url)
+    worker.write_patiently(GoneTwice(results.root), "fits/a.json", b"{}", patience=job.patience)
+    return Outcome(key=job.key, state="fitted")
+
+
+def test_a_batch_says_at_once_that_a_worker_waits_with_a_finished_result(takes, tmp_path):
+    found, told = survey(open_store(str(takes)), open_store(str(tmp_path)), Plan()), []
+    found.work = keeps_late
+    run(found, Workers(count=1, dashboard_port=0, patience=60.0), say=told.append)
+    assert not found.waiting
+    assert [line for line in told if not line.startswith("Dashboard")] == [
+        "fits/a.json.sha256: cannot be written; make room. Waiting for it to come back."
+    ]
 
 
 def test_an_outage_lasts_from_its_first_word_to_its_last_and_five_minutes_of_silence_end_it():

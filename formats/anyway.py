@@ -7,5 +7,5 @@ from typing import Annotated
 import typer
 
 Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Accept sizes, weights and times that no cloth, hanger or camera has.")
+    bool, typer.Option("--anyway", help="Accept sizes, weights, times and leaps that no cloth, hanger or camera has.")
 ]

@@ -201,7 +201,7 @@ def recover_takes(
 
     Of a file that holds several takes, as joined files do, the others become NAME.recovered-2.mcap and so on.
 
-    Exit code 2: nothing can be read from at least one; the others are recovered all the same.
+    Exit code 2: nothing can be read of at least one take; the others are recovered all the same.
     """
     from formats.errors import TakeError
     from formats.outputs import refuse_an_input, refuse_to_replace, unwritable
@@ -231,15 +231,16 @@ def recover_takes(
         for found in takes.each:
             if isinstance(found, TakeError):
                 _tell_lost(found)
+                all_read = False
             else:
                 try:
                     _recover(*found, free[-1], overwrite=overwrite, is_another=is_another)
                     free.pop()
                 except TakeError as error:
                     _tell_lost(error)
+                    all_read = False
             is_another = True
             del found  # before the next one is read
-        all_read &= len(free) < takes.count
     if not all_read:
         raise typer.Exit(2)
 

@@ -65,7 +65,10 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     except UnicodeDecodeError as error:
         name = encoding.removesuffix("-sig").upper()
         line = error.object[: error.start].count(b"\n") + 1
-        raise failure(f"is no text in {name} (at line {line})", where=path, advice="save it as UTF-8 text") from error
+        what, advice = f"is no text in {name} (at line {line})", "save it as UTF-8 text"
+        if b"\0" in raw:
+            what, advice = "is a binary file, and no TOML", "check the path: is it another file, or in another place?"
+        raise failure(what, where=path, advice=advice) from error
     if long := LONG_KEY.search(text):
         line = text.count("\n", 0, long.start()) + 1
         raise failure(f"has a key of twenty parts or more (at line {line})", where=path, advice="mend it")

@@ -70,7 +70,7 @@ def read_all(paths: Sequence[Path]) -> list[Compared]:
 
 
 def _is_take(path: Path) -> bool:
-    return path.suffix in (".mcap", ".partial")
+    return path.suffix in (".mcap", ".partial") and not path.is_dir()
 
 
 def compare(paths: Sequence[Path]) -> SideBySide:

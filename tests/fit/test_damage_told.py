@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import msgspec
@@ -62,8 +63,10 @@ def test_motion_under_a_damaged_take_says_so():
 
 def test_fits_and_takes_side_by_side_say_which_is_damaged(fitted, tmp_path):
     save_fit_result(tmp_path / "a.json", fitted)
-    save_fit_result(tmp_path / "b.json", a_fit())
-    done = hangtime_here("compare", "a.json", "b.json", "--out", "page.html", folder=tmp_path)
+    (tmp_path / "b.mcap").mkdir()  # a folder of results may be named after its take
+    save_fit_result(tmp_path / "b.mcap/fit.json", a_fit())
+    done = hangtime_here("compare", "a.json", "b.mcap", "--out", "page.html", folder=tmp_path)
+    shutil.rmtree(tmp_path / "b.mcap")
     assert done.stderr.count(LACKS) == 1
     assert (tmp_path / "page.html").read_text().count(LACKS) == 1
     write_take(tmp_path / "a.mcap", with_a_hole())

@@ -42,6 +42,7 @@ def test_a_field_has_the_line_of_its_key_or_else_of_its_table(field, line):
     ("raw", "says"),
     [
         (b"a = 1\nb = \xe9\n", "is no text in UTF-8 (at line 2)"),
+        (b"\x89MCAP0\r\n\x01\x00\xff", "is a binary file, and no TOML"),
         (b"a = 1\n" + b"b." * 30 + b"c = 1\n", "has a key of twenty parts or more (at line 2)"),
         (b"a = 1\nb = " + b"9" * 5000, "has a number of thousands of digits (at line 2)"),
         (b"a = 1\nb = [1,\n\n", "(at line 2, the last)"),

@@ -46,6 +46,7 @@ def measured():
         yield reading
 
 
+@pytest.mark.unmutated
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_hostile_file_costs_256_mb_and_2_s_at_most_and_the_take_in_it_is_read(name, raw, measured, tmp_path):
     path = tmp_path / "bomb.mcap"

@@ -125,7 +125,7 @@ def test_mutants(area: str, tests: list[str], patterns: list[str], processes: in
         "source_paths": [area.split("/")[0]],
         "only_mutate": [f"{area}/*"],
         "pytest_add_cli_args_test_selection": tests,
-        "pytest_add_cli_args": ["-m", "not slow", "-p", "no:cacheprovider"],
+        "pytest_add_cli_args": ["-m", "not slow and not unmutated", "-p", "no:cacheprovider"],
         "also_copy": [name for name in (*COPIED, "README.md") if name not in (area.split("/")[0], "tests")],
     }
     written = "".join(f"{name}=\n" + "".join(f"    {value}\n" for value in values) for name, values in lists.items())

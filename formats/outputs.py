@@ -172,10 +172,20 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
         check_garment(description, path)
     refuse_codes(path, msgspec.to_builtins(description))
     make_parent(path)
-    if path.exists():
-        with contextlib.suppress(DescriptionError):
-            if (load_rig(path) if isinstance(description, Rig) else load_garment(path)) == description:
-                return
+    if _says(path, description):
+        return
     if not overwrite:
         refuse_to_replace(path)
-    write_text(path, dump_description(description), overwrite=overwrite)
+    try:
+        write_text(path, dump_description(description), overwrite=overwrite)
+    except OutputError:
+        if not _says(path, description):  # another command may have written the same just now
+            raise
+
+
+def _says(path: Path, description: Garment | Rig) -> bool:
+    """Return whether a file is there that says what a description says."""
+    if path.exists():
+        with contextlib.suppress(DescriptionError):
+            return (load_rig(path) if isinstance(description, Rig) else load_garment(path)) == description
+    return False

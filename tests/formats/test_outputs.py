@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+
 import pytest
 
 from formats.errors import OutputError
-from formats.outputs import check_stem, output_folder
+from formats.outputs import check_stem, output_folder, write_description
+from formats.rig import Rig
 
 
 def interrupted(folder, *made):
@@ -45,3 +49,19 @@ def test_a_stem_of_names_is_not_empty_and_has_no_slash():
         assert str(refused.value) == f"--name: the name {name!r} is none that a file can have; give one without a slash"
     for name in ("swing", ".", "a b"):
         check_stem(name)
+
+
+def test_commands_that_write_one_description_at_once_all_go_on(tmp_path):
+    """Imports side by side into one folder; another description there is still refused."""
+    rig, together, commands = Rig(format="hangtime-rig/1", name="a", gravity=(0.0, 0.0, -1.0)), Barrier(6), range(6)
+
+    def write(folder):
+        together.wait()
+        write_description(tmp_path / folder / "rig.toml", rig, overwrite=False)
+
+    with ThreadPoolExecutor(len(commands)) as threads:
+        for folder in "abcdef":
+            list(threads.map(write, folder * len(commands)))
+    with pytest.raises(OutputError, match="is already there"):
+        write_description(tmp_path / "a/rig.toml", Rig(format="hangtime-rig/1", name="b", gravity=(0.0, 0.0, -1.0)),
+                          overwrite=False)  # fmt: skip

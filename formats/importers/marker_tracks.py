@@ -68,7 +68,8 @@ def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
+    numbers = ",".join(["%.6f"] * (1 + flat.shape[1])) + "\n"  # in one step: a step a number takes five times as long
     for time, row in zip(tracks.time, flat, strict=True):
-        writer.writerow([f"{time:.6f}", *("" if np.isnan(value) else f"{value:.6f}" for value in row)])
+        text.write((numbers % (time, *row.tolist())).replace("nan", ""))
     write_text(path, text.getvalue(), overwrite=overwrite)
     return path

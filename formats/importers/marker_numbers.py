@@ -19,6 +19,7 @@ WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
+LINES_BEFORE = 8  # in which digits are counted: numbers without their last zeros differ in one of ten places
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
 GAP_WORDS = {
@@ -50,7 +51,7 @@ def read_frames(
     for begin in range(0, len(rows), LINES_AT_ONCE):
         some = rows[begin : begin + LINES_AT_ONCE]
         for k, row in enumerate(some):
-            _refuse_a_wrong_line(some, k, row, width, path, is_exact=is_exact)
+            _refuse_a_wrong_line(rows, begin + k, row, width, path, is_exact=is_exact)
             cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
             try:
                 numbers[k, :width] = _row(cells)
@@ -66,10 +67,14 @@ def read_frames(
 
 def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: Path, *, is_exact: bool) -> None:
     """Refuse a line with other cells than its header promises."""
-    if len(row) == width:
+    is_last = rows.is_cut and at == len(rows) - 1
+    if len(row) == width and not is_last:
         return
     number = rows.numbers[at]
-    if rows.is_cut and at == len(rows) - 1 and len(row) < width:
+    if len(row) == width:
+        _refuse_a_cut_number(rows, at, row, width, path)
+        return
+    if is_last and len(row) < width:
         raise TakeError(
             f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
             advice="it is cut off: copy or export it again",
@@ -86,11 +91,8 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
         )  # fmt: skip
     if is_exact:
         raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
-    if len(row) < width and _is_cut(row):
-        raise TakeError(
-            f"line {number} ends within a number, after {len(row)} of its {width} cells", where=path,
-            advice="the line is cut off: copy or export the file again",
-        )  # fmt: skip
+    if len(row) < width:
+        _refuse_a_cut_number(rows, at, row, width, path)
     if any(cell.strip() for cell in row[width:]):
         raise TakeError(
             f"line {number} has {len(row)} cells, the header names {width}", where=path,
@@ -98,14 +100,31 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
         )  # fmt: skip
 
 
-def _is_cut(row: list[str]) -> bool:
-    """Return whether the last cell of a row lacks digits behind its point that all other places of the row have.
+def _refuse_a_cut_number(rows: Rows, at: int, row: list[str], width: int, path: Path) -> None:
+    """Refuse a line that ends within a number, which would be another one."""
+    if _is_cut(rows, at, row):
+        raise TakeError(
+            f"line {rows.numbers[at]} ends within a number, after {len(row)} of its {width} cells", where=path,
+            advice="the line is cut off: copy or export the file again",
+        )  # fmt: skip
+
+
+def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
+    """Return whether the last cell of a row lacks digits behind its point that all other places have.
 
     Many programs write every place with as many digits. A cell without some of them was cut, and its number is
-    another one. The first two cells are a frame's number and time.
+    another one. A program that leaves out zeros shows in the lines before. The first two cells are a frame's number
+    and time.
     """
-    written = {count for cell in row[2:-1] if (count := _digits(cell))}
-    return len(written) == 1 and bool(row[-1].strip()) and _digits(row[-1]) < min(written)
+    last = row[-1].strip()
+    if len(row) < 3 or not last or (last != "-" and last.lower().lstrip("+-") in GAP_WORDS):
+        return False
+    digits = _digits(last)
+    if any(0 < count <= digits for count in map(_digits, row[2:-1])):
+        return False
+    before = [cell for k in range(max(at - LINES_BEFORE, 0), at) for cell in rows[k][2:]]
+    written = {count for cell in [*row[2:-1], *before] if (count := _digits(cell))}
+    return len(written) == 1 and digits < min(written)
 
 
 def _digits(cell: str) -> int:
@@ -121,6 +140,8 @@ def _row(cells: list[str]) -> Floats:
     """
     text = "".join(cells)
     if "," in text:
+        if "." in text:
+            _refuse_two_points(cells)
         text, cells = text.replace(",", "."), [cell.replace(",", ".") for cell in cells]
     if text.isascii() and not text.encode().translate(None, PLAIN):
         with contextlib.suppress(ValueError):
@@ -128,6 +149,18 @@ def _row(cells: list[str]) -> Floats:
             if not np.isinf(numbers).any():
                 return numbers
     return np.array([number_of(cell) for cell in cells])
+
+
+def _refuse_two_points(cells: list[str]) -> None:
+    """Refuse cells of which some have a decimal point and some a comma: one of them parts thousands.
+
+    Raises:
+        ValueError: names one of each.
+    """
+    numbers = [cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip().replace(",", "."))]
+    point, comma = (next((cell for cell in numbers if sign in cell), "") for sign in ".,")
+    if point and comma:
+        raise ValueError(f"{comma[:LONGEST_SHOWN]!r} beside {point[:LONGEST_SHOWN]!r}")
 
 
 def number_of(cell: str) -> float:

@@ -16,7 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.marker_lines import CAN_BE_READ, COMMENT, TRAJECTORIES, Rows, read_lines
+from formats.importers.marker_lines import (
+    CAN_BE_READ,
+    COMMENT,
+    LINES_OF_VICON_HEAD,
+    TRAJECTORIES,
+    Rows,
+    read_lines,
+)
 from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.units import AXES, metres_of
@@ -160,6 +167,11 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"line {section.numbers[count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
             where=path, advice="mend that line",
         )  # fmt: skip
+    if behind and _goes_on(section[count + 1 : count + 1 + LINES_OF_VICON_HEAD]):
+        raise TakeError(
+            f"line {section.numbers[count]} begins with {behind[0].strip()[:LONGEST_SHOWN]!r}, and frames follow it",
+            where=path, advice="take that line out, or mend its number",
+        )  # fmt: skip
     if (second := _second_trajectories(section[count:])) is not None:
         raise TakeError(
             f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
@@ -167,6 +179,12 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         )  # fmt: skip
     first, places = read_frames(body, len(kinds), at, metres, path)
     return MarkerTracks(_names(labels, path), first[:, 0] / rate, places)
+
+
+def _goes_on(rows: Rows) -> bool:
+    """Return whether frames follow a line that is none. The title of another section has its frame rate below it."""
+    is_section = bool(rows) and _cell(rows[0], 0) != "" and not any(cell.strip() for cell in rows[0][1:])
+    return not is_section and any(row[0].strip().isdigit() and _cell(row, 1).isdigit() for row in rows)
 
 
 def _second_trajectories(rows: Rows) -> int | None:

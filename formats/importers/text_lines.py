@@ -91,7 +91,7 @@ def _lines(pieces: Iterator[str], path: Path) -> TextLines:
     for piece in pieces:
         lines = piece.splitlines(keepends=True)
         first.append(first[-1] + len(lines))
-        is_cut = not piece.endswith(("\n", "\r"))
+        is_cut = lines[-1].splitlines() == lines[-1:]
         if first[-1] <= MOST_LINES:
             kept.append(piece)
     if first[-1] > MOST_LINES:

@@ -1,0 +1,71 @@
+"""Numbers that are cut, and lines that end a table early, are refused; honest lines of the same look are read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from tests.formats.test_marker_tables import read
+
+HEAD = "time_s,a_x_m,a_y_m,a_z_m,b_x_m,b_y_m,b_z_m\n"
+TRC = (
+    "PathFileType\t4\t(X/Y/Z)\tf.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n100\t100\t30\t2\tmm\n"
+    "Frame#\tTime\ta\t\t\tb\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n"
+)
+VICON = "Trajectories\n100\n,,a,,,b,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"
+FRAMES = [f"{k + 1},0,1.5,2.5,3.5,4.5,5.5,{k}.25\n" for k in range(30)]
+
+
+def own(frames: int = 30) -> str:
+    return HEAD + "".join(f"{k / 100:.3f},0.11111,0.22222,0.33333,0.44444,0.55555,-1.23456\n" for k in range(frames))
+
+
+@pytest.mark.parametrize("lost", range(2, 9))
+def test_a_last_number_that_is_cut_is_refused(tmp_path, lost):
+    with pytest.raises(TakeError, match="line 31 ends within a number, after 7 of its 7 cells"):
+        read(tmp_path, own()[:-lost], "m", "own.csv")
+
+
+def test_a_last_line_without_an_end_is_read(tmp_path):
+    assert read(tmp_path, own()[:-1], "m", "own.csv").positions[-1, 1, 2] == -1.23456
+    dropped = HEAD + "".join(f"{k},{k / 64},1.25,1.25,1.25,1.25,{k / 8}\n" for k in range(25))  # 3.0 has one digit
+    assert read(tmp_path, dropped[:-1], "m", "own.csv").positions[-1, 1, 2] == 3.0
+
+
+@pytest.mark.parametrize("last", ["3.5", "nan"])
+def test_a_line_without_its_last_cells_may_end_in_fewer_digits(tmp_path, last):
+    """The lines before show that this program writes no zeros at the end, or a word is no number at all."""
+    rows = [f"{k}\t{k / 100}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t6.5\n" for k in range(29)]
+    found = read(tmp_path, TRC + "".join(rows) + f"30\t0.29\t1.25\t2.25\t{last}\n", None, "a.trc")
+    assert np.isnan(found.positions[-1, 1]).all()
+    assert found.positions.shape == (30, 2, 3)
+
+
+@pytest.mark.parametrize(
+    "line", ["# a note\n", "# a note,,,,,,,\n", ",,1,2,3,4,5,6\n", "".join(VICON.splitlines(keepends=True)[2:])]
+)
+def test_a_line_among_the_frames_of_vicon_does_not_end_them(tmp_path, line):
+    with pytest.raises(TakeError, match=r"line 21 begins with .*, and frames follow it"):
+        read(tmp_path, VICON + "".join(FRAMES[:15]) + line + "".join(FRAMES[15:]), None, "v.csv")
+
+
+@pytest.mark.parametrize("title", ["Model Outputs", "Model Outputs,,,,,,,"])
+def test_another_section_of_vicon_ends_the_frames(tmp_path, title):
+    other = f"\n{title}\n" + VICON.partition("\n")[2] + "".join(FRAMES[:5])
+    assert len(read(tmp_path, VICON + "".join(FRAMES) + other, None, "v.csv").time) == 30
+    assert len(read(tmp_path, VICON + "".join(FRAMES) + "made by hand\n\n", None, "v.csv").time) == 30
+
+
+@pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
+def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
+    """One of them parts thousands: the place is 1002."""
+    with pytest.raises(TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*', which is no number"):
+        read(tmp_path, TRC + f"1\t{time}\t998\t{place}\t5\t999\t998\t1\n" * 30, None, "a.trc")
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n", "\x85", "\u2028"])
+def test_any_end_of_a_line_ends_the_last_one(tmp_path, end):
+    rows = [f"{k}\t{k / 100}\t1.25\t2.25\t3.25\t4.5\t5.5\t6.5\n" for k in range(29)]
+    text = TRC + "".join(rows) + "30\t0.29\t1.25\t2.25\t3.25\n"
+    assert np.isnan(read(tmp_path, text.replace("\n", end), None, "a.trc").positions[-1, 1]).all()

@@ -37,7 +37,7 @@ class TextLines(Sequence[str]):
         - `numbers`: of the lines that are held
         """
         self._pieces, self._first, self._numbers, self.is_cut = pieces, first, numbers, is_cut
-        self._begin, self._cut = 0, list[str]()
+        self._lines = dict[int, list[str]]()  # of the piece that was looked at last
 
     def __len__(self) -> int:
         return len(self._numbers)
@@ -49,16 +49,19 @@ class TextLines(Sequence[str]):
     def __getitem__(self, place: int | slice) -> str | TextLines:
         """Return one line, or some of the lines."""
         if isinstance(place, slice):
-            return TextLines(self._pieces, self._first, self._numbers[place], is_cut=self.is_cut)
+            return self.at(self._numbers[place])
         number = self._numbers[place]
-        if not self._begin <= number < self._begin + len(self._cut):
-            piece = bisect_right(self._first, number) - 1
-            self._begin, self._cut = self._first[piece], self._pieces[piece].splitlines()
-        return self._cut[number - self._begin]
+        piece = bisect_right(self._first, number) - 1
+        if piece not in self._lines:
+            self._lines.clear()
+            self._lines[piece] = self._pieces[piece].splitlines()
+        return self._lines[piece][number - self._first[piece]]
 
     def at(self, numbers: Sequence[int]) -> TextLines:
         """Return the lines of these numbers, counted from 0."""
-        return TextLines(self._pieces, self._first, numbers, is_cut=self.is_cut)
+        some = TextLines(self._pieces, self._first, numbers, is_cut=self.is_cut)
+        some._lines = self._lines  # short lines are looked at in many parts of one piece
+        return some
 
 
 def read_text_lines(path: Path) -> TextLines:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -77,3 +79,12 @@ def test_decimal_commas_in_quotation_marks_are_read(tmp_path):
     assert found.time.tolist() == [0.5]
     assert found.positions.tolist() == [[[1.25, 2, 3.5], [4, 5, 6]]]
     assert np.isfinite(found.positions).all()
+
+
+def test_many_parts_of_short_lines_are_cut_once(tmp_path):
+    """Each part cut the whole piece again: these took 10 s."""
+    (tmp_path / "a.csv").write_text("0.5,1,2,3\n" * 20_000)
+    lines = read_text_lines(tmp_path / "a.csv")
+    begin = time.process_time()
+    assert [lines[k : k + 1][0] for k in range(len(lines))] == ["0.5,1,2,3"] * 20_000
+    assert time.process_time() - begin < 1

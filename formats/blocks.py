@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
+from formats.table_memory import AT_ONCE
 
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
 TICKS = 10**6  # a second
@@ -127,12 +128,20 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
             refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}", "give one of these")
 
 
-def cut_into_blocks(time: Floats, seconds: float) -> Integers:
-    """Return how many frames each block holds: it ends with the frame that reaches `seconds`, or before a gap."""
+def most_rows(points: int) -> int:
+    """Return how many frames a block of so many points holds at most, so that a reader can decode it with others."""
+    return max(min(MOST_ROWS, AT_ONCE // sum(widths(points).values())), 1)
+
+
+def cut_into_blocks(time: Floats, seconds: float, most: int = MOST_ROWS) -> Integers:
+    """Return how many frames each block holds: it ends with the frame that reaches `seconds`, or before a gap.
+
+    most: frames of a block
+    """
     rows, start = [], 0
     while start < len(time):
         end = int(np.searchsorted(time, time[start] + seconds)) + 1
-        end = min(end, len(time), start + MOST_ROWS)
+        end = min(end, len(time), start + most)
         if end - start > 1 and time[end - 1] - time[start] >= 2 * seconds:
             end -= 1
         rows.append(end - start)

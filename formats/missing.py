@@ -55,7 +55,7 @@ def doubts_of(take: Take) -> list[str]:
     doubts = [take.notes[name] for name in DOUBTS if name in take.notes]
     if take.other_blocks:
         found = counted(take.other_blocks, "block")
-        doubts.append(f"{found} of another take in its file are left out; `hangtime takes recover` saves each take")
+        doubts.append(f"{found} of other takes in its file are left out; `hangtime takes recover` saves each take")
     return doubts
 
 

@@ -124,6 +124,10 @@ def _refuse_no_text(raw: bytes, where: object) -> None:
             f"is text in {encoding[:6].upper()}, and a result is UTF-8", where=where,
             advice="save it as UTF-8, or copy it from where it was made",
         )  # fmt: skip
+    if b"\0" in raw and not raw.lstrip(b"\xef\xbb\xbf\r\n\t ").startswith(b"{"):
+        raise ResultError(
+            "is a binary file, and no result", where=where, advice="give the folder or the .json of a fit or diagnosis"
+        )
     if b"\0" in raw:
         raise ResultError(
             "holds zero bytes within its text: it is damaged", where=where, advice="copy it again, or make it again"

@@ -20,10 +20,13 @@ def is_number(value: object, least: int, most: int) -> bool:
     return type(value) is int and least <= value <= most
 
 
-def in_order(blocks: list[Message], version: int) -> tuple[list[Message], int]:
-    """Return the blocks of one take by their first frame, and how many others there were; a copy is no damage."""
+def in_order(blocks: list[Message], version: int) -> tuple[list[Message], int, bool]:
+    """Return the blocks of one take by their first frame, and how many others there were; a copy is no damage.
+
+    The third value says whether two sound blocks begin with one frame and differ. Then two takes have one header.
+    """
     found: dict[int, Message] = {}
-    strange = 0
+    strange, is_mixed = 0, False
     for block in blocks:
         holds = (
             is_number(block["first"], 0, 2**40)
@@ -31,9 +34,10 @@ def in_order(blocks: list[Message], version: int) -> tuple[list[Message], int]:
             and is_number(block.get("start"), -LATEST, LATEST)
             and (version == 1 or _is_table(block))
         )
-        if not holds or found.setdefault(block["first"], block) != block:
-            strange += 1
-    return [found[first] for first in sorted(found)], strange
+        differs = holds and found.setdefault(block["first"], block) != block
+        is_mixed |= differs
+        strange += differs or not holds
+    return [found[first] for first in sorted(found)], strange, is_mixed
 
 
 def _is_table(block: Message) -> bool:
@@ -96,7 +100,8 @@ def _within_reach(columns: Columns, blocks: list[Message]) -> tuple[Columns, lis
     """Leave out blocks with a place that no writer stores, as it lies too far away."""
     if not blocks:
         return columns, blocks
-    is_far = np.any([(np.abs(columns[name]) > FARTHEST_PLACE).any((1, 2)) for name in ("held", "markers", "points")], 0)
+    most = FARTHEST_PLACE + PLACE_STEPS.max()  # steps are not exact in binary
+    is_far = np.any([(np.abs(columns[name]) > most).any((1, 2)) for name in ("held", "markers", "points")], 0)
     rows = np.array([block["frames"] for block in blocks])
     bad = np.logical_or.reduceat(is_far, np.cumsum(rows) - rows)
     if not bad.any():

@@ -12,9 +12,17 @@ import msgpack
 from formats.take_writer import MOST_HEADER_BYTES, binding_of
 
 MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; ten hours lack 18,000 spans at most
-FEW_CONTAINERS, FEW_ENTRIES = 16, 64  # of another message: it has a map and a list, and at most 17 entries
+# Of another message: it has a map of at most 17 entries, and a list of two.
+FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
-FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
+FORMAT_1, FIRST_BYTES = FORMAT_KEY + b"\xafhangtime-take/1", 200  # which are among the first bytes of its header
+# Of all that a reader looks at in blocks, scans and ends of both versions. Others would take twenty times their bytes.
+FIELDS = {
+    "take", "first", "frames", "start", "steps", "table", "surface", "grid_size", "contour_size", "grid", "contour",
+    "blocks", "scans", "from", "until", "time", "state", "quality", "pitch", "pitch_valid", "markers", "markers_valid",
+    "held", "held_sd", "held_valid", "points", "points_sd", "points_valid", "points_hidden", "grid_valid",
+    "contour_valid",
+}  # fmt: skip
 
 
 class Message(dict[str, Any]):
@@ -23,7 +31,7 @@ class Message(dict[str, Any]):
     __slots__ = ("own",)
 
     def __init__(self, content: dict[str, Any], own: int) -> None:
-        super().__init__(content)
+        super().__init__({name: content[name] for name in content.keys() & FIELDS})
         self.own = own
 
 
@@ -37,6 +45,9 @@ class Parts:
 
     def __len__(self) -> int:
         return len(self.blocks) + len(self.scans) + len(self.ends)
+
+    def __add__(self, other: Parts) -> Parts:
+        return Parts(self.blocks + other.blocks, self.scans + other.scans, self.ends + other.ends)
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,7 @@ class Contents:
     """The messages of a file.
 
     - `headers`: the bytes of each, by the hash that binds the other messages to it; nobody has looked at them
-    - `parts`: by that hash, None where a message names none: those of version 1
+    - `parts`: by that hash, None where a message names none and no header of version 1 is there
     - `damaged`: messages that are of no kind
     """
 
@@ -69,24 +80,16 @@ class Contents:
         parts = [self.of(key) for key in bindings]
         return Count(sum(len(part) for part in parts), sum(len(part.blocks) for part in parts))
 
-    def key_of(self, binding: bytes) -> bytes | None:
-        """Return the hash that messages of a header's take name; those of version 1 name none."""
-        return None if FORMAT_1 in self.headers[binding][:200] else binding
-
-    def takes(self) -> dict[bytes | None, bytes]:
-        """Return the takes that have blocks, by what their messages name: the hash of each one's first header."""
-        found: dict[bytes | None, bytes] = {}
-        for binding in self.headers:
-            if self.of(key := self.key_of(binding)).blocks:
-                found.setdefault(key, binding)
-        return found
+    def takes(self) -> list[bytes]:
+        """Return the takes that have blocks, in the order of their first headers."""
+        return [binding for binding in self.headers if self.of(binding).blocks]
 
     def by_preference(self) -> Iterator[bytes]:
         """Yield the takes: the finished ones, then those of most blocks, of as many the last one first."""
-        parts = {key: self.of(self.key_of(key)) for key in self.headers}
-        yield from (key for key, part in parts.items() if _is_finished(part))
-        rest = [key for key in reversed(parts) if not _is_finished(parts[key])]
-        yield from sorted(rest, key=lambda key: -len(parts[key].blocks))
+        finished = {key: _is_finished(self.of(key)) for key in self.headers}
+        yield from (key for key, is_finished in finished.items() if is_finished)
+        rest = [key for key in reversed(finished) if not finished[key]]
+        yield from sorted(rest, key=lambda key: -len(self.of(key).blocks))
 
 
 _NOTHING = Parts()
@@ -95,25 +98,29 @@ _NOTHING = Parts()
 def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callable[[int], None]) -> Contents:
     """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
 
+    Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
+
     - messages: the data of each, and its share of the file [bytes]
     - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
-    header = b""
+    header, first, last = b"", None, None  # the last two: of version 1
     for data, own in messages:
         if data == header:
             take_for_copy(len(data))
             continue
-        content = _unpacked(data, FEW_CONTAINERS, FEW_ENTRIES)
+        content = _unpacked(data, FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST)
         if content is None and len(data) <= MOST_HEADER_BYTES and FORMAT_KEY in data:
             content = {"format": None}
         if not isinstance(content, dict):
             contents.damaged += 1
             continue
         if "format" in content:
-            header = contents.headers.setdefault(binding_of(data), data)
+            header = contents.headers.setdefault(binding := binding_of(data), data)
+            if FORMAT_1 in data[:FIRST_BYTES]:
+                first, last = first or binding, binding
             continue
-        take = content.get("take")
+        take = content.get("take", last)
         if take is None or type(take) is bytes:
             parts = contents.parts[take]
             if "surface" in content:
@@ -126,16 +133,18 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
                 parts.ends.append(Message(content, own))
                 continue
         contents.damaged += 1
+    if first is not None and None in contents.parts:
+        contents.parts[first] = contents.parts.pop(None) + contents.of(first)
     return contents
 
 
 def header_of(data: bytes) -> dict[str, Any] | None:
     """Return the content of a header, None where it is malformed or has too many parts."""
-    content = _unpacked(data, MOST_CONTAINERS, len(data)) if len(data) <= MOST_HEADER_BYTES else None
+    content = _unpacked(data, MOST_CONTAINERS, len(data), len(data)) if len(data) <= MOST_HEADER_BYTES else None
     return content if isinstance(content, dict) and "format" in content else None
 
 
-def _unpacked(data: bytes, containers: int, entries: int) -> Any:
+def _unpacked(data: bytes, containers: int, entries: int, items: int) -> Any:
     """Return the content of a message, None where it is malformed or has too many maps and lists, or too large ones."""
     count = 0
 
@@ -148,7 +157,7 @@ def _unpacked(data: bytes, containers: int, entries: int) -> Any:
 
     try:
         return msgpack.unpackb(
-            data, object_hook=counted, list_hook=counted, max_ext_len=0, max_map_len=entries, max_array_len=entries
+            data, object_hook=counted, list_hook=counted, max_ext_len=0, max_map_len=entries, max_array_len=items
         )
     except (ValueError, msgpack.exceptions.UnpackException, RecursionError):
         return None

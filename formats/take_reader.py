@@ -20,6 +20,7 @@ from formats.take_report import TakeReport
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
+MIXED = "two takes have the same header here, and their seconds may be mixed"
 IMPOSSIBLE_SPANS = "its header names missing times that cannot be"
 MOST_TAKES = 50  # that are read of one file: more than anyone joins
 COPY = "copy it again from where it was recorded"
@@ -128,8 +129,7 @@ class _Archive:
         self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.take_for_copy)
         self._memory = TableMemory()
         self._all = self._contents.counted(self._contents.parts)
-        # Those of takes whose headers are there.
-        self._named = self._contents.counted({self._contents.key_of(binding) for binding in self._contents.headers})
+        self._named = self._contents.counted(self._contents.headers)  # of takes whose headers are there
         self._takes = self._contents.takes()
         self._without = len(self._contents.headers) - len(self._takes)  # headers without blocks of their own
 
@@ -140,8 +140,7 @@ class _Archive:
     def every(self) -> EveryTake:
         """Return all takes: the one that is read where one is asked for, then the others in the order of the file."""
         chosen, _ = self._chosen()
-        key = self._contents.key_of(chosen)
-        takes = [chosen, *(binding for other, binding in self._takes.items() if other != key)]
+        takes = [chosen, *(binding for binding in self._takes if binding != chosen)]
         return EveryTake(len(takes), self._each(takes))
 
     def _each(self, takes: list[bytes]) -> Iterator[tuple[Take, TakeReport] | TakeError]:
@@ -171,13 +170,13 @@ class _Archive:
     def _read(self, binding: bytes, header: dict[str, Any]) -> tuple[Take, TakeReport]:
         rig, garment, words = described(header, self._where)
         version = int(header["format"].partition("/")[2])
-        parts, findings = self._contents.of(self._contents.key_of(binding)), self._findings
+        parts, findings = self._contents.of(binding), self._findings
         other_blocks = self._named.blocks - len(parts.blocks)
         strange_ends = [end for end in parts.ends if not is_end(end, version)]
         ends = [end for end in parts.ends if is_end(end, version)]
         nameless = self._all.messages - self._named.messages
         damaged = findings.damaged + self._contents.damaged + nameless + len(strange_ends)
-        blocks, strange = in_order(parts.blocks, version)
+        blocks, strange, is_mixed = in_order(parts.blocks, version)
         before = self._memory.left_out
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
         unread = findings.left_packed + self._memory.left_out - before
@@ -199,9 +198,11 @@ class _Archive:
         is_complete = end is not None and not missing_frames and len(kept) == end["blocks"]
         earlier = tuple(possible_spans(words.missing, columns["time"]))
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
+        doubts += [MIXED] * is_mixed
+        notes = words.notes | ({"file": MIXED} if is_mixed else {})
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
-            notes=words.notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
+            notes=notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
             missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
         )  # fmt: skip
         return take, TakeReport(

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
-from formats.blocks import MOST_ROWS, Columns, Frame, check_columns, cut_into_blocks, encode_blocks, widths
+from formats.blocks import Columns, Frame, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
 from formats.chunks import Findings, messages_in
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
@@ -70,6 +70,7 @@ class TakeWriter:
         check_rig(rig, take_id)
         check_garment(garment, take_id)
         self._points, self._take_id = len(garment.points), take_id
+        self._most_rows = most_rows(self._points)
         header = {
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
             "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
@@ -124,7 +125,7 @@ class TakeWriter:
             start = frame.time
         self._waiting.append(columns)
         self._last_time = frame.time
-        if frame.time - start >= BLOCK_SECONDS or len(self._waiting) >= MOST_ROWS:
+        if frame.time - start >= BLOCK_SECONDS or len(self._waiting) >= self._most_rows:
             self._flush()
 
     def append_columns(self, columns: Columns) -> None:
@@ -137,7 +138,7 @@ class TakeWriter:
         self._check(columns)
         if self._first_time == -np.inf:
             self._first_time = float(columns["time"][0])
-        rows = cut_into_blocks(columns["time"], BLOCK_SECONDS)
+        rows = cut_into_blocks(columns["time"], BLOCK_SECONDS, self._most_rows)
         each = max(WRITTEN_AT_ONCE // sum(widths(self._points).values()), 1)
         ends = np.cumsum(rows)
         for of_batch in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(ends // each)) + 1):

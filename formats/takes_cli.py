@@ -263,10 +263,11 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     told = f"missing: {lost}" if lost else "nothing is missing"
     told += f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
     told += f"; {_unread(report)}" if report.unread_blocks else ""
+    told += "".join(f"; {doubt}" for doubt in report.doubts)
     of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
     tell_entry(
         "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), take_id=take.take_id,
-        frames=len(take.time), missing=lost, lost_scans=report.missing_scans,
+        frames=len(take.time), missing=lost, lost_scans=report.missing_scans, doubts=list(report.doubts),
     )  # fmt: skip
 
 
@@ -303,7 +304,7 @@ def export_takes(
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
-    from formats.missing import missing_words
+    from formats.missing import doubts_of, missing_words
     from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
     from formats.plain_text import counted, plain
 
@@ -329,9 +330,11 @@ def export_takes(
             write_parquet(out, [take for take, _ in read.values()], overwrite=overwrite)
             lacking = {str(path): words for path, one in read.items() if (words := _lacks(*one))}
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
+            doubts = {str(path): found for path, (take, _) in read.items() if (found := doubts_of(take))}
+            told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubts.items() for doubt in found)
             tell(
                 f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
-                incomplete=lacking,
+                incomplete=lacking, doubts=doubts,
             )  # fmt: skip
         end_with(lost, len(paths))
         return
@@ -345,10 +348,11 @@ def export_takes(
                 continue
             told = f"; {moved}" if moved else ""
             told += f"; the take {words}" if (words := _lacks(take, report)) else ""
+            told += "".join(f"; {doubt}" for doubt in doubts_of(take))
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
-                other_takes=report.other_takes, moved=moved or None,
+                doubts=doubts_of(take), moved=moved or None,
             )  # fmt: skip
         end_with(lost, len(paths))
 
@@ -369,9 +373,8 @@ def end_with(lost: dict[Path, TakeError], asked: int) -> None:
 
 
 def _lacks(take: Take, report: TakeReport) -> str:
-    """Return a sentence about what an export of a take lacks; nothing of a whole one that is alone in its file."""
+    """Return a sentence about the missing parts of a take; nothing of a whole one."""
     from formats.missing import incomplete_words
 
     scans = f"lacks {_lost_scans(report)}" if report.missing_scans else ""
-    others = f"stands beside {_of_another(report)}, which are left out" if report.other_takes else ""
-    return " and ".join(filter(None, [incomplete_words(take), scans, others]))
+    return " and ".join(filter(None, [incomplete_words(take), scans]))

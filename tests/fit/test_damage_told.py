@@ -114,7 +114,7 @@ def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp
     other = write_take(tmp_path / "b.mcap", replace(a_take(), take_id="b")).read_bytes()
     (tmp_path / "both.mcap").write_bytes(alone + other)
     joined = read_take(tmp_path / "both.mcap")
-    beside = "Warning: the take a: 5 blocks of another take in its file are left out; `hangtime takes"
+    beside = "Warning: the take a: 5 blocks of other takes in its file are left out; `hangtime takes"
     assert [doubt.startswith(beside) for doubt in describe_doubts([joined, a_take()])] == [True]
     doubted = replace(a_take(), notes={"clock": "its clocks differ", "who": "me", "file": "lacks frames"})
     assert describe_doubts([doubted]) == [
@@ -124,6 +124,7 @@ def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp
     assert any(remark.startswith(beside) for remark in remarks_on_take(of_other, joined))
     told = hangtime_here("takes", "export", "both.mcap", "b.mcap", "--to", "csv", "--out", ".", folder=tmp_path).stdout
     assert told.splitlines() == [
-        "both.csv: 150 frames; the take stands beside 5 blocks of another take in this file, which are left out",
+        "both.csv: 150 frames; 5 blocks of other takes in its file are left out; "
+        "`hangtime takes recover` saves each take",
         "b.csv: 150 frames",
     ]

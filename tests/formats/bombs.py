@@ -9,6 +9,7 @@ from functools import cache
 import msgpack
 import numpy as np
 
+from formats.chunks import LARGEST_CHUNK
 from formats.integers import encode_tables
 from formats.take_writer import binding_of
 from tests.formats.damage import chunk_of, chunk_of_records, chunks_of
@@ -292,3 +293,21 @@ def places_beyond_a_kilometre(raw: bytes) -> bytes:
     values[:, 0], values[:, 6:12], values[1:, 24:36] = 30_000 * np.arange(n), 2**31 - 1, -(2**31) + 1
     far = {**block, "frames": n, "table": encode_tables(values, np.array([n]))[0]}
     return among(raw, b"".join(chunk_of({**far, "first": 10**4 + n * k, "start": 10**9 + k}) for k in range(10)))
+
+
+@bomb
+def blocks_of_unknown_fields(raw: bytes) -> bytes:
+    """Each field holds a list or a map of short strings, which take twenty times their bytes."""
+    words = [f"{k:02d}" for k in range(60)]
+    unknown = {f"u{k}": words if k % 2 else dict.fromkeys(words, "ab") for k in range(14)}
+    content = {**blocks_of(raw)[0], **unknown, "table": b"", "take": binding(raw)}
+    part = msgpack.packb(content)
+    record = struct.pack("<BQHIQQ", 5, 22 + len(part), 1, 0, 0, 0) + part
+    return among(raw, chunk_of_records(record * (LARGEST_CHUNK // len(record))) * 4)
+
+
+@bomb
+def thousands_of_headers_of_version_1(raw: bytes) -> bytes:
+    headers = [header_of(raw, format="hangtime-take/1", take_id=f"t{k}") for k in range(3000)]
+    ends = [{"frames": 10, "blocks": 10 + k} for k in range(3000)]
+    return among(raw, b"".join(chunk_of(part) for part in [*headers, *ends]))

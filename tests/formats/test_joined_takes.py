@@ -137,3 +137,41 @@ def test_of_hundreds_of_takes_in_one_file_fifty_are_written(pair, tmp_path):
     assert done.returncode == 2
     assert lines[-1] == "lost: c.mcap: holds 1501 takes, of which 50 are read; cut the file into several"
     assert len(list((tmp_path / "out").iterdir())) == 50
+
+
+def test_blocks_of_version_1_belong_to_the_header_before_them(pair, tmp_path):
+    """They name no take: of two joined takes, a lost block of the first one is not filled from the second."""
+    first = (VECTORS / "version-1.mcap").read_bytes()
+    second = b"".join(
+        chunk_of({**content, "take_id": "other"}) if "format" in content else first[begin:end]
+        for begin, end, content in chunks_of(first)
+    )
+    blocks = [(begin, end) for begin, end, content in chunks_of(first) if "first" in content]
+    begin, end = blocks[1]
+    done, lines = recovered(tmp_path, first[:begin] + first[end:] + second)
+    whole = take_of(first, "first")
+    assert done.returncode == 0
+    assert len(read_take(tmp_path / "c.recovered.mcap").time) < len(whole.time)
+    assert not read_take(tmp_path / "c.recovered.mcap").is_complete
+    other = read_take(tmp_path / "c.recovered-2.mcap")
+    assert (other.take_id, other.is_complete) == ("other", True)
+    np.testing.assert_array_equal(other.points, whole.points)
+    assert "of another take in this file, other, nothing is missing" in lines[1]
+
+
+def test_blocks_of_version_1_before_its_first_header_are_read(tmp_path):
+    first = (VECTORS / "version-1.mcap").read_bytes()
+    begin, end, _ = next(chunk for chunk in chunks_of(first) if "format" in chunk[2])
+    (tmp_path / "a.mcap").write_bytes(first[:begin] + first[end:])
+    np.testing.assert_array_equal(read_take(tmp_path / "a.mcap").points, take_of(first, "first").points)
+
+
+def test_two_takes_of_one_header_are_never_mixed_without_a_word(pair, tmp_path):
+    moved = write_take(tmp_path / "b.mcap", replace(a_take(), points=a_take().points + 0.01)).read_bytes()
+    begin, end, _ = [chunk for chunk in chunks_of(pair[0]) if "table" in chunk[2]][2]
+    mixed = "two takes have the same header here, and their seconds may be mixed"
+    _, lines = recovered(tmp_path, pair[0][:begin] + pair[0][end:] + moved)
+    assert lines == [f"c.recovered.mcap: 150 frames, nothing is missing; {mixed}"]
+    assert mixed in hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
+    exported = hangtime_here("takes", "export", "c.recovered.mcap", "--to", "csv", "--out", ".", folder=tmp_path)
+    assert exported.stdout == f"c.recovered.csv: 150 frames; {mixed}\n"

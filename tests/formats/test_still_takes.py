@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from formats.archive import read_with_report, write_take
+from formats.blocks import most_rows
 from formats.garment import TrackedPoint
 from formats.table_memory import AT_ONCE, FREE_MEMORY, TableMemory
 from tests.fit.here import hangtime_here
@@ -34,6 +35,19 @@ def test_a_take_of_points_that_nobody_sees_is_read_whole_and_called_sound(tmp_pa
     write_take(tmp_path / "a.mcap", still(points, 30 * seconds))
     take, report = read_with_report(tmp_path / "a.mcap")
     assert (len(take.time), report.damaged_blocks, report.is_complete) == (30 * seconds, 0, True)
+
+
+def test_seconds_of_many_points_at_a_high_rate_are_cut_into_blocks_that_can_be_read(tmp_path):
+    """Smooth motion has few bytes too, and a block of more than 2^20 numbers has no memory beyond its bytes."""
+    at_rest = still(2000, 300)
+    time = np.arange(300) / 120
+    points = np.sin(time)[:, None, None] * np.linspace(0.1, 0.2, 6000).reshape(2000, 3) + 1.5
+    moving = replace(at_rest, time=time, points=points, points_valid=np.ones((300, 2000), bool))
+    write_take(tmp_path / "a.mcap", replace(moving, points_sd=np.full(points.shape, 0.002)))
+    take, report = read_with_report(tmp_path / "a.mcap")
+    assert (len(take.time), report.is_sound) == (300, True)
+    assert report.blocks == 300 // most_rows(2000) + 1
+    np.testing.assert_allclose(take.points, points, atol=5.1e-5)
 
 
 def test_blocks_that_need_more_memory_are_left_out_with_the_reason_and_not_called_damaged(tmp_path, monkeypatch):

@@ -85,20 +85,23 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
         ]}),
         ("takes verify takes/a.mcap", 0, {"takes": [{"file": "takes/a.mcap", **VERIFY, **SOUND}]}),
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
-            {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN, "lost_scans": 0},
-            {"file": "sound/d.recovered.mcap", "take_id": "a", "frames": 150, "missing": "", "lost_scans": 1},
+            {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN,
+             "lost_scans": 0, "doubts": []},
+            {"file": "sound/d.recovered.mcap", "take_id": "a", "frames": 150, "missing": "",
+             "lost_scans": 1, "doubts": []},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
             {"file": "files/a.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 0, "other_takes": 0, "moved": None},
+             "missing": "", "missing_scans": 0, "doubts": [], "moved": None},
             {"file": "files/c.csv", "frames": 119, "is_complete": False,
-             "missing": WITHIN, "missing_scans": 0, "other_takes": 0, "moved": None},
+             "missing": WITHIN, "missing_scans": 0, "doubts": [], "moved": None},
             {"file": "files/d.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 1, "other_takes": 0, "moved": None},
+             "missing": "", "missing_scans": 1, "doubts": [], "moved": None},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
             "files": ["all.parquet"], "takes": 3, "incomplete": {
                 "takes/c.mcap": f"is incomplete; missing: {WITHIN}", "takes/d.mcap": "lacks 1 scan of the surface"},
+            "doubts": {},
         }),
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
             {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],

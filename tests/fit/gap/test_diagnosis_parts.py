@@ -349,7 +349,7 @@ def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_n
     takes = [a_take("a", "hem", 0.02), a_take("b", "hem", 0.02, hz=1.0, seed=1)]
     takes[1] = dataclasses.replace(takes[1], other_blocks=1)
     found = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=COARSE).diagnosis
-    assert any(note.startswith("Warning: the take b: 1 block of another take") for note in found.notes)
+    assert any(note.startswith("Warning: the take b: 1 block of other takes") for note in found.notes)
     assert found.verdict != "inconclusive"
     assert next(g for g in found.gates if g.name == "predictability").passed
 

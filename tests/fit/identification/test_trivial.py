@@ -79,7 +79,7 @@ def test_every_fit_has_both_beside_it():
     takes = [simulate_take(garment, time, k * moved, row, noise=0.001, name=f"take-{k}") for k in (1, 0.7)]
     takes[1] = dataclasses.replace(takes[1], other_blocks=1)
     result = calibrate(takes[:1], takes[1:], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
-    assert any(note.startswith("Warning: the take take-0.7: 1 block of another take") for note in result.notes)
+    assert any(note.startswith("Warning: the take take-0.7: 1 block of other takes") for note in result.notes)
     assert [one.name for one in result.trivial] == ["vertical", "pendulum"]
     assert all(one.held_out is not None for one in result.trivial)
     assert set(result.trivial[1].parameters) == {"length_m", "damping_per_s"}

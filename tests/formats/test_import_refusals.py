@@ -97,11 +97,17 @@ def test_markers_that_were_never_seen_are_named(tmp_path):
     places[:, [5, 9]] = np.nan
     write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=places))
     write_marker_csv(tmp_path / "b.csv", tracks)
+    for name, unseen in (("c", 5), ("d", 6)):
+        places = tracks.positions.copy()
+        places[:, 5 : 5 + unseen] = np.nan
+        write_marker_csv(tmp_path / f"{name}.csv", replace(tracks, positions=places))
     (tmp_path / "swatch.toml").write_text(dump_description(GARMENT))
     words = ("import", "a.csv", "b.csv", "--garment", "swatch.toml", "--overwrite")
     first, second = hangtime_here(*words, folder=tmp_path).stdout.splitlines()
     assert first.endswith("; never seen: row2_column2, row3_column2")
     assert "never" not in second
+    many = hangtime_here("import", "c.csv", "d.csv", *words[3:], folder=tmp_path).stdout.splitlines()
+    assert [line.endswith(", row3_column1, row3_column2 and more") for line in many] == [False, True]
     told = json.loads(hangtime_here(*words, "--json", folder=tmp_path).stdout)["takes"]
     assert [one["never_seen"] for one in told] == [["row2_column2", "row3_column2"], []]
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, take_of, verify_take, write_take
+from formats.missing import doubts_of
 from tests.fit.here import hangtime_here
 from tests.formats.bombs import BOMBS
 from tests.formats.damage import chunk_of, chunks_of, without_end
@@ -56,6 +57,9 @@ def test_each_of_two_joined_takes_gets_a_file_of_its_own(pair, tmp_path):
 def test_commands_say_that_there_is_another_take_and_which_command_gets_it(pair, tmp_path):
     (tmp_path / "c.mcap").write_bytes(pair[0] + pair[1])
     told = "3 blocks of another take in this file; "
+    beside = "3 blocks of other takes in its file are left out; `hangtime takes recover` saves each take"
+    assert doubts_of(read_take(tmp_path / "c.mcap")) == [beside]
+    assert doubts_of(take_of(pair[0], "alone")) == []
     gets = "`hangtime takes recover` makes a sound file of each take"
     verified = hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
     assert verified.startswith(f"damaged     c.mcap: 150 frames in 5 blocks; {told}")

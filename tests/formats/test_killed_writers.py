@@ -52,10 +52,12 @@ def test_the_whole_seconds_of_a_killed_recording_are_read_shown_and_recovered(tm
 
 @pytest.mark.parametrize("command", ["verify", "recover"])
 def test_a_recording_that_was_killed_in_its_first_second_says_so(tmp_path, command):
-    """Its file has 48 bytes: the profile, and no block."""
+    """Its file has the profile and no block; how much of the header left its buffer depends on the specification."""
     left_by_a_killed_writer(tmp_path, 5)
     done = hangtime_here("takes", command, "t.mcap.partial", folder=tmp_path)
     assert done.returncode == 2
-    assert done.stdout.rstrip().endswith(
-        "t.mcap.partial: holds no readable header; it ended in its first second, or too little of it is left"
+    said = done.stdout.rstrip().partition("t.mcap.partial: ")[2]
+    assert said in (
+        "holds no readable header; it ended in its first second, or too little of it is left",
+        "holds no frame; it ended in its first second or is cut off",
     )

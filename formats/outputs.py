@@ -174,9 +174,9 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
     make_parent(path)
     if _says(path, description):
         return
-    if not overwrite:
-        refuse_to_replace(path)
     try:
+        if not overwrite:
+            refuse_to_replace(path)
         write_text(path, dump_description(description), overwrite=overwrite)
     except OutputError:
         if not _says(path, description):  # another command may have written the same just now

@@ -104,7 +104,8 @@ class ProgressLine:
             filled = round(BAR * share)
             bar = "#" * filled + "." * (BAR - filled)
             width = max(20, min(100, _columns()) - len(self._title) - BAR - 12)
-            words = f"{text}, {left}" if left else text
+            # A narrow terminal cuts the words and never the time that is left.
+            words = f"{text[: max(width - len(left) - 2, 0)]}, {left}" if left else text
             say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
         elif share >= self._last + 0.1:
             say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")

@@ -9,9 +9,13 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
+from formats.arrays import Booleans
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
+
+MOST_SHARED = 0.5  # of a take's moving frames: two recordings share none, and a copy that lost some shares all others
+AWAY_FROM_REST = 0.001  # m from the first place of the held edge: takes without noise may share their rest
 
 
 def content_of(take: Take) -> str:
@@ -44,11 +48,11 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
                 where=take.take_id,
                 advice="fit and diagnose one garment at a time",
             )
-    seen: dict[str, int] = {}
     contents = [content_of(take) for take in every]
-    for place, (take, content) in enumerate(zip(every, contents, strict=True)):
-        before = seen.setdefault(content, place)
-        if before != place:
+    for place, take in enumerate(every):
+        for before, other in enumerate(every[:place]):
+            if contents[before] != contents[place] and shared_frames(other, take) < MOST_SHARED:
+                continue
             is_shared = before < len(training) <= place
             raise FitError(
                 "this take is both fitted to and held out" if is_shared else "this take is given twice",
@@ -56,6 +60,31 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
                 advice="judge on takes that are not fitted to" if is_shared else "name every take once",
             )
     return contents
+
+
+def shared_frames(take: Take, other: Take) -> float:
+    """Return the share of the shorter take's moving frames that the other one holds too, at the same times and places.
+
+    A cut or damaged copy of a recording shares all that it has.
+    """
+    if take.points.shape[1] != other.points.shape[1]:
+        return 0.0
+    _, one, two = np.intersect1d(take.time, other.time, return_indices=True)
+    same = np.ones(len(one), bool)
+    for mine, its in ((take.held, other.held), (take.points, other.points)):
+        a, b = mine[one], its[two]
+        same &= ((a == b) | (np.isnan(a) & np.isnan(b))).all((1, 2))
+    moves = [_moving(each) for each in (take, other)]
+    return float((same & moves[0][one]).sum() / max(min(one.sum() for one in moves), 1))
+
+
+def _moving(take: Take) -> Booleans:
+    """Return which frames, (frames,), show points and a held edge away from its first place."""
+    seen = np.flatnonzero(take.held_valid.all(1))
+    if not len(seen):
+        return np.zeros(len(take.time), bool)
+    away = np.linalg.norm(take.held - take.held[seen[0]], axis=2).max(1) > AWAY_FROM_REST
+    return np.asarray(away & np.isfinite(take.points).any((1, 2)))
 
 
 def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Take], list[Take]]:

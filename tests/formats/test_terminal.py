@@ -129,7 +129,7 @@ def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeyp
     bars = ["#" * filled + "." * (24 - filled) for filled in (6, 12, 24)]
     assert capsys.readouterr().err == (
         f"\rannealing [{bars[0]}]  25 %  {'88/350':<35}"
-        f"\rannealing [{bars[1]}]  50 %  {'a word that is far longer than its place'[:35]}"
+        f"\rannealing [{bars[1]}]  50 %  a word that is far, about 20 s left"
         f"\rannealing [{bars[2]}] 100 %  {'done, and this is lo':<20}\n"
     )
     columns["are"] = 500

@@ -16,8 +16,9 @@ from fit.gap.diagnosis import diagnose
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import SI
+from fit.recordings.intact import FRAME_FIELDS
 from fit.recordings.ready import ready
-from fit.recordings.selection import check_together, content_of
+from fit.recordings.selection import check_together, content_of, shared_frames
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
@@ -72,6 +73,28 @@ def test_what_cannot_be_used_together_is_refused(training, held_out, sentence):
     known = {"a": a_take("a"), "b": a_take("b", hz=0.9), "heavy": a_take("heavy", garment=sheet(mass=0.08))}
     with pytest.raises(FitError, match=sentence):
         check_together([known[k] for k in training], [known[k] for k in held_out])
+
+
+@pytest.mark.parametrize("kept", [slice(0, 40), slice(30, None), np.r_[0:20, 35:60]])
+def test_a_cut_or_damaged_copy_is_the_same_recording(kept):
+    """It has another content, and judging on it would judge on frames that were fitted to."""
+    take = a_take("a")
+    arrays = {name: array[kept] for name in FRAME_FIELDS if (array := getattr(take, name)) is not None}
+    copy = dataclasses.replace(take, take_id="copy", is_complete=False, **arrays)
+    with pytest.raises(FitError, match=r"^copy: this take is both fitted to and held out"):
+        check_together([take, a_take("b", hz=0.9)], [copy])
+
+
+def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
+    take = a_take("a")
+    moved = dataclasses.replace(take, points=take.points + 0.001)
+    assert shared_frames(take, moved) == 0.0
+    other = a_take("b", hz=0.9)
+    rests = [dataclasses.replace(one, held=one.held + 0.1 * (one.time > 1.5)[:, None, None]) for one in (take, other)]
+    still = [dataclasses.replace(one, held=np.where(one.time[:, None, None] > 1.5, one.held, take.held[:1]),
+                                 points=take.points) for one in rests]  # fmt: skip
+    assert shared_frames(*still) < 0.5
+    check_together(still, [])
 
 
 def test_two_recordings_of_one_name_may_stand_together():

@@ -283,7 +283,7 @@ def still_scans_of_64_places(raw: bytes) -> bytes:
 def copies_of_a_header_between_chunks_of_nothing(raw: bytes) -> bytes:
     nothing = chunk_of_records(struct.pack("<BQ", 1, 0)) * 20
     copy = chunk_of(header_of(raw, notes={"n": "n" * 1_000_000}))
-    return among(raw, copy + (nothing + copy) * 1000)
+    return among(raw, copy + (nothing + copy) * 600)
 
 
 @bomb

@@ -48,7 +48,7 @@ def engine(monkeypatch):
 
 def a_take(name="a", seconds=3.0, grid=None):
     time = np.arange(0, seconds, 1 / 30)
-    path, garment = swing(time, amplitude=0.05), sheet() if grid is None else sheet(grid=grid)
+    path, garment = swing(time, amplitude=0.05 if name == "a" else 0.06), sheet() if grid is None else sheet(grid=grid)
     return take_of(garment, time, path, hung(garment, time) + path[:, None], name=name)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.take import Take
 
+HARDEST_PULL = 150.0  # m/s^2, 15 times gravity: no hand moves a hanger harder
 STILL_MOTION = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
 LARGEST_SECOND_SHARE = 0.7
 WAYS = ("sideways", "face-on", "up-and-down", "twist")

@@ -15,9 +15,9 @@ CODES = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding of a text by its first four bytes, where editors of other systems put a mark; else UTF-8.
+    """Return the encoding of a text by its first bytes, four or more, where editors of other systems put a mark.
 
-    Without a mark every other byte of plain text in UTF-16 is zero.
+    Without a mark every other byte of plain text in UTF-16 is zero; a text without a zero is UTF-8.
     """
     marked = next((name for mark, name in MARKS if head.startswith(mark)), None)
     if marked is not None or b"\0" not in head:

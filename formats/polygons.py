@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+
+from formats.arrays import Floats
 
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 
 
-def corner_twice(polygon: np.ndarray[Any, Any]) -> list[float] | None:
+def corner_twice(polygon: Floats) -> list[float] | None:
     """Return a corner of a polygon that is there twice."""
     apart = np.linalg.norm(polygon[:, None] - polygon[None], axis=2) + np.eye(len(polygon))
     return None if apart.min() > TOUCHING else [float(x) for x in polygon[int(apart.min(0).argmin())]]
 
 
-def touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
+def touches_itself(polygon: Floats) -> list[float] | None:
     """Return a corner of a polygon that lies on one of its sides that does not end there."""
     for k, corner in enumerate(polygon):
         apart = np.delete(distances_to_sides(corner, polygon), [k - 1, k])
@@ -24,7 +24,7 @@ def touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
     return None
 
 
-def touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
+def touch(one: Floats, other: Floats) -> bool:
     """Return whether a corner of one polygon lies on a side of the other."""
     return any(
         distances_to_sides(corner, polygon).min() < TOUCHING
@@ -33,22 +33,22 @@ def touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
     )
 
 
-def distances_to_sides(place: np.ndarray[Any, Any], polygon: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def distances_to_sides(place: Floats, polygon: Floats) -> Floats:
     """Distance of a place to each side of a polygon [m], (sides,), the first from the first corner to the second."""
     along = np.roll(polygon, -1, axis=0) - polygon
     share = np.clip(((place - polygon) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
     return np.asarray(np.linalg.norm(polygon + share[:, None] * along - place, axis=1))
 
 
-def crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
+def crosses_itself(outline: Floats) -> bool:
     """Return whether two sides of a polygon cross."""
     return meet(outline, outline)  # neighbouring sides share an end, which is no crossing
 
 
-def meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
+def meet(one: Floats, other: Floats) -> bool:
     """Return whether sides of two polygons cross: each parts the other's two ends."""
 
-    def hands(polygon: np.ndarray[Any, Any], places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    def hands(polygon: Floats, places: Floats) -> Floats:
         along = np.roll(polygon, -1, axis=0) - polygon
         to = places[None] - polygon[:, None]
         return np.asarray(along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0])
@@ -58,7 +58,7 @@ def meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
     return bool((parts & (of_one * np.roll(of_one, -1, axis=1) < 0).T).any())
 
 
-def distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:
+def distance_outside(place: Floats, outline: Floats) -> float:
     """Return the distance of a place outside a polygon to it [m]; 0 inside."""
     ends = np.roll(outline, -1, axis=0)
     above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])

@@ -171,7 +171,6 @@ class _Archive:
         rig, garment, words = described(header, self._where)
         version = int(header["format"].partition("/")[2])
         parts, findings = self._contents.of(binding), self._findings
-        other_blocks = self._named.blocks - len(parts.blocks)
         strange_ends = [end for end in parts.ends if not is_end(end, version)]
         ends = [end for end in parts.ends if is_end(end, version)]
         nameless = self._all.messages - self._named.messages
@@ -179,11 +178,10 @@ class _Archive:
         blocks, strange, is_mixed = in_order(parts.blocks, version)
         before = self._memory.left_out
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
-        unread = findings.left_packed + self._memory.left_out - before
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
         damaged += strange + lost + self._without - (not parts.blocks)
         if not kept:
-            raise _no_frame(ends, damaged, unread, self._where)
+            raise _no_frame(ends, damaged, findings.left_packed + self._memory.left_out - before, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)
         too_large = self._memory.left_out - before
         unread = findings.left_packed + too_large
@@ -202,13 +200,13 @@ class _Archive:
         notes = words.notes | ({"file": MIXED} if is_mixed else {})
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
-            notes=notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
+            notes=notes, other_blocks=self._named.blocks - len(parts.blocks), is_complete=is_complete and not earlier,
             missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
         )  # fmt: skip
         return take, TakeReport(
             frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
-            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
+            earlier=earlier, trailing_bytes=findings.trailing,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
         )  # fmt: skip
 

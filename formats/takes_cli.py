@@ -73,7 +73,7 @@ def list_takes(
         length = float(take.time[-1] - take.time[0])
         state = _word(report)
         lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
-        other = f"; {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
+        other = f"; {_of_another(take, report)}; {RECOVERS_EACH}" if report.other_takes else ""
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
@@ -103,7 +103,7 @@ def show_take(
     summary = summarise(take)
     lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
     lost += f"\nnot read  {_unread(report)}" if report.unread_blocks else ""
-    lost += f"\nother     {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
+    lost += f"\nother     {_of_another(take, report)}; {RECOVERS_EACH}" if report.other_takes else ""
     tell(
         f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
         unread_blocks=report.unread_blocks, other_takes=report.other_takes,
@@ -142,7 +142,7 @@ def verify_takes(paths: Takes) -> None:
         if report.unread_blocks:
             rest += f"; {_unread(report)}"
         if report.other_takes:
-            rest += f"; {_of_another(report)}"
+            rest += f"; {_of_another(take, report)}"
         if report.trailing_bytes:
             rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
         rest += "".join(f"; {doubt}" for doubt in report.doubts)
@@ -157,7 +157,7 @@ def verify_takes(paths: Takes) -> None:
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
-            other_blocks=report.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
+            other_blocks=take.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
             is_complete=take.is_complete, missing=missing_words(take), doubts=list(report.doubts),
         )  # fmt: skip
         all_sound &= report.is_sound
@@ -165,11 +165,11 @@ def verify_takes(paths: Takes) -> None:
         raise typer.Exit(2)
 
 
-def _of_another(report: TakeReport) -> str:
+def _of_another(take: Take, report: TakeReport) -> str:
     from formats.plain_text import counted
 
     takes = "another take" if report.other_takes == 1 else f"{report.other_takes} other takes"
-    return f"{counted(report.other_blocks, 'block')} of {takes} in this file"
+    return f"{counted(take.other_blocks, 'block')} of {takes} in this file"
 
 
 def _unread(report: TakeReport) -> str:
@@ -227,19 +227,15 @@ def recover_takes(
             except OSError as error:
                 raise unwritable(one, error) from error
         free.reverse()
-        is_another = False
-        for found in takes.each:
-            if isinstance(found, TakeError):
-                _tell_lost(found)
+        for number, found in enumerate(takes.each):
+            try:
+                if isinstance(found, TakeError):
+                    raise found
+                _recover(*found, free[-1], overwrite=overwrite, is_another=number > 0)
+                free.pop()
+            except TakeError as error:
+                _tell_lost(error)
                 all_read = False
-            else:
-                try:
-                    _recover(*found, free[-1], overwrite=overwrite, is_another=is_another)
-                    free.pop()
-                except TakeError as error:
-                    _tell_lost(error)
-                    all_read = False
-            is_another = True
             del found  # before the next one is read
     if not all_read:
         raise typer.Exit(2)
@@ -330,11 +326,11 @@ def export_takes(
             write_parquet(out, [take for take, _ in read.values()], overwrite=overwrite)
             lacking = {str(path): words for path, one in read.items() if (words := _lacks(*one))}
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-            doubts = {str(path): found for path, (take, _) in read.items() if (found := doubts_of(take))}
-            told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubts.items() for doubt in found)
+            doubted = {str(path): found for path, (take, _) in read.items() if (found := doubts_of(take))}
+            told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
             tell(
                 f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
-                incomplete=lacking, doubts=doubts,
+                incomplete=lacking, doubts=doubted,
             )  # fmt: skip
         end_with(lost, len(paths))
         return
@@ -346,13 +342,13 @@ def export_takes(
             except TakeError as error:
                 lost[path] = error
                 continue
-            told = f"; {moved}" if moved else ""
+            told, doubts = f"; {moved}" if moved else "", doubts_of(take)
             told += f"; the take {words}" if (words := _lacks(take, report)) else ""
-            told += "".join(f"; {doubt}" for doubt in doubts_of(take))
+            told += "".join(f"; {doubt}" for doubt in doubts)
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
-                doubts=doubts_of(take), moved=moved or None,
+                doubts=doubts, moved=moved or None,
             )  # fmt: skip
         end_with(lost, len(paths))
 

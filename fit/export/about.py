@@ -6,7 +6,7 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
-from fit.recordings.intact import describe_doubts, describe_missing, incomplete_notes
+from fit.recordings.intact import describe_flaws, incomplete_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
 from formats.plain_text import plain
@@ -83,7 +83,7 @@ def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
     if take is None:
         return []
     other = other_garment(result, take)
-    return ([other] if other else []) + [plain(note) for note in describe_missing([take]) + describe_doubts([take])]
+    return ([other] if other else []) + [plain(note) for note in describe_flaws([take])]
 
 
 def other_garment(result: FitResult, take: Take) -> str:

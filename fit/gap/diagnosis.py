@@ -34,7 +34,7 @@ from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import camera_clause, describe_camera
-from fit.recordings.intact import describe_doubts, describe_missing
+from fit.recordings.intact import describe_flaws
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.runtime import one_thread_of_algebra
@@ -151,7 +151,7 @@ def diagnose(
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)
-    notes += describe_missing([*training, *held_out]) + describe_doubts([*training, *held_out])
+    notes += describe_flaws([*training, *held_out])
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     camera = describe_camera(train + test)

@@ -37,7 +37,7 @@ from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
-from fit.recordings.intact import describe_doubts, describe_missing
+from fit.recordings.intact import describe_flaws
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
@@ -209,9 +209,9 @@ def calibrate(
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, saved, progress)
     result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
-    every = [*training, *held_out]
-    notes = [*result.notes, *describe_missing(every), *describe_doubts(every)]
-    return msgspec.structs.replace(result, notes=notes, camera=describe_camera(train + test))
+    return msgspec.structs.replace(
+        result, notes=[*result.notes, *describe_flaws([*training, *held_out])], camera=describe_camera(train + test)
+    )
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from fit.recordings.held_edge import FEWEST_FRAMES
 from fit.recordings.intact import SETTLING_TIME
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
+from formats.motion import HARDEST_PULL
 from formats.take import LONGEST_GAP
 
 Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-HARDEST_PULL = 150.0  # m/s^2, 15 times gravity
 NOISIER_THAN_STATED = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 

@@ -134,6 +134,11 @@ def describe_doubts(takes: Sequence[Take]) -> list[str]:
     return [f"Warning: the take {take.take_id}: {doubt}." for take in takes for doubt in doubts_of(take)]
 
 
+def describe_flaws(takes: Sequence[Take]) -> list[str]:
+    """Return the warnings about takes: of missing parts, then of doubts."""
+    return describe_missing(takes) + describe_doubts(takes)
+
+
 def incomplete_notes(notes: Sequence[str]) -> list[str]:
     """Return those notes of a result that say that a take is incomplete."""
     return [note for note in notes if IS_INCOMPLETE in note]

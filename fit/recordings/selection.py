@@ -69,13 +69,12 @@ def shared_frames(take: Take, other: Take) -> float:
     """
     if take.points.shape[1] != other.points.shape[1]:
         return 0.0
-    _, one, two = np.intersect1d(take.time, other.time, return_indices=True)
-    same = np.ones(len(one), bool)
-    for mine, its in ((take.held, other.held), (take.points, other.points)):
-        a, b = mine[one], its[two]
+    _, mine, its = np.intersect1d(take.time, other.time, return_indices=True)
+    same = np.ones(len(mine), bool)
+    for a, b in ((take.held[mine], other.held[its]), (take.points[mine], other.points[its])):
         same &= ((a == b) | (np.isnan(a) & np.isnan(b))).all((1, 2))
-    moves = [_moving(each) for each in (take, other)]
-    return float((same & moves[0][one]).sum() / max(min(one.sum() for one in moves), 1))
+    moves, other_moves = _moving(take), _moving(other)
+    return float((same & moves[mine]).sum() / max(min(moves.sum(), other_moves.sum()), 1))
 
 
 def _moving(take: Take) -> Booleans:

@@ -11,8 +11,8 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import ImplausibleError
 from formats.meant_units import step_or_anyway
+from formats.motion import HARDEST_PULL
 
-HARDEST_PULL = 150.0  # m/s^2, 15 times gravity, as `fit.recordings.hanger_path` allows the held edge
 MOST_STRAYS = 0.05  # of all instants: of more, the whole path is another, or of another unit, as other checks tell
 NOISE = 0.03  # m beside that: corners that cameras saw are some centimetres off
 

@@ -78,9 +78,7 @@ def read_text_lines(path: Path) -> TextLines:
             return TextLines([], [0], [])
         file.seek(0)
         head = file.read(LOOKED_AT_BYTES)
-        encoding = encoding_of(head[:4])
-        if encoding == "utf-8" and b"\0" in head:  # without a mark: every other byte of plain text is zero
-            encoding = "utf-16-le" if head[1:2] == b"\0" else "utf-16-be"
+        encoding = encoding_of(head)
         try:
             return _lines(_pieces(file, encoding), path)
         except UnicodeDecodeError:

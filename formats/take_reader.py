@@ -197,7 +197,9 @@ class _Archive:
         earlier = tuple(possible_spans(words.missing, columns["time"]))
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
         doubts += [MIXED] * is_mixed
-        notes = words.notes | ({"file": MIXED} if is_mixed else {})
+        notes = dict(words.notes)
+        if is_mixed:  # an import may have doubted the file before
+            notes["file"] = "; ".join(filter(None, [notes.get("file"), MIXED]))
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
             notes=notes, other_blocks=self._named.blocks - len(parts.blocks), is_complete=is_complete and not earlier,

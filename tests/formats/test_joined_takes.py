@@ -179,3 +179,12 @@ def test_two_takes_of_one_header_are_never_mixed_without_a_word(pair, tmp_path):
     assert mixed in hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
     exported = hangtime_here("takes", "export", "c.recovered.mcap", "--to", "csv", "--out", ".", folder=tmp_path)
     assert exported.stdout == f"c.recovered.csv: 150 frames; {mixed}\n"
+
+
+def test_a_take_that_may_be_mixed_keeps_the_doubt_of_its_import(tmp_path):
+    takes = [replace(a_take(), notes={"file": "has fewer frames than it states"}, points=a_take().points + k * 0.01)
+             for k in range(2)]  # fmt: skip
+    raw = b"".join(write_take(tmp_path / "a.mcap", take).read_bytes() for take in takes)
+    assert doubts_of(take_of(raw, "both")) == [
+        "has fewer frames than it states; two takes have the same header here, and their seconds may be mixed"
+    ]

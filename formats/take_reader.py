@@ -171,6 +171,7 @@ class _Archive:
         rig, garment, words = described(header, self._where)
         version = int(header["format"].partition("/")[2])
         parts, findings = self._contents.of(binding), self._findings
+        other_blocks = self._named.blocks - len(parts.blocks)
         strange_ends = [end for end in parts.ends if not is_end(end, version)]
         ends = [end for end in parts.ends if is_end(end, version)]
         nameless = self._all.messages - self._named.messages
@@ -202,13 +203,13 @@ class _Archive:
             notes["file"] = "; ".join(filter(None, [notes.get("file"), MIXED]))
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
-            notes=notes, other_blocks=self._named.blocks - len(parts.blocks), is_complete=is_complete and not earlier,
+            notes=notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
             missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
         )  # fmt: skip
         return take, TakeReport(
             frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
-            earlier=earlier, trailing_bytes=findings.trailing,
+            earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
         )  # fmt: skip
 

@@ -14,8 +14,9 @@ class TakeReport:
     - `missing_frames`: None where the end of the take is not known
     - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
     - `earlier`: those that it had lost
+    - `other_blocks`: that belong to another take in the same file, whose header is there too
     - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
-    - `other_takes`: other takes in the same file, whose headers and blocks are there too
+    - `other_takes`: to which these belong
     - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
     """
@@ -30,6 +31,7 @@ class TakeReport:
     spans: tuple[Span, ...]
     earlier: tuple[Span, ...]
     trailing_bytes: int
+    other_blocks: int
     other_takes: int
     unread_blocks: int
     doubts: tuple[str, ...]
@@ -44,4 +46,4 @@ class TakeReport:
     @property
     def is_damaged(self) -> bool:
         """True where a block does not hold or is of another take, something follows the end, or says what cannot be."""
-        return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_takes > 0 or bool(self.doubts)
+        return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_blocks > 0 or bool(self.doubts)

@@ -73,7 +73,7 @@ def list_takes(
         length = float(take.time[-1] - take.time[0])
         state = _word(report)
         lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
-        other = f"; {_of_another(take, report)}; {RECOVERS_EACH}" if report.other_takes else ""
+        other = f"; {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
@@ -103,7 +103,7 @@ def show_take(
     summary = summarise(take)
     lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
     lost += f"\nnot read  {_unread(report)}" if report.unread_blocks else ""
-    lost += f"\nother     {_of_another(take, report)}; {RECOVERS_EACH}" if report.other_takes else ""
+    lost += f"\nother     {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     tell(
         f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
         unread_blocks=report.unread_blocks, other_takes=report.other_takes,
@@ -142,7 +142,7 @@ def verify_takes(paths: Takes) -> None:
         if report.unread_blocks:
             rest += f"; {_unread(report)}"
         if report.other_takes:
-            rest += f"; {_of_another(take, report)}"
+            rest += f"; {_of_another(report)}"
         if report.trailing_bytes:
             rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
         rest += "".join(f"; {doubt}" for doubt in report.doubts)
@@ -157,7 +157,7 @@ def verify_takes(paths: Takes) -> None:
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
-            other_blocks=take.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
+            other_blocks=report.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
             is_complete=take.is_complete, missing=missing_words(take), doubts=list(report.doubts),
         )  # fmt: skip
         all_sound &= report.is_sound
@@ -165,11 +165,11 @@ def verify_takes(paths: Takes) -> None:
         raise typer.Exit(2)
 
 
-def _of_another(take: Take, report: TakeReport) -> str:
+def _of_another(report: TakeReport) -> str:
     from formats.plain_text import counted
 
     takes = "another take" if report.other_takes == 1 else f"{report.other_takes} other takes"
-    return f"{counted(take.other_blocks, 'block')} of {takes} in this file"
+    return f"{counted(report.other_blocks, 'block')} of {takes} in this file"
 
 
 def _unread(report: TakeReport) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,8 @@ WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
-LINES_BEFORE = 8  # in which digits are counted: numbers without their last zeros differ in one of ten places
+# Lines before and after one in which digits are counted: numbers without their last zeros differ in one of ten places.
+LINES_AROUND = 32
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
 GAP_WORDS = {
@@ -110,26 +111,40 @@ def _refuse_a_cut_number(rows: Rows, at: int, row: list[str], width: int, path: 
 
 
 def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
-    """Return whether the last cell of a row lacks digits behind its point that all other places have.
+    """Return whether the last cell of a row lacks digits behind its point that its column has in all lines around.
 
     Many programs write every place with as many digits. A cell without some of them was cut, and its number is
-    another one. A program that leaves out zeros shows in the lines before. The first two cells are a frame's number
-    and time.
+    another one. A program that leaves out zeros, or writes whole numbers, shows in the column or in the row. The first
+    two cells are a frame's number and time.
     """
     last = row[-1].strip()
-    if len(row) < 3 or not last or (last != "-" and last.lower().lstrip("+-") in GAP_WORDS):
+    if len(row) < 3 or not (last == "-" or _is_number(last)) or "e" in last.lower():
         return False
-    digits = _digits(last)
-    if any(0 < count <= digits for count in map(_digits, row[2:-1])):
-        return False
-    before = [cell for k in range(max(at - LINES_BEFORE, 0), at) for cell in rows[k][2:]]
-    written = {count for cell in [*row[2:-1], *before] if (count := _digits(cell))}
-    return len(written) == 1 and digits < min(written)
+    # Whole numbers of the row may be of another kind, such as turns.
+    written = {count for cell in row[2:-1] if _is_number(cell) and (count := _digits(cell))}
+    for cell in _column_around(rows, at, len(row) - 1):
+        if cell.strip() == last or (_is_number(cell) and _digits(cell) <= _digits(last)):
+            return False
+        if _is_number(cell):
+            written.add(_digits(cell))
+    return len(written) == 1 and _digits(last) < min(written)
+
+
+def _column_around(rows: Rows, at: int, column: int) -> Iterator[str]:
+    """Yield the cells of a column in the lines around one, the nearest first."""
+    for apart in range(1, LINES_AROUND + 1):
+        for k in (at - apart, at + apart):
+            if 0 <= k < len(rows) and len(line := rows[k]) > column:
+                yield line[column]
+
+
+def _is_number(cell: str) -> bool:
+    return NUMBER.fullmatch(cell.strip().replace(",", ".")) is not None
 
 
 def _digits(cell: str) -> int:
-    """Return how many digits stand behind the point, or the decimal comma, of a cell."""
-    return len(cell.strip().replace(",", ".").partition(".")[2])
+    """Return how many digits stand behind the point, or the decimal comma, of a number."""
+    return len(cell.strip().lower().replace(",", ".").partition("e")[0].partition(".")[2])
 
 
 def _row(cells: list[str]) -> Floats:

@@ -69,3 +69,22 @@ def test_any_end_of_a_line_ends_the_last_one(tmp_path, end):
     rows = [f"{k}\t{k / 100}\t1.25\t2.25\t3.25\t4.5\t5.5\t6.5\n" for k in range(29)]
     text = TRC + "".join(rows) + "30\t0.29\t1.25\t2.25\t3.25\n"
     assert np.isnan(read(tmp_path, text.replace("\n", end), None, "a.trc").positions[-1, 1]).all()
+
+
+@pytest.mark.parametrize("decimals", [1, 2, 3])
+def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp_path, decimals):
+    """Whole numbers, columns of 0, exponents and lines whose last cells are left out: none of them is cut."""
+    rng = np.random.default_rng(decimals)
+    for turn in range(40):
+        rows = []
+        for k in range(30):
+            places = [f"{value:.{3 + decimals}g}" for value in rng.normal(0, 300, 2)] + ["0"]
+            rows.append("\t".join([str(k + 1), f"{k / 100:g}", *places]) + "\n")
+        text = TRC + "".join(rows)
+        found = read(tmp_path, text if turn % 2 else text[:-1] + "\t\t\t", None, "a.trc")
+        assert found.positions.shape == (30, 2, 3)
+    constant = own().replace("-1.23456", "0")
+    assert read(tmp_path, constant[:-1], "m", "own.csv").positions[-1, 1, 2] == 0
+    assert read(tmp_path, own()[:-9] + "1e-05", "m", "own.csv").positions[-1, 1, 2] == 1e-5
+    gaps = own().replace("0.44444,0.55555,-1.23456", "-,-,-")
+    assert np.isnan(read(tmp_path, gaps[:-1], "m", "own.csv").positions[:, 1]).all()

@@ -15,7 +15,7 @@ MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; t
 # Of another message: it has a map of at most 17 entries, and a list of two.
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
-FORMAT_1, FIRST_BYTES = FORMAT_KEY + b"\xafhangtime-take/1", 200  # which are among the first bytes of its header
+FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
 # Of all that a reader looks at in blocks, scans and ends of both versions. Others would take twenty times their bytes.
 FIELDS = {
     "take", "first", "frames", "start", "steps", "table", "surface", "grid_size", "contour_size", "grid", "contour",
@@ -95,16 +95,48 @@ class Contents:
 _NOTHING = Parts()
 
 
+@dataclass
+class _Nameless:
+    """The take to which a message of version 1 belongs, which names none.
+
+    - `first`, `last`: hashes of the first and of the last header of version 1 so far
+    - `current`: of the take whose blocks go on
+    - `follows`: number of the frame with which its next block begins
+    """
+
+    first: bytes | None = None
+    last: bytes | None = None
+    current: bytes | None = None
+    follows: int = -1
+
+    def meet(self, header: bytes) -> None:
+        self.first, self.last = self.first or header, header
+
+    def take_of(self, content: dict[str, Any]) -> bytes | None:
+        """Return the hash of a message's header, None before the first one."""
+        begin, frames = content.get("first"), content.get("frames")
+        if "surface" in content:
+            return self.current or self.last
+        if type(begin) is not int:  # an end
+            found, self.current, self.follows = self.current or self.last, None, -1
+            return found
+        if self.current is None or begin != self.follows:
+            self.current = self.last
+        self.follows = begin + frames if type(frames) is int else -1
+        return self.current
+
+
 def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callable[[int], None]) -> Contents:
     """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
 
     Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
+    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other.
 
     - messages: the data of each, and its share of the file [bytes]
     - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
-    header, first, last = b"", None, None  # the last two: of version 1
+    header, nameless = b"", _Nameless()
     for data, own in messages:
         if data == header:
             take_for_copy(len(data))
@@ -117,10 +149,10 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
             continue
         if "format" in content:
             header = contents.headers.setdefault(binding := binding_of(data), data)
-            if FORMAT_1 in data[:FIRST_BYTES]:
-                first, last = first or binding, binding
+            if FORMAT_1 in data:
+                nameless.meet(binding)
             continue
-        take = content.get("take", last)
+        take = content["take"] if "take" in content else nameless.take_of(content)
         if take is None or type(take) is bytes:
             parts = contents.parts[take]
             if "surface" in content:
@@ -133,8 +165,8 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
                 parts.ends.append(Message(content, own))
                 continue
         contents.damaged += 1
-    if first is not None and None in contents.parts:
-        contents.parts[first] = contents.parts.pop(None) + contents.of(first)
+    if nameless.first is not None and None in contents.parts:
+        contents.parts[nameless.first] = contents.parts.pop(None) + contents.of(nameless.first)
     return contents
 
 

@@ -188,3 +188,28 @@ def test_a_take_that_may_be_mixed_keeps_the_doubt_of_its_import(tmp_path):
     assert doubts_of(take_of(raw, "both")) == [
         "has fewer frames than it states; two takes have the same header here, and their seconds may be mixed"
     ]
+
+
+def of_version_1(count, take_id="one"):
+    """The header of a take of version 1, and so many blocks, one after the other, each as the vector's first one."""
+    chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
+    header = {**next(content for content in chunks if "format" in content), "take_id": take_id}
+    block = next(content for content in chunks if "first" in content)
+    n, later = block["frames"], 10**7
+    return header, [chunk_of({**block, "first": n * k, "start": block["start"] + later * k}) for k in range(count)]
+
+
+@pytest.mark.parametrize("at", [2, 20, 40])
+def test_a_stray_header_takes_no_block_of_version_1_from_the_take_that_goes_on(at):
+    header, blocks = of_version_1(40)
+    stray, _ = of_version_1(0, "two")
+    whole = [chunk_of(header), *blocks]
+    found = take_of(b"".join([*whole[:at], chunk_of(stray), *whole[at:]]), "one")
+    assert (found.take_id, len(found.time)) == ("one", len(take_of(b"".join(whole), "one").time))
+
+
+def test_a_header_of_version_1_binds_wherever_its_format_stands():
+    header, blocks = of_version_1(2)
+    moved = {name: value for name, value in header.items() if name != "format"} | {"format": header["format"]}
+    found, wanted = (take_of(b"".join([chunk_of(one), *blocks]), "one") for one in (moved, header))
+    assert len(found.time) == len(wanted.time)

@@ -18,7 +18,7 @@ from fit.identification.request import request_of
 from fit.methods import SI
 from fit.recordings.intact import FRAME_FIELDS
 from fit.recordings.ready import ready
-from fit.recordings.selection import check_together, content_of, shared_frames
+from fit.recordings.selection import check_together, content_of, places_of, shared_places
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
@@ -85,16 +85,38 @@ def test_a_cut_or_damaged_copy_is_the_same_recording(kept):
         check_together([take, a_take("b", hz=0.9)], [copy])
 
 
-def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
+@pytest.mark.parametrize("change", ["later", "one point edited", "one point lost", "from its middle on"])
+def test_a_copy_whose_clock_or_some_points_changed_is_the_same_recording(change):
     take = a_take("a")
+    points, valid = take.points.copy(), take.points_valid.copy()
+    if change == "one point edited":
+        points[:, 0] += 1e-4
+    if change == "one point lost":
+        points[:, 0], valid[:, 0] = np.nan, False
+    copy = dataclasses.replace(take, take_id="copy", time=take.time - 3.0, points=points, points_valid=valid)
+    if change == "from its middle on":
+        arrays = {name: array[30:] for name in FRAME_FIELDS if (array := getattr(copy, name)) is not None}
+        copy = dataclasses.replace(copy, **arrays)
+    for given in ([take, copy], [copy, take]):
+        with pytest.raises(FitError, match="this take is both fitted to and held out"):
+            check_together(given[:1], given[1:])
+
+
+def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
+    take, garment = a_take("a"), sheet()
     moved = dataclasses.replace(take, points=take.points + 0.001)
-    assert shared_frames(take, moved) == 0.0
-    other = a_take("b", hz=0.9)
-    rests = [dataclasses.replace(one, held=one.held + 0.1 * (one.time > 1.5)[:, None, None]) for one in (take, other)]
-    still = [dataclasses.replace(one, held=np.where(one.time[:, None, None] > 1.5, one.held, take.held[:1]),
-                                 points=take.points) for one in rests]  # fmt: skip
-    assert shared_frames(*still) < 0.5
+    assert shared_places(places_of(take), places_of(moved)) == 0.0
+    rest = np.tile(take.points[:1], (len(take.time), 1, 1))
+    still = [dataclasses.replace(take, take_id=str(hz), points=rest + swing(take.time, hz=hz, start=1.0)[:, None])
+             for hz in (0.7, 0.9)]  # fmt: skip
+    assert (still[0].points == still[1].points).all((1, 2)).mean() > 0.5  # their rest
+    assert shared_places(*map(places_of, still)) < 0.1
     check_together(still, [])
+    time, row = np.arange(0, 2, 1 / 30), material(garment, velocity_damping=2.0)
+    other = material(garment, velocity_damping=0.5)
+    alike = [simulate_take(garment, time, swing(time), cloth, noise=0.0, resolution=COARSE) for cloth in (row, other)]
+    assert 0.1 < shared_places(*map(places_of, alike)) < 0.6  # their held corners
+    check_together(alike, [])
 
 
 def test_two_recordings_of_one_name_may_stand_together():

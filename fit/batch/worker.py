@@ -21,6 +21,8 @@ from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError
 from formats.system_causes import FULL
 
+HEARS_WITHIN = 5.0  # s in which the batch hears that a worker waits
+
 
 @dataclass(frozen=True, kw_only=True)
 class Errand:
@@ -120,11 +122,13 @@ def write_patiently(results: Store, name: str, content: bytes, patience: float) 
     """
     from distributed import get_worker
 
-    deadline = time.monotonic() + patience
+    deadline = None
     while True:
         try:
             return keep(results, name, content)
         except UnreachableError as error:
+            # The batch hears of the first failure a moment later, and must find its own patience ended too.
+            deadline = deadline or time.monotonic() + patience + (HEARS_WITHIN if patience else 0.0)
             if time.monotonic() >= deadline:
                 raise
             with contextlib.suppress(ValueError):  # no worker of dask runs this

@@ -16,7 +16,6 @@ if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
-MOST_NAMES = 5  # of markers in one sentence
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -133,6 +132,7 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
 def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     """Write a take with rig and garment beside it, and tell of it."""
     from formats.archive import write_take
+    from formats.judgement import judge
     from formats.missing import doubts_of
     from formats.outputs import unwritable, write_description
     from formats.plain_text import plain
@@ -154,13 +154,13 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     if not shows_points(take).all():
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)
-    unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
-    if unseen:
-        words += f"; never seen: {plain(', '.join(unseen[:MOST_NAMES]))}" + " and more" * (len(unseen) > MOST_NAMES)
+    findings = judge(take)
     words += "".join(f"\nWarning: {doubt}" for doubt in doubts)
+    words += "".join(f"\nWarning: {plain(one.words)}; {plain(one.advice)}" for one in findings)
     tell_entry(
-        "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen,
-        clock=take.notes.get("clock"), file_doubt=take.notes.get("file"),
+        "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front,
+        never_seen=[p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()],
+        clock=take.notes.get("clock"), file_doubt=take.notes.get("file"), findings=[one.as_fact() for one in findings],
     )  # fmt: skip
 
 

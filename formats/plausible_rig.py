@@ -1,6 +1,6 @@
 """Judge the numbers of a rig that somebody typed, alone and beside the garment that is to hang from the hanger.
 
-Only the lengths in a recording can tell the rest (`capture.recording.judgement`): a distance that is off by a tenth.
+Only the lengths in a recording can tell the rest (`formats.judgement`): a distance that is off by a tenth.
 """
 
 from __future__ import annotations

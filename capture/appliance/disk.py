@@ -20,7 +20,7 @@ from typing import Any
 from capture.appliance.retention import Retention
 from capture.appliance.spool import KeptTake, RunningTake, Spool
 from capture.recording.frame_reader import Seen
-from capture.recording.judgement import Finding, judge
+from formats.judgement import Finding, judge
 from formats.archive import TakeWriter, read_take
 from formats.errors import HangtimeError, OutputError
 from formats.garment import Garment

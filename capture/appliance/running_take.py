@@ -9,7 +9,7 @@ from capture.appliance.disk import TakePlan
 from capture.appliance.wall_clock import WallTime, boot_id, wall_time
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, Seen
-from capture.recording.judgement import FEWEST_HANGERS
+from formats.judgement import FEWEST_HANGERS
 from capture.recording.tally import Tally
 from formats.garment import Garment
 from formats.rig import Rig

@@ -18,7 +18,7 @@ from capture.hanger.seen_otherwise import seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
-from capture.recording.judgement import FEWEST_HANGERS, Finding, judge
+from formats.judgement import FEWEST_HANGERS, Finding, judge
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo

@@ -14,8 +14,8 @@ from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
 
-# Of the places of points. Two recordings share none of a thousand. Takes without noise under one motion share their
-# held corners, half of the points of a garment that is tracked by four.
+# Of the places of points. Sixteen recordings of one cloth share 0.1 % at most. Takes without noise and of one motion
+# share their held corners, half of the points of a garment that is tracked by four.
 MOST_SHARED = 0.75
 Uint64s = NDArray[np.uint64]
 

@@ -59,6 +59,14 @@ LOST = {"state": "lost", "error": ""}
 VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0,
           "trailing_bytes": 0, "other_blocks": 0, "other_takes": 0, "unread_blocks": 0, "doubts": []}  # fmt: skip
 
+# Findings about an imported recording, and what to do.
+WORDS = ("words", "advice")
+SHORT = ("the take lasts 0.3 s, and none below 2.5 s is diagnosed",
+         "swing for five seconds or more, then hold still until the cloth hangs")  # fmt: skip
+STILL = ("the hanger moved by 0 mm at most, which tells next to nothing of the cloth",
+         "swing it to and fro by the width of a hand or more")  # fmt: skip
+UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, with nothing before it")
+
 
 @pytest.mark.parametrize(
     ("words", "code", "entries"),
@@ -105,11 +113,17 @@ VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, 
         }),
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
             {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
-             "clock": None, "file_doubt": None},
+             "clock": None, "file_doubt": None, "findings": [
+                 {"name": "too_short", "is_grave": False, **dict(zip(WORDS, SHORT, strict=True))},
+                 {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
+                 {"name": "points_never_seen", "is_grave": False, **dict(zip(WORDS, UNSEEN, strict=True))},
+             ]},
         ]}),
         ("import r.npz --out own", 0, {"takes": [
             {"file": "own/r.mcap", "frames": 40, "duration_s": 4.29, "front": None, "never_seen": [],
-             "clock": None, "file_doubt": None},
+             "clock": None, "file_doubt": None, "findings": [
+                 {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
+             ]},
         ]}),
         ("swatch s.toml --mass 0.05 --side 0.4 --markers 5", 0,
          {"file": "s.toml", "markers": 25, "apart_mm": 100.0}),
@@ -168,7 +182,8 @@ HINT = "; `hangtime takes recover` makes a sound file"
             "one.parquet: 1 take", f"takes/c.mcap is incomplete; missing: {WITHIN}",
         ]),
         ("import m.csv --garment swatch.toml --out words", [
-            "words/m.mcap: 30 frames, 0.3 s, its front looks along -y; never seen: row2_column2",
+            "words/m.mcap: 30 frames, 0.3 s, its front looks along -y",
+            *(f"Warning: {'; '.join(both)}" for both in (SHORT, STILL, UNSEEN)),
         ]),
     ],
     ids=lambda words: words[:20] if isinstance(words, str) else None,

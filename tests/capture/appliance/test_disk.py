@@ -13,7 +13,7 @@ from capture.appliance.config_tables import Config, SensorPart
 from capture.appliance.disk import Disk, _Running
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
-from capture.recording.judgement import judge
+from formats.judgement import judge
 from tests.capture.appliance.spool_takes import frames, record, writer_of
 
 LONGEST = 600.0  # s that the thread is waited for, on a busy machine

@@ -1,4 +1,4 @@
-"""Judge a finished take: can a fitter use it? The recording can still be repeated then.
+"""Judge a finished or imported take: can a fitter use it? A recording can still be repeated then.
 
 Every finding is a sentence and a next action. A grave one says that nothing can be fitted.
 """
@@ -22,6 +22,7 @@ DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth 
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
 RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
 HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: the synthetic motions have below 1
+MOST_NAMES = 5  # of points in one sentence
 ENOUGH = 10  # frames that both points of a distance must be seen in
 
 
@@ -49,13 +50,22 @@ def judge(take: Take) -> tuple[Finding, ...]:
         return (
             Finding(
                 name="hanger_hardly_seen", is_grave=True,
-                words=f"both hanger markers were seen together in {has_hanger.sum()} of {len(take.time)} frames",
-                advice="turn both markers to the sensor and record again",
+                words=f"both {_ends(take)} were seen together in {has_hanger.sum()} of {len(take.time)} frames",
+                advice=f"turn both {_ends(take)} to the {_camera(take)} and record again",
             ),
         )  # fmt: skip
     found = [*_hanger_gaps(take, has_hanger), *_length(take), *_markers(take, has_hanger)]
     found += [*_motion(take, has_hanger), *_points(take), *_size(take), *_hang(take, has_hanger)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
+
+
+def _ends(take: Take) -> str:
+    """Return the plural of that by which the hanger was followed."""
+    return "ends of the held edge" if take.rig.hanger is None else "hanger markers"
+
+
+def _camera(take: Take) -> str:
+    return "cameras" if take.rig.sensor is None else "sensor"
 
 
 def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
@@ -68,8 +78,8 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
     spell = f"for {steps.max():.1f} s from {begins:.1f} s on{others}"
     return [
         Finding(
-            name="hanger_lost", is_grave=True, words=f"the two hanger markers were not seen together {spell}",
-            advice="record again with both markers in view from beginning to end",
+            name="hanger_lost", is_grave=True, words=f"the two {_ends(take)} were not seen together {spell}",
+            advice=f"record again with both {_ends(take)} in view from beginning to end",
         )
     ]  # fmt: skip
 
@@ -147,9 +157,14 @@ def _points(take: Take) -> list[Finding]:
     return [
         Finding(
             name="points_never_seen",
-            words=f"{', '.join(never)} {'was' if len(never) == 1 else 'were'} never seen", advice=advice,
+            words=f"{_names(never)} {'was' if len(never) == 1 else 'were'} never seen", advice=advice,
         )
     ]  # fmt: skip
+
+
+def _names(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def _held_points(take: Take) -> list[str]:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from capture.recording.judgement import judge
+from formats.judgement import judge
 from firmware_host.synthetic.scene import RIG, demo_garment
 from formats.take import Take
 

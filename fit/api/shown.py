@@ -60,7 +60,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
     tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
     rows = []
     for effect in tested:
-        closed = f"{100 * effect.closure.value:.0f} %" if effect.closure is not None else ""
+        closed = f"{100 * effect.closure.value:z.0f} %" if effect.closure is not None else ""
         chance = f"{100 * effect.probability:.0f} %" if effect.probability is not None else ""
         named = "named" if effect.id in diagnosis.named else ""
         rows.append((effect.id, chance, f"{effect.amplitude:.3g} {effect.unit}".strip(), closed, named))
@@ -116,6 +116,6 @@ def _combination_row(c: Combination) -> tuple[str, ...]:
 def _added_line(finding: EffectFinding) -> str:
     if not finding.tested:
         return f"{finding.id}: {finding.note}"
-    closed = f"closes {100 * finding.closure.value:.0f} % of the gap" if finding.closure else "there is no gap to close"
+    closed = f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
     return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed}{p_value}."

@@ -77,5 +77,5 @@ def sentence(gap: Gap) -> str:
     after = (gap.with_effect_mm or gap.base_mm).value
     return (
         f" From the points as tracked, which the base model misses by {gap.raw_mm:.1f} mm, to {after:.1f} mm "
-        f"{100 * gap.closure_from_raw:.0f} % of the gap is closed."
+        f"{100 * gap.closure_from_raw:z.0f} % of the gap is closed."
     )

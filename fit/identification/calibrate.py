@@ -42,6 +42,7 @@ from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
 from fit.runtime import one_thread_of_algebra
+from fit.search.annealing import AnnealingSettings
 from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
 from fit.search.intervals import Intervals, check_blocks, draw_intervals
 from fit.search.steps import Step
@@ -338,6 +339,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if request.search in OBSERVED and model.objectives[0].name != "D":
         notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
+    if request.search in OBSERVED and (asked := request.settings.iterations) != AnnealingSettings().iterations:
+        notes.append(f"{request.search} has no number of iterations; the given {asked} is ignored.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
     if free := [p.name for p in described if not (p.is_identified or p.is_at_bound)]:

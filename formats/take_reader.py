@@ -20,7 +20,7 @@ from formats.take_report import TakeReport
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
-MIXED = "two takes have the same header here, and their seconds may be mixed"
+MIXED = "two takes have the same header here, or one has lost its own, and their seconds may be mixed"
 IMPOSSIBLE_SPANS = "its header names missing times that cannot be"
 MOST_TAKES = 50  # that are read of one file: more than anyone joins
 COPY = "copy it again from where it was recorded"

@@ -20,10 +20,10 @@ from typing import Any
 from capture.appliance.retention import Retention
 from capture.appliance.spool import KeptTake, RunningTake, Spool
 from capture.recording.frame_reader import Seen
-from formats.judgement import Finding, judge
 from formats.archive import TakeWriter, read_take
 from formats.errors import HangtimeError, OutputError
 from formats.garment import Garment
+from formats.judgement import Finding, judge
 from formats.rig import Rig
 from formats.whole_files import make_writable
 

@@ -9,9 +9,9 @@ from capture.appliance.disk import TakePlan
 from capture.appliance.wall_clock import WallTime, boot_id, wall_time
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, Seen
-from formats.judgement import FEWEST_HANGERS
 from capture.recording.tally import Tally
 from formats.garment import Garment
+from formats.judgement import FEWEST_HANGERS
 from formats.rig import Rig
 
 

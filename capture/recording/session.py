@@ -18,7 +18,6 @@ from capture.hanger.seen_otherwise import seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
-from formats.judgement import FEWEST_HANGERS, Finding, judge
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
@@ -27,6 +26,7 @@ from formats.archive import TakeWriter, read_take
 from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
+from formats.judgement import FEWEST_HANGERS, Finding, judge
 from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
 from formats.system_causes import step_to_write

@@ -116,6 +116,8 @@ def _combination_row(c: Combination) -> tuple[str, ...]:
 def _added_line(finding: EffectFinding) -> str:
     if not finding.tested:
         return f"{finding.id}: {finding.note}"
-    closed = f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
+    closed = (
+        f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
+    )
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
     return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed}{p_value}."

@@ -57,9 +57,7 @@ def read_frames(
             try:
                 numbers[k, :width] = _row(cells)
             except ValueError as error:
-                raise TakeError(
-                    f"line {some.numbers[k]} holds {error}, which is no number", where=path, advice="mend that line"
-                ) from error
+                raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice="mend that line") from error
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]
         places[piece] = as_seen(numbers[: len(some), columns] * metres)
@@ -175,14 +173,14 @@ def _refuse_two_points(cells: list[str]) -> None:
     numbers = [cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip().replace(",", "."))]
     point, comma = (next((cell for cell in numbers if sign in cell), "") for sign in ".,")
     if point and comma:
-        raise ValueError(f"{comma[:LONGEST_SHOWN]!r} beside {point[:LONGEST_SHOWN]!r}")
+        raise ValueError(f"{comma[:LONGEST_SHOWN]!r} beside {point[:LONGEST_SHOWN]!r}: which of them parts decimals?")
 
 
 def number_of(cell: str) -> float:
     """Return the number of a cell, NaN where it says that nothing was seen.
 
     Raises:
-        ValueError: it holds anything else, and names that.
+        ValueError: it holds anything else; says so.
     """
     word = cell.strip().lower()
     plain = word.replace(",", ".")
@@ -191,4 +189,4 @@ def number_of(cell: str) -> float:
         return number
     if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS:
         return np.nan
-    raise ValueError(repr(cell.strip()[:LONGEST_SHOWN]))
+    raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")

@@ -182,8 +182,11 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
 
 
 def _goes_on(rows: Rows) -> bool:
-    """Return whether frames follow a line that is none. The title of another section has its frame rate below it."""
-    is_section = bool(rows) and _cell(rows[0], 0) != "" and not any(cell.strip() for cell in rows[0][1:])
+    """Return whether frames follow a line that is none. The title of another section has its frame rate below it.
+
+    A unit may stand beside that rate; a frame has the number of its sub frame there.
+    """
+    is_section = bool(rows) and _rate_beside_times(_cell(rows[0], 0)) is not None and not _cell(rows[0], 1).isdigit()
     return not is_section and any(row[0].strip().isdigit() and _cell(row, 1).isdigit() for row in rows)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,12 +57,14 @@ def test_another_section_of_vicon_ends_the_frames(tmp_path, title):
     other = f"\n{title}\n" + VICON.partition("\n")[2] + "".join(FRAMES[:5])
     assert len(read(tmp_path, VICON + "".join(FRAMES) + other, None, "v.csv").time) == 30
     assert len(read(tmp_path, VICON + "".join(FRAMES) + "made by hand\n\n", None, "v.csv").time) == 30
+    with_unit = re.sub(r"\n(\d+)[^\n]*", r"\n\1,Hz", other.lstrip("\n"), count=1)
+    assert len(read(tmp_path, VICON + "".join(FRAMES) + with_unit, None, "v.csv").time) == 30
 
 
 @pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
 def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
     """One of them parts thousands: the place is 1002."""
-    with pytest.raises(TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*', which is no number"):
+    with pytest.raises(TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*': which of them parts decimals\?"):
         read(tmp_path, TRC + f"1\t{time}\t998\t{place}\t5\t999\t998\t1\n" * 30, None, "a.trc")
 
 

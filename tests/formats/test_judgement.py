@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from formats.judgement import judge
 from firmware_host.synthetic.scene import RIG, demo_garment
+from formats.judgement import judge
 from formats.take import Take
 
 FPS = 30

@@ -81,7 +81,8 @@ class TakeWriter:
         self.path, self.partial = path, self._unfinished.partial
         self._waiting: list[Columns] = []
         self._first_time = self._last_time = -np.inf
-        self._count = self._blocks = self._scans = self._queued = 0
+        self._count = self._blocks = self._queued = 0
+        self._scans: set[int] = set()  # their times [us]
         self._is_readable = False
         try:
             self._begin(header)
@@ -150,10 +151,13 @@ class TakeWriter:
         """Add a scan of the visible surface, taken at the time of a frame or between frames.
 
         Raises:
-            TakeError: as `formats.surface.encode_scan`.
+            TakeError: as `formats.surface.encode_scan`, or there is a scan of this time.
         """
-        self._write(SURFACE, msgpack.packb({"take": self._binding, **encode_scan(scan)}))
-        self._scans += 1
+        content = encode_scan(scan)
+        if content["surface"] in self._scans:
+            raise TakeError("has two scans of the surface at one time", where=self._take_id, advice="keep one of them")
+        self._write(SURFACE, msgpack.packb({"take": self._binding, **content}))
+        self._scans.add(content["surface"])
 
     def finish(self) -> Path:
         """Write the remaining frames, make the file durable, and give the file its final name.
@@ -166,7 +170,7 @@ class TakeWriter:
         ends = {}
         if self._count:
             ends = {"from": round(1e6 * self._first_time), "until": round(1e6 * self._last_time)}
-        counts = {"frames": self._count, "blocks": self._blocks, "scans": self._scans}
+        counts = {"frames": self._count, "blocks": self._blocks, "scans": len(self._scans)}
         self._write(END, msgpack.packb({"take": self._binding, **counts, **ends}))
         self._mcap.finish()
         self._unfinished.finish()

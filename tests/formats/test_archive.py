@@ -273,6 +273,16 @@ def a_scan(time, seed=1, size=7, around=40):
     return SurfaceScan(time=time, grid=grid, contour=contour)
 
 
+def test_a_second_scan_of_one_time_is_refused(tmp_path):
+    """Times are stored in microseconds."""
+    take = replace(a_take(), scans=(a_scan(0.4), a_scan(0.4000001, seed=2)))
+    with pytest.raises(TakeError, match=rf"^{take.take_id}: has two scans of the surface at one time"):
+        write_take(tmp_path / "a.mcap", take)
+    assert not list(tmp_path.glob("*.mcap"))
+    apart = replace(take, scans=(a_scan(0.4), a_scan(0.400001, seed=2)))
+    assert len(read_take(write_take(tmp_path / "a.mcap", apart)).scans) == 2
+
+
 def test_hidden_points_quality_and_scans_come_back(tmp_path):
     """Quality to half of 1/254, scans to 0.05 mm, what is hidden exactly."""
     rng = np.random.default_rng(2)

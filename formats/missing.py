@@ -32,7 +32,7 @@ def listed(words: list[str]) -> str:
     """Return `a, b and c`; of many spans only the first, and how many more there are."""
     if len(words) > MOST_SPANS:
         words = [*words[: MOST_SPANS - 1], f"{len(words) - MOST_SPANS + 1} more spans"]
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def origin_of(take: Take, spans: Sequence[Span] = ()) -> float:

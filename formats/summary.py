@@ -101,7 +101,7 @@ def describe(summary: dict[str, Any]) -> str:
         f"take      {s['take_id']}{'' if s['is_complete'] else '   (INCOMPLETE)'}",
         *([f"missing   {s['missing']}"] if s["missing"] else []),
         f"created   {s['created']}",
-        f"length    {s['duration_s']:g} s, {s['frames']} frames"
+        f"length    {s['duration_s']:g} s, {counted(s['frames'], 'frame')}"
         + (f", {s['rate_hz']:g} a second" if s["rate_hz"] is not None else ""),
         f"rig       {s['rig']}",
         *_calibrated(s["calibration"]),

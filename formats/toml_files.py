@@ -81,8 +81,7 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
         told = str(error).replace("end of document", f"line {text.rstrip().count(chr(10)) + 1}, the last")
         raise failure(f"is not valid TOML: {told}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
-        digits = re.search(r"\d{4300}", text.replace("_", "0"))
-        line = text.count("\n", 0, digits.start() if digits else 0) + 1
+        line = re.split(r"\d{4300}", text.replace("_", "0"), maxsplit=1)[0].count("\n") + 1
         raise failure(f"has a number of thousands of digits (at line {line})", where=path, advice="mend it") from error
     except RecursionError as error:
         raise failure("has too many brackets in each other", where=path, advice="mend it") from error
@@ -97,7 +96,7 @@ def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "
     """
     unknown = re.search(r"(?:unknown field|the field) `(.+?)`(?: is missing)?(?: in ([\w.\[\]]+))?", words)
     if unknown:
-        parts = [unknown[2], None if "is missing" in unknown[0] else unknown[1]]
+        parts = [unknown[2], unknown[1]]
     else:
         found = re.match(r"[a-z]\w*(?:\[\d+\]|\.\w+)*", words)
         parts = [found[0] if found else None]

@@ -143,7 +143,7 @@ def _header(lines: TextLines) -> tuple[int, str, str]:
         found = next(((k, match) for k, line in enumerate(lines[:most]) if (match := pattern.match(line))), None)
         if found is not None:
             begin, match = found
-            head = lines[begin + 1 : begin + LINES_OF_VICON_HEAD] if pattern is TRAJECTORIES else []
+            head = lines[begin : begin + LINES_OF_VICON_HEAD] if pattern is TRAJECTORIES else []
             columns = next((parted for line in head if (parted := COLUMNS_OF_VICON.match(line))), match)
             return begin, match[1].lower(), columns[2] or _most_likely(lines[begin : begin + LOOKED_AT])
     return 0, "", _most_likely(lines[:LOOKED_AT])

@@ -79,6 +79,8 @@ def test_a_pipe_is_no_take(tmp_path):
 
 def test_a_scan_has_the_places_of_its_grid_and_those_around_it():
     assert places_of({"grid_size": 5, "contour_size": 12}) == 37
+    assert places_of({"grid_size": 512, "contour_size": 65536}) == 512 * 512 + 65536
+    assert places_of({"grid_size": 0, "contour_size": 0}) == 0
     for size, count in ((-1, 0), (513, 0), (0, 65537), (True, 0), (1.0, 0), (0, None)):
         with pytest.raises(ValueError, match="cannot be"):
             places_of({"grid_size": size, "contour_size": count})
@@ -109,7 +111,7 @@ def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
     with path.open("r+b") as file:
         file.truncate(300 * 10**9)
     most, said = peak_of(lambda: read_take(path))
-    assert "is no take: it has 300.0 GB and its profile says ros2" in said
+    assert "is no take: it has 300.0 GB and its profile says ros2; a take has 1.1 GB at most" in said
     assert most < 32 << 20
 
 

@@ -30,33 +30,61 @@ def ends(left, right, down=0.09, away=0.0):
     return (left, down, away), (right, down, away)
 
 
+OFF_BAR = "measure from the middle between the marker centres: x to the right, y down, z away, in metres"
+AXES = (
+    ": x is to the right, y down and z away from the sensor; give [0, 1, 0] for a level sensor; `hangtime calibrate` "
+    "measures it"
+)
+PLAY = "; `hangtime sensor play` tells"
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"held_m": ends(-2.0, 2.0)}, "hanger.held_m: its ends are 4 m apart and the markers 0.3 m; measure held_m"),
-        ({"held_m": ends(0.2, -0.2)}, "its first end, at x = 0.2, is not left of its second, at x = -0.2; give the"),
-        ({"held_m": ends(-0.2, 0.2, down=-0.9)}, "an end is 0.9 m off the line through the markers, a hanger's at"),
-        ({"held_m": ends(-0.2, 0.2, away=0.51)}, "an end is 0.51 m off the line through the markers"),
-        ({"held_m": ends(-20, 20)}, "hanger.held_m is 20 m, a hanger has 0.01 to 3 m; were millimetres or centimetres"),
+        ({"held_m": ends(-2.0, 2.0)}, "hanger.held_m: its ends are 4 m apart and the markers 0.3 m; measure held_m and "
+         "marker_distance_m again, both in metres"),
+        ({"held_m": ends(0.2, -0.2)}, "hanger.held_m: its first end, at x = 0.2, is not left of its second, at x = "
+         "-0.2; give the left end first, as the sensor sees it; x is to the right"),
+        ({"held_m": ends(-0.2, 0.2, down=-0.9)}, "hanger.held_m: an end is 0.9 m off the line through the markers, a "
+         f"hanger's at most 0.5 m; {OFF_BAR}"),
+        ({"held_m": ends(-0.2, 0.2, away=0.51)}, "hanger.held_m: an end is 0.51 m off the line through the markers, a "
+         f"hanger's at most 0.5 m; {OFF_BAR}"),
+        ({"held_m": ends(-20, 20)}, "hanger.held_m is 20 m, a hanger has 0.01 to 3 m; were millimetres or centimetres "
+         "or inches meant? Measure it again and give metres"),
         ({"cx": 0.3}, "sensor.cx = 0.3 px is far from the middle of 640 pixels, where sensors have it; is that a share "
-         "of the picture, 192 px?"),
-        ({"cy": 100.0}, "sensor.cy = 100 px is far from the middle of 480 pixels, where sensors have it; give"),
-        ({"fx": 4.7, "fy": 4.7}, "span 178 degrees, a sensor's picture 10 to 150; is that millimetres?"),
-        ({"fx": 300.0}, "sensor.fx = 300 and sensor.fy = 575.8 px are of no square pixels"),
-        ({"gravity": (0.0, -1.0, 0.0)}, "gravity = [0, -1, 0] points up in the picture: x is to the right, y down"),
-        ({"gravity": (0.0, 0.0, 1.0)}, "gravity = [0, 0, 1] points along the view"),
-        ({"gravity": (1.0, 0.0, 0.0)}, "gravity = [1, 0, 0] points to a side"),
+         f"of the picture, 192 px? Give the principal point in pixels{PLAY} it"),
+        ({"cx": 1.0}, "sensor.cx = 1 px is far from the middle of 640 pixels, where sensors have it; is that a share "
+         f"of the picture, 640 px? Give the principal point in pixels{PLAY} it"),
+        ({"cy": 100.0}, "sensor.cy = 100 px is far from the middle of 480 pixels, where sensors have it; give the "
+         f"principal point in pixels{PLAY} it"),
+        ({"fx": 4.7, "fy": 4.7}, "sensor.fx = 4.7 px lets 640 pixels span 178 degrees, a sensor's picture 10 to 150; "
+         f"is that millimetres? Give the focal length in pixels{PLAY} it"),
+        ({"fx": 50.0, "fy": 50.0}, "sensor.fx = 50 px lets 640 pixels span 162 degrees, a sensor's picture 10 to 150; "
+         f"give the focal length in pixels{PLAY} it"),
+        ({"fx": 300.0}, "sensor.fx = 300 and sensor.fy = 575.8 px are of no square pixels; give both focal lengths in "
+         f"pixels{PLAY} them"),
+        ({"fx": 575.8 * 1.21}, "sensor.fx = 696.718 and sensor.fy = 575.8 px are of no square pixels; give both focal "
+         f"lengths in pixels{PLAY} them"),
+        ({"gravity": (0.0, -1.0, 0.0)}, f"gravity = [0, -1, 0] points up in the picture{AXES}"),
+        ({"gravity": (0.0, -0.51, 0.86)}, f"gravity = [0, -0.51, 0.86] points up in the picture{AXES}"),
+        ({"gravity": (0.0, 0.0, 1.0)}, f"gravity = [0, 0, 1] points along the view{AXES}"),
+        ({"gravity": (0.0, 0.49, -0.87)}, f"gravity = [0, 0.49, -0.87] points along the view{AXES}"),
+        ({"gravity": (1.0, 0.0, 0.0)}, f"gravity = [1, 0, 0] points to a side{AXES}"),
+        ({"gravity": (-0.8, 0.0, 0.6)}, f"gravity = [-0.8, 0, 0.6] points to a side{AXES}"),
         ({"marker_size_m": 0.006}, "hanger.marker_size_m = 0.006 m is 6.9 px wide at 0.5 m, and no marker is read below"
-         " 12 px"),
+         " 12 px; measure the black square's side and give metres"),
     ],
 )  # fmt: skip
 def test_a_rig_of_no_hanger_or_sensor_says_which_number_and_why_and_is_accepted_anyway(tmp_path, changes, says):
     check_rig(rig(**changes), "r")
+    with pytest.raises(ImplausibleError) as refused:
+        check_plausible_rig(rig(**changes), "r")
+    assert str(refused.value) == f"r: {says}"
     (tmp_path / "rig.toml").write_text(dump_description(rig(**changes)))
     with pytest.raises(ImplausibleError) as refused:
         load_rig(tmp_path / "rig.toml", anyway=False)
-    assert says in str(refused.value)
-    assert str(refused.value).endswith(", or --anyway to accept it")
+    assert str(refused.value).startswith(f"{tmp_path}/rig.toml, line ")
+    assert str(refused.value).endswith(f": {says}, or --anyway to accept it")
     load_rig(tmp_path / "rig.toml", anyway=True)
 
 

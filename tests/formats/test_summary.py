@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
+from formats.garment import TrackedPoint
 from formats.missing import missing_words
+from formats.rig import Calibration
 from formats.summary import describe, summarise
 from formats.take import FrameState
-from tests.formats.test_archive import a_take
+from tests.formats.test_archive import a_scan, a_take
 
 FRAMES = 60
 
@@ -76,6 +79,93 @@ def test_a_summary_says_its_figures_in_words():
         assert line in said
     assert "INCOMPLETE" not in said
     assert "INCOMPLETE" in describe(summarise(replace(made(), is_complete=False)))
+
+
+def test_a_summary_is_told_line_by_line():
+    """Every line but those of points, which the test above reads; 25 and 7 of 59 steps go over a hole."""
+    made_once = made()
+    time = made_once.time + np.repeat([0.0, 1.0, 3.0], [30, 20, 10])
+    known = Calibration(
+        gravity_from="accelerometer", gravity_sd_degrees=0.25, depth_scale=1.0123, depth_scale_sd=0.004,
+        depth_offset_px=(1.25, -0.5), depth_offset_sd_px=(0.3, 0.2), held_sd_m=((1e-3, 2e-3, 1e-3), (1e-3, 1e-3, 3e-3)),
+    )  # fmt: skip
+    spans = ((time[29], time[30]), (time[49], time[50]))
+    take = replace(
+        made_once, time=time, missing=spans, is_complete=False, scans=(a_scan(7.4, 1),) * 2,
+        rig=msgspec.structs.replace(made_once.rig, calibration=known),
+    )  # fmt: skip
+    assert describe(summarise(take)).splitlines() == [
+        "take      a   (INCOMPLETE)",
+        "missing   0.97 to 2.00 s and 2.63 to 4.67 s",
+        "created   2026-01-01T00:00:00Z",
+        "length    4.967 s, 60 frames, 30 a second",
+        "rig       bench",
+        "calibrated gravity to 0.25 degrees (accelerometer); depth scale 1.0123 +- 0.004; "
+        "depth offset 1.25, -0.50 px +- 0.2; held ends to 3.0 mm",
+        "garment   sheet, 30.0 g",
+        "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
+        "motion    still",
+        "tracked   material points, which stay on the cloth",
+        "point     p0             seen  75.0 %   sd 2.89 mm",
+        "point     p1             seen 100.0 %   sd 3 mm",
+        "point     p2             seen 100.0 %   sd 3 mm",
+        "point     p3             seen   0.0 %   never seen   hidden 50 %",
+        "quality   0.9 in the median frame, 1 at best",
+        "surface   scanned 2 times",
+        "state     marker lost in 3 frames",
+        "state     clock jumped in 5 frames",
+        "state     too far in 5 frames",
+        "source    test",
+        "note      who: me",
+    ]
+
+
+def of_points(count, sd):
+    """A single frame of points of a silhouette, of which each deviates by so much [m]; none was seen without it."""
+    take = a_take(frames=1)
+    garment = msgspec.structs.replace(
+        take.garment, points_are="silhouette",
+        points=tuple(TrackedPoint(name=f"p{k}", at_m=(0.01 * k, -0.1)) for k in range(count)),
+    )  # fmt: skip
+    return replace(
+        take, garment=garment, points=np.zeros((1, count, 3)), points_valid=np.full((1, count), sd is not None),
+        points_sd=np.full((1, count, 3), sd or np.nan), state=np.zeros(1, np.uint16), source="", notes={},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("count", "sd", "line"),
+    [
+        (12, 0.002, "point     p11            seen 100.0 %   sd 2 mm"),
+        (13, 0.002, "points    13, seen 100 to 100 %, median sd 2 mm"),
+        (13, None, "points    13, seen 0 to 0 %, never seen"),
+    ],
+)
+def test_more_than_twelve_points_are_told_in_one_line_and_a_single_frame_has_no_rate(count, sd, line):
+    told = describe(summarise(of_points(count, sd))).splitlines()
+    assert told[-1] == line
+    assert told[2] == "length    0 s, 1 frame"
+    assert told[7] == "tracked   points of a silhouette, which slide over the cloth"
+    assert len(told) == (20 if count == 12 else 9)
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({}, None),
+        ({"gravity_sd_degrees": 0.5}, "gravity to 0.5 degrees"),
+        ({"depth_scale": 0.98, "depth_scale_sd": 0.01}, "depth scale 0.9800 +- 0.01"),
+        ({"depth_offset_sd_px": (np.inf, 0.4)}, "depth offset 0.00, 0.00 px +- 0.4 along the one axis that was "
+                                                "measured"),
+        ({"gravity_sd_degrees": 1.0, "held_sd_m": ((0.001,) * 3, (0.002,) * 3)},
+         "gravity to 1 degrees; held ends to 2.0 mm"),
+    ],
+)  # fmt: skip
+def test_a_summary_names_what_was_calibrated_and_nothing_else(known, words):
+    take = made()
+    take = replace(take, rig=msgspec.structs.replace(take.rig, calibration=Calibration(**known)))
+    told = [line for line in describe(summarise(take)).splitlines() if line.startswith("calibrated")]
+    assert told == ([f"calibrated {words}"] if words else [])
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError
-from formats.toml_files import line_of, read_toml
+from formats.toml_files import LARGEST_TOML, line_of, place_in, read_toml
 
 TEXT = """format = "hangtime-rig/1"
 name = "x"
@@ -47,6 +47,8 @@ def test_a_field_has_the_line_of_its_key_or_else_of_its_table(field, line):
         (b"a = 1\nb = " + b"9" * 5000, "has a number of thousands of digits (at line 2)"),
         (b"a = 1\nb = [1,\n\n", "(at line 2, the last)"),
         (b"a = 1\nb = 1,5\n", "(at line 2, column 6)"),
+        (b"a = 1\n\nb = -1_" + b"9" * 4300, "has a number of thousands of digits (at line 3); mend it"),
+        (b"#" * LARGEST_TOML + b"\n", "has more than 1048576 bytes, which no such file has; check the path"),
     ],
 )
 def test_text_that_is_no_toml_is_named_by_its_line(tmp_path, raw, says):
@@ -70,3 +72,25 @@ def test_a_wrong_field_of_a_rig_or_garment_is_named_by_its_line(tmp_path, load, 
     with pytest.raises(DescriptionError) as refused:
         load(tmp_path / "a.toml")
     assert str(refused.value).startswith(f"{tmp_path}/a.toml, {says}")
+
+
+def test_a_file_of_the_largest_size_is_read(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"a = 1\n#" + b"x" * (LARGEST_TOML - 7))
+    assert read_toml(tmp_path / "a.toml") == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("words", "table", "place"),
+    [
+        ("the field `marker_size_m` is missing in hanger", "", "a, line 4"),
+        ("the field `mass_kg` is missing", "", "a"),
+        ("the field `mass_kg` is missing", "hanger", "a, line 4"), ("unknown field `ids` in hanger", "", "a, line 5"),
+        ("unknown field `name`", "", "a, line 2"), ("unknown field `ids`", "hanger", "a, line 5"),
+        ("hanger.ids[1] must be a number", "", "a, line 5"), ("ids must be two", "hanger", "a, line 5"),
+        ("points[1].a.b is odd", "", "a, line 15"), ("3 is no field", "", "a"),
+        ("3 is no field", "hanger", "a, line 4"),
+    ],
+)  # fmt: skip
+def test_the_words_of_an_error_lead_to_the_line_of_the_field_that_they_name(tmp_path, words, table, place):
+    (tmp_path / "a").write_text(TEXT)
+    assert str(place_in("a", read_toml(tmp_path / "a"), words, table=table)) == place

@@ -18,12 +18,14 @@ LABELS_AT_ONCE = 255  # that one parameter can hold; LABELS2 holds the next
 def c3d_bytes(
     positions, labels, *, processor="intel", rate=100.0, units=("mm",), scale=-1.0, frames_said=None, header=None,
     analogue=0, camera_rate=None, is_locked=False, has_lower_names=False, is_group_last=False,
+    more=(),
 ):  # fmt: skip
     """positions, (frames, points, 3), in the file's unit, NaN where not seen; scale above 0: 16-bit integers.
 
     - `header`: other values than the parameters' for the header's copies, `scale`, `rate`, `start` and `first` frame
     - `analogue`: values behind each frame's points
     - `camera_rate`: of a group TRIAL
+    - `more`: parameters (name, bytes, kind, dimensions, 1 of POINT and 2 of TRIAL)
     """
     copies = {"scale": scale, "rate": rate or 0.0, "start": None, "first": 1} | (header or {})
     order = ">" if processor == "sgi" else "<"
@@ -57,6 +59,7 @@ def c3d_bytes(
             *([parameter("RATE", float_bytes(rate), 4, [])] if rate is not None else []),
             *([parameter("UNITS", *texts(units))] if units else []),
             *([parameter("CAMERA_RATE", float_bytes(camera_rate), 4, [], 2)] if camera_rate is not None else []),
+            *(parameter(*one) for one in more),
         ]  # fmt: skip
         for k in range(0, max(len(labels), 1), LABELS_AT_ONCE):
             number = str(k // LABELS_AT_ONCE + 1) if k else ""

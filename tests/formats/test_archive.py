@@ -15,6 +15,7 @@ from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take import FrameState, Take
+from tests.formats.damage import chunks_of
 from tests.formats.full_disk import no_file_beyond
 
 OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
@@ -138,6 +139,29 @@ def test_a_recorder_cuts_blocks_where_a_whole_take_is_cut(tmp_path):
         for k in range(40):
             writer.append(frame_of(take, k))
     assert verify_take(tmp_path / "a.mcap").blocks == verify_take(write_take(tmp_path / "b.mcap", take)).blocks == 5
+
+
+def test_a_recorder_ends_a_block_before_a_gap_and_a_frame_alone_is_one(tmp_path):
+    """Gaps of 2 s and more part the frames at 0, 0.5, 0.9, 2.5, 4.4, 9 and 11 s; a block of 1 s ends with 0.9 + 1.6."""
+    take = replace(a_take(frames=7), time=np.array([0, 0.5, 0.9, 2.5, 4.4, 9, 11.0]))
+    with TakeWriter(tmp_path / "a.mcap", take_id="a", created="now", rig=RIG, garment=GARMENT) as writer:
+        for k in range(7):
+            writer.append(frame_of(take, k))
+    contents = [content for _, _, content in chunks_of((tmp_path / "a.mcap").read_bytes()) if "table" in content]
+    assert [(content["first"], content["frames"]) for content in contents] == [(0, 3), (3, 2), (5, 1), (6, 1)]
+    np.testing.assert_allclose(read_take(tmp_path / "a.mcap").time, take.time, atol=1e-6)
+
+
+def test_behind_its_messages_an_archive_has_its_counts_alone(tmp_path):
+    """No index and no second specification: records of kinds 15, 11 and 2, the end of the data, counts, the footer."""
+    raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
+    at, found = chunks_of(raw)[-1][1], []
+    while raw[at:] != raw[:8]:
+        length = int.from_bytes(raw[at + 1 : at + 9], "little")
+        found.append((raw[at], length))
+        at += 9 + length
+    assert found == [(15, 4), (11, 76), (2, 20)]
+    assert raw[chunks_of(raw)[-1][1] + 9 :][:4] == bytes(4), "the sum of the data was not taken"
 
 
 def frame_of(take, k):

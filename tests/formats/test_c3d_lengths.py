@@ -125,8 +125,8 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
          "trajectories, not only analogue data"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], scale=0.1, header={"scale": 0.2}), "its header states a scale of 0.2, "
          "its parameter POINT:SCALE 0.1; export it again"),
-        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], "holds 63 of the 64 frames that its header states; it is cut off: "
-         "copy or export it again"),
+        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], "holds 63 of the 64 frames that its header states; it is cut "
+         "off: copy or export it again"),
     ],
     ids=["empty", "short", "no parameters", "text", "rate", "no rate", "analogue", "scale", "cut"],
 )  # fmt: skip

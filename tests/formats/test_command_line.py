@@ -196,7 +196,7 @@ def test_what_cannot_be_written_gives_one_sentence_and_exit_code_2(tmp_path, mon
 
 def test_a_take_of_one_frame_and_one_whose_points_were_never_seen_are_shown():
     take = a_take(frames=1)
-    assert "length    0 s, 1 frames\n" in describe(summarise(take))
+    assert "length    0 s, 1 frame\n" in describe(summarise(take))
     summary = summarise(take)
     summary["points"] = [summary["points"][0] | {"sd_mm": None, "seen_percent": 0.0}] * 13
     assert "points    13, seen 0 to 0 %, never seen" in describe(summary)

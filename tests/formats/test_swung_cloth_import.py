@@ -110,8 +110,8 @@ def grid(rows, columns, **others):
          f"for centimetres? {IN_METRES}"),
         ({"hanger_corners": 1e2}, "its hanger_corners are 31.7 m from the held row of its points, in the median; give "
          "both in metres, in one frame and at the same times"),
-        ({"hanger_corners": lambda held: held + [0, 0.151, 0]}, "its hanger_corners are 0.151 m from the held row of "
-         "its points, in the median; give both in metres, in one frame and at the same times"),
+        ({"hanger_corners": lambda held: held + np.array([0, 0.151, 0])}, "its hanger_corners are 0.151 m from "
+         "the held row of its points, in the median; give both in metres, in one frame and at the same times"),
         ({"points": [1, 1, -1], "hanger_corners": [1, 1, -1]}, "its points lie above its hanger_corners, in the "
          "median; turn both so that z points up"),
     ],
@@ -129,7 +129,7 @@ def test_arrays_that_are_no_recording_are_refused_with_what_is_wrong_and_what_to
         {"rest": 9.9, "points": 9.9, "hanger_corners": 9.9},
         {"rest": 0.34, "points": 0.34, "hanger_corners": 0.34},
         {"points": 1.59}, {"points": 0.41, "hanger_corners": 0.41},
-        {"hanger_corners": lambda held: held + [0, 0.149, 0]},
+        {"hanger_corners": lambda held: held + np.array([0, 0.149, 0])},
         {"hanger_corners": lambda held: held * np.nan},
         {"valid": lambda valid: valid & (np.arange(64) % 2 == 0)},
         {"t": lambda t: t[:1], **dict.fromkeys(("points", "valid", "hanger_corners"), lambda array: array[:1])},

@@ -26,11 +26,11 @@ from formats.importers.marker_lines import (
 )
 from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
 from formats.importers.marker_tracks import MarkerTracks
-from formats.importers.units import AXES, metres_of
+from formats.importers.units import AXES, METRES, metres_of
 from formats.rows import spreadsheet_cell
 
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
-COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker"
+COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 
 
 def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
@@ -106,15 +106,17 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
             advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
-    labels = [name.removesuffix(AXES[0]) for name in head[1::3]]
-    for k, name in enumerate((label + axis for label in labels for axis in AXES), 1):
+    named = head[1].rpartition("_x_")[2] if len(head) > 1 else ""
+    axes = [axis.removesuffix("m") + (named if named in METRES else "m") for axis in AXES]
+    labels = [name.removesuffix(axes[0]) for name in head[1::3]]
+    for k, name in enumerate((label + axis for label in labels for axis in axes), 1):
         if k >= len(head) or head[k] != name:
             there = f"is {head[k][:LONGEST_SHOWN]!r}" if k < len(head) else "is missing"
             raise TakeError(
                 f"column {k + 1} of line {line} {there}, not {name[:LONGEST_SHOWN]!r}", where=path,
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
-    metres, names = metres_of("m", unit, path), _names(labels, path)
+    metres, names = metres_of(axes[0].rpartition("_")[2], unit, path), _names(labels, path)
     first, places = read_frames(rows[1:], len(head), range(1, len(head), 3), metres, path, is_exact=True)
     return MarkerTracks(names, first[:, 0], places)
 

@@ -47,8 +47,9 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
         )
     if given is not None and _short(given) != word:
         raise TakeError(
-            f"states its lengths in {word}, not {given}", where=where, advice="leave out --unit, or export it again"
-        )
+            f"states its lengths in {word}, not {given}", where=where,
+            advice="leave out --unit, or mend the unit that the file states",
+        )  # fmt: skip
     return METRES[word]
 
 

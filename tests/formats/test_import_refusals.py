@@ -84,6 +84,19 @@ def test_markers_in_another_unit_than_stated_bring_the_question(tmp_path, times,
         import_marker_take(path, GARMENT)
 
 
+@pytest.mark.parametrize(("unit", "times"), [("mm", 1000.0), ("cm", 100.0), ("in", 1 / 0.0254)])
+def test_the_names_of_the_columns_state_the_unit(tmp_path, unit, times):
+    tracks = hanging()
+    path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=times * tracks.positions))
+    head, _, frames = path.read_text().partition("\n")
+    path.write_text(head.replace("_m,", f"_{unit},").removesuffix("_m") + f"_{unit}\n{frames}")
+    take = import_marker_take(path, GARMENT)
+    assert take.points == pytest.approx(tracks.positions, abs=1e-4)
+    path.write_text(head.replace("_m,", f"_{unit},") + f"\n{frames}")  # the last one is of another unit
+    with pytest.raises(TakeError, match=rf"column 49 of line 1 is '.*_z_m', not '.*_z_{unit}'"):
+        import_marker_take(path, GARMENT)
+
+
 def test_a_unit_that_contradicts_the_names_of_the_columns_is_refused(tmp_path):
     path = write_marker_csv(tmp_path / "a.csv", hanging())
     with pytest.raises(TakeError, match="states its lengths in m, not mm; leave out --unit"):

@@ -17,13 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.pattern import lay
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.garment import Garment
 from formats.nature import AIR_DENSITY, GRAVITY
 
@@ -70,14 +68,14 @@ def simulate(
     ends = held_ends(np.asarray(np.arange(count + 1) * step, float))
     cloth.hang(ends[0])
     if unevenness is not None:
-        cloth.x[..., 2] += unevenness
+        cloth.x[2] += unevenness.ravel()
     for _ in range(settle):
         cloth.advance(ends[0], step, SETTLE_DAMPING)
-    out = np.empty((len(times), *cloth.x.shape))
+    out = np.empty((len(times), *cloth.pattern.rest.shape))
     frame = 0
     for number in range(count):
         while frame < len(times) and times[frame] < (number + 1) * step:
-            out[frame] = cloth.x + (times[frame] - number * step) * cloth.v
+            out[frame] = (cloth.x + (times[frame] - number * step) * cloth.v).T.reshape(out.shape[1:])
             frame += 1
         if number % 500 == 0:
             progress(number / count)
@@ -107,6 +105,16 @@ def _check_effects(garment: Garment, effects: dict[str, float]) -> None:
 
 
 class _Cloth:
+    """The cloth's masses and springs, and its state.
+
+    Nodes count along the grid's rows. Springs of one kind are arrays, so that a step costs few calls of numpy.
+
+    - `x` [m], `v` [m/s], (3, nodes)
+    - `threads`: the nodes at both ends, (2, threads), and rest length [m] and stiffness [N/m], (threads,)
+    - `bends`: three nodes in a row, (3, bends), and stiffness [N/m], (bends,)
+    - `corners`: nodes of each cell of cloth, (4, cells), of none without drag: across from the first is the last
+    """
+
     def __init__(
         self, garment: Garment, physics: ClothPhysics, effects: dict[str, float], rows: int, columns: int
     ) -> None:
@@ -129,22 +137,26 @@ class _Cloth:
         extra = effects.get("hem", 0.0)
         density = (garment.mass_kg - extra * bottom.sum()) / cell.sum()
         self.is_node = self.pattern.is_node
-        self.mass = np.where(self.is_node, density * area + extra * hem, 1.0)[..., None]
-        self.threads = self._threads(cell)
-        self.bends = self._bends(cell)
+        self.mass = np.where(self.is_node, density * area + extra * hem, 1.0)
         self.cell = cell
-        self.weight = np.where(self.is_node, GRAVITY * self.mass[..., 0], 0.0)
+        self.weight = np.where(self.is_node, GRAVITY * self.mass, 0.0).ravel()
+        self.node = node = np.arange(rows * columns).reshape(rows, columns)
+        self.threads = self._threads()
+        self.bends = self._bends()
+        corners = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]])
+        self.corners = corners[:, self.pattern.is_cloth] if self.drag else corners[:, :0, 0]
+        # The node of each force of a step.
+        self._pulled = np.concatenate([nodes.ravel() for nodes in (self.threads[0], self.bends[0], self.corners)])
         places = np.arange(columns)[self.pattern.held]
-        self.held_share = np.linspace(0, 1, len(places))[:, None]
+        self.held_share = np.linspace(0, 1, len(places))
         if garment.held == "corners":
             places, self.held_share = places[[0, -1]], self.held_share[[0, -1]]
-        self.held = (0, places)
-        self.x = np.zeros((rows, columns, 3))
-        self.v, self.f = np.zeros_like(self.x), np.zeros_like(self.x)
+        self.held = places  # of the first row
+        self._all = np.zeros((6, rows * columns))
+        self.x, self.v = self._all[:3], self._all[3:]
 
-    def _threads(self, cell: Floats) -> list[tuple[Any, Any, Floats, Floats]]:
-        """Springs as (from, to, length, stiffness)."""
-        rest, physics = self.rest, self.physics
+    def _threads(self) -> tuple[Integers, Floats, Floats]:
+        rest, cell, physics = self.rest, self.cell, self.physics
         whole, low, high = slice(None), slice(None, -1), slice(1, None)
         springs = []
         for a, b, across in (((whole, low), (whole, high), 0), ((low, whole), (high, whole), 1)):
@@ -162,80 +174,72 @@ class _Cloth:
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
             stiffness = physics.shear_stiffness * length**2 / (2 * np.where(cell > 0, cell, np.inf))
             springs.append((a, b, length, stiffness))
-        return springs
+        lengths, stiffness = (np.concatenate([spring[k].ravel() for spring in springs]) for k in (2, 3))
+        ends = np.concatenate([[self.node[a].ravel(), self.node[b].ravel()] for a, b, *_ in springs], axis=1)
+        return ends, lengths, stiffness
 
-    def _bends(self, cell: Floats) -> list[tuple[Any, Any, Any, Floats]]:
-        rest, stiffness = self.rest, self.physics.bending_stiffness
+    def _bends(self) -> tuple[Integers, Floats]:
+        rest, cell, stiffness = self.rest, self.cell, self.physics.bending_stiffness
         whole = slice(None)
         before, at, after = slice(None, -2), slice(1, -1), slice(2, None)
         mean = float(cell[cell > 0].mean())
-        found = []
-        for a, b, c in (((whole, before), (whole, at), (whole, after)), ((before, whole), (at, whole), (after, whole))):
-            length = 0.5 * np.linalg.norm(rest[c] - rest[a], axis=-1)
-            is_whole = self.is_node[a] & self.is_node[b] & self.is_node[c]
-            found.append((a, b, c, np.where(is_whole, stiffness * mean / length**4, 0.0)))
-        return found
+        nodes, found = [], []
+        for row in (((whole, before), (whole, at), (whole, after)), ((before, whole), (at, whole), (after, whole))):
+            length = 0.5 * np.linalg.norm(rest[row[2]] - rest[row[0]], axis=-1)
+            is_whole = np.all([self.is_node[part] for part in row], axis=0)
+            nodes.append([self.node[part].ravel() for part in row])
+            found.append(np.where(is_whole, stiffness * mean / length**4, 0.0).ravel())
+        return np.concatenate(nodes, axis=1), np.concatenate(found)
 
     def stable_step(self) -> float:
         """Return a step [s] below 2 / omega of the stiffest node (sum of its springs over its mass)."""
-        total = np.zeros(self.mass.shape[:2])
-        for a, b, _, k in self.threads:
-            total[a] += k
-            total[b] += k
-        for a, b, c, k in self.bends:
-            total[a] += k
-            total[b] += 4 * k
-            total[c] += k
-        return float(STEP_SHARE * 2 / np.sqrt((2 * total / self.mass[..., 0]).max()))
+        (ends, _, threads), (rows, bends) = self.threads, self.bends
+        nodes, stiffness = [*ends, *rows], [threads, threads, bends, 4 * bends, bends]
+        total = np.bincount(np.concatenate(nodes), np.concatenate(stiffness), self.mass.size)
+        return float(STEP_SHARE * 2 / np.sqrt((2 * total / self.mass.ravel()).max()))
 
     def hang(self, ends: Floats) -> None:
         """Hang flat and straight down from the ends, (2, 3)."""
         held = self.rest[0, self.pattern.held, 0]
         along = (self.rest[..., 0] - held[0]) / np.ptp(held)
-        self.x[:] = ends[0] + along[..., None] * (ends[1] - ends[0])
-        self.x[..., 1] += self.rest[..., 1].max() - self.rest[..., 1]
-        self.x[..., 2] += self.pattern.bulge
+        place = ends[0] + along[..., None] * (ends[1] - ends[0])
+        place[..., 1] += self.rest[..., 1].max() - self.rest[..., 1]
+        place[..., 2] += self.pattern.bulge
+        self.x[:] = place.reshape(-1, 3).T
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
         """One kick and drift; the held edge goes to the ends, (2, 3)."""
-        x, v, f = self.x, self.v, self.f
-        f[:] = 0.0
-        f[..., 1] = self.weight
-        time = self.physics.thread_damping_time
-        for a, b, length, stiffness in self.threads:
-            apart, closing = x[b] - x[a], v[b] - v[a]
-            now = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
-            rate = np.einsum("ijk,ijk->ij", apart, closing) / now
-            pull = (stiffness * (now - length + time * rate) / now)[..., None] * apart
-            f[a] += pull
-            f[b] -= pull
-        for a, b, c, stiffness in self.bends:
-            bend = stiffness[..., None] * (x[a] - 2 * x[b] + x[c])
-            f[a] -= bend
-            f[b] += 2 * bend
-            f[c] -= bend
+        x, v = self.x, self.v
+        (begin, end), length, stiffness = self.threads
+        both = self._all.take(end, axis=1) - self._all.take(begin, axis=1)
+        apart, closing = both[:3], both[3:]
+        now = np.sqrt(np.einsum("ij,ij->j", apart, apart))
+        rate = np.einsum("ij,ij->j", apart, closing) / now
+        pull = stiffness * (now - length + self.physics.thread_damping_time * rate) / now * apart
+        (before, at, after), stiffness = self.bends
+        bend = stiffness * (x.take(before, axis=1) - 2 * x.take(at, axis=1) + x.take(after, axis=1))
+        forces = [pull, -pull, -bend, 2 * bend, -bend]
         if self.drag:
-            self._add_drag()
+            forces += [self._drag_of_cells()] * 4
+        f = np.stack([np.bincount(self._pulled, part, x.shape[1]) for part in np.concatenate(forces, axis=1)])
+        f[1] += self.weight
         damping = 0.5 * step * (self.physics.linear_damping + extra_damping)
-        v[:] = ((1 - damping) * v + step * f / self.mass) / (1 + damping)
-        place = (1 - self.held_share) * ends[0] + self.held_share * ends[1]
-        v[self.held] = (place - x[self.held]) / step
+        v[:] = ((1 - damping) * v + step * f / self.mass.ravel()) / (1 + damping)
+        place = np.outer(ends[0], 1 - self.held_share) + np.outer(ends[1], self.held_share)
+        v[:, self.held] = (place - x[:, self.held]) / step
         x += step * v
-        x[self.held] = place
+        x[:, self.held] = place
 
-    def _add_drag(self) -> None:
-        x, v, f = self.x, self.v, self.f
-        first, second = x[1:, 1:] - x[:-1, :-1], x[1:, :-1] - x[:-1, 1:]
-        normal = np.cross(first, second)
-        doubled = np.linalg.norm(normal, axis=-1, keepdims=True) + 1e-15
-        normal /= doubled
-        wind = 0.25 * (v[1:, 1:] + v[:-1, :-1] + v[1:, :-1] + v[:-1, 1:])
-        across = np.einsum("ijk,ijk->ij", wind, normal)[..., None]
-        speed = np.linalg.norm(wind, axis=-1, keepdims=True) + 1e-12
-        coefficient = self.drag * (0.05 + 0.95 * np.minimum(np.abs(across) / speed, 1.0) ** 1.5)
-        force = -0.125 * AIR_DENSITY * coefficient * (0.5 * doubled) * np.abs(across) * across * normal
-        force *= self.pattern.is_cloth[..., None]
-        for i in (slice(None, -1), slice(1, None)):
-            for j in (slice(None, -1), slice(1, None)):
-                f[i, j] += force
+    def _drag_of_cells(self) -> Floats:
+        """Return the drag [N] at each corner of each cell, (3, cells)."""
+        a, b, c, d = (self._all.take(nodes, axis=1) for nodes in self.corners)
+        (ax, ay, az), (bx, by, bz) = d[:3] - a[:3], c[:3] - b[:3]
+        normal = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+        doubled = np.sqrt(np.einsum("ij,ij->j", normal, normal)) + 1e-15
+        wind = 0.25 * (a[3:] + b[3:] + c[3:] + d[3:])
+        across = np.einsum("ij,ij->j", wind, normal) / doubled
+        speed = np.sqrt(np.einsum("ij,ij->j", wind, wind)) + 1e-12
+        sine = np.minimum(np.abs(across) / speed, 1.0)
+        coefficient = self.drag * (0.05 + 0.95 * sine * np.sqrt(sine))
+        return -0.125 * AIR_DENSITY * 0.5 * coefficient * np.abs(across) * across * normal

@@ -59,28 +59,35 @@ class Pattern:
         The nearest cell's bilinear weights, found by Newton's iteration from its middle.
         """
         target = np.asarray(place, float)
-
-        def in_cell(row: int, column: int) -> tuple[float, Integers, Floats]:
-            nodes = np.array([[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]])
-            corners = self.rest[nodes[:, 0], nodes[:, 1], :2]
-            weights = _bilinear_weights(corners, target)
-            return float(np.linalg.norm(weights @ corners - target)), nodes, weights
-
-        cells = (in_cell(row, column) for row, column in np.argwhere(self.is_cloth))
-        _, nodes, weights = min(cells, key=lambda cell: cell[0])
-        return nodes, weights
+        row, column = np.nonzero(self.is_cloth)
+        nodes = np.stack([np.stack([row + down, column + across], -1) for down in (0, 1) for across in (0, 1)], 1)
+        corners = self.rest[nodes[..., 0], nodes[..., 1], :2]
+        weights = _bilinear_weights(corners, target)
+        off = np.linalg.norm(np.einsum("ij,ijk->ik", weights, corners) - target, axis=1)
+        nearest = int(np.argmin(off))
+        return nodes[nearest], weights[nearest]
 
 
 def _bilinear_weights(corners: Floats, target: Floats) -> Floats:
-    """Weights of four corners (top left, top right, bottom left, bottom right) for a place, kept inside the cell."""
-    s = t = 0.5
+    """Return weights, (cells, 4), of corners, (cells, 4, 2), for a place, (2,), kept inside each cell.
+
+    Corners are top left, top right, bottom left and bottom right.
+    """
+    place = np.full((len(corners), 2), 0.5)  # across and down, as shares of the cell
+    top, bottom, left, right = corners[:, :2], corners[:, 2:], corners[:, ::2], corners[:, 1::2]
+
+    def weights_of(place: Floats) -> Floats:
+        s, t = place.T
+        return np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], 1)
+
     for _ in range(8):
-        weights = np.array([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t])
-        across = (1 - t) * (corners[1] - corners[0]) + t * (corners[3] - corners[2])
-        down = (1 - s) * (corners[2] - corners[0]) + s * (corners[3] - corners[1])
-        step = np.linalg.solve(np.stack([across, down], axis=1), target - weights @ corners)
-        s, t = float(np.clip(s + step[0], 0, 1)), float(np.clip(t + step[1], 0, 1))
-    return np.array([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t])
+        s, t = place[:, :1], place[:, 1:]
+        across = (1 - t) * (top[:, 1] - top[:, 0]) + t * (bottom[:, 1] - bottom[:, 0])
+        down = (1 - s) * (left[:, 1] - left[:, 0]) + s * (right[:, 1] - right[:, 0])
+        off = target - np.einsum("ij,ijk->ik", weights_of(place), corners)
+        step = np.linalg.solve(np.stack([across, down], axis=2), off[..., None])[..., 0]
+        place = np.clip(place + step, 0, 1)
+    return weights_of(place)
 
 
 def lay(garment: Garment, rows: int, columns: int) -> Pattern:

@@ -97,25 +97,19 @@ class World:
     def frame(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
         """Render one frame with the camera's faults; the same number gives the same images.
 
-        Among things only the hanger is blurred, since nothing reads the cloth's colour.
+        Only the hanger is blurred, since nothing reads the cloth's colour.
         """
         rng = np.random.default_rng([self.seed, number])
-        origin, rotation, nodes = self.hanger.origin, self.hanger.rotation, self.nodes
+        origin, rotation = self.hanger.origin, self.hanger.rotation
         ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
         span = self.time[ahead] - self.time[behind]
-        scene = None if self.surroundings is None else self._without_hanger(number, renderer)
+        scene = self._without_hanger(number, renderer)
 
         def view(step: float) -> View:
             turned, _, back = np.linalg.svd(rotation[number] + step * (rotation[ahead] - rotation[behind]))
-            moved = origin[number] + step * (origin[ahead] - origin[behind])
-            if scene is not None:
-                return renderer.with_hanger(scene, moved, turned @ back)
-            return renderer.view(moved, turned @ back, nodes[number] + step * (nodes[ahead] - nodes[behind]))
+            return renderer.with_hanger(scene, origin[number] + step * (origin[ahead] - origin[behind]), turned @ back)
 
-        if scene is not None:
-            middle = renderer.with_hanger(scene, origin[number], rotation[number])
-        else:
-            middle = renderer.view(origin[number], rotation[number], nodes[number])
+        middle = renderer.with_hanger(scene, origin[number], rotation[number])
         # Motion blur: the middle of the exposure and both its ends.
         colour = middle.colour + view(-0.5 * EXPOSURE / span).colour + view(0.5 * EXPOSURE / span).colour
         colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))

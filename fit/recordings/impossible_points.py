@@ -19,6 +19,7 @@ from formats.arrays import Booleans, Floats
 LONGEST_STRETCH = 1.25  # of the flat distance, more than apparel stretches under its own weight
 GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them
 DEVIATIONS = 6.0  # of both points' noise
+PAIRS_AT_ONCE = 1 << 20  # of points, in as many frames as that takes
 MOST_LEFT_OUT = 0.05  # of a take's sightings; with more, the points are those of another marker set
 
 
@@ -30,18 +31,32 @@ def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) 
     """
     flat = np.linalg.norm(places[:, None] - places, axis=2)
     found = np.zeros(seen.shape, bool)
-    for frame in range(len(points)):
-        there = np.flatnonzero(seen[frame])
-        at, noise = points[frame, there], np.sqrt(np.mean(sd[frame, there] ** 2, axis=1))
-        apart, along = np.linalg.norm(at[:, None] - at, axis=2), flat[np.ix_(there, there)]
-        too_far = apart > LONGEST_STRETCH * along + GLUE + DEVIATIONS * np.hypot(noise[:, None], noise)
-        beyond = np.maximum(apart - along, 0.0)
-        while too_far.any():
-            whole = np.where(too_far.any(1), beyond.sum(1), 0.0)
-            worst = whole == whole.max()
-            found[frame, there[worst]] = True
-            for of_pairs in (too_far, beyond):
-                of_pairs[worst], of_pairs[:, worst] = 0, 0
+    each = max(PAIRS_AT_ONCE // flat.size, 1)
+    for begin in range(0, len(points), each):
+        some = slice(begin, begin + each)
+        at, noise = points[some], np.sqrt(np.mean(sd[some] ** 2, axis=2))
+        apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
+        too_far = apart > LONGEST_STRETCH * flat + GLUE + DEVIATIONS * np.hypot(noise[:, :, None], noise[:, None])
+        too_far &= seen[some, :, None] & seen[some, None]
+        for frame in np.flatnonzero(too_far.any((1, 2))):
+            beyond = np.where(seen[begin + frame] & seen[begin + frame, :, None], apart[frame] - flat, 0.0)
+            found[begin + frame] = _left_out(too_far[frame], np.maximum(beyond, 0.0))
+    return found
+
+
+def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
+    """Return which points of a frame, (points,), are left out, one after the other, until no pair is too far apart.
+
+    - `too_far`: pairs, (points, points); emptied
+    - `beyond` [m], (points, points): how much further apart than along the cloth; emptied
+    """
+    found = np.zeros(len(too_far), bool)
+    while too_far.any():
+        whole = np.where(too_far.any(1), beyond.sum(1), 0.0)
+        worst = whole == whole.max()
+        found |= worst
+        for of_pairs in (too_far, beyond):
+            of_pairs[worst], of_pairs[:, worst] = 0, 0
     return found
 
 

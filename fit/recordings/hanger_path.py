@@ -63,11 +63,11 @@ def led_across(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
 def hanger_axes(ends: Floats) -> Floats:
     """Return the hanger's axes, (n, 3, 3), columns x (along the bar), y (down), z, from held ends (n, 6)."""
     x = ends[:, 3:] - ends[:, :3]
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    down = np.array([0.0, 0.0, -1.0])
-    y = down - (x @ down)[:, None] * x
-    y = y / np.linalg.norm(y, axis=1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], 2)
+    x = x / np.sqrt(np.einsum("ij,ij->i", x, x))[:, None]
+    y = x[:, 2:] * x - [0.0, 0.0, 1.0]
+    y = y / np.sqrt(np.einsum("ij,ij->i", y, y))[:, None]
+    (ax, ay, az), (bx, by, bz) = x.T, y.T
+    return np.stack([x, y, np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], 1)], 2)
 
 
 def in_hanger_frame(places: Floats, ends: Floats) -> Floats:

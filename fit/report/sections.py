@@ -32,6 +32,7 @@ from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import ErrorFigure, FitResult
 
+OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
 # The order of a failed check stands behind the last colon of its sentence.
 POINTS_SHOWN = 6  # points with a curve of their own, the worst ones
@@ -143,7 +144,7 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
         parts.append(search_history(fit))
     if diagnosis is not None and diagnosis.base_parameters:
         table = parameter_table(diagnosis.base_parameters)
-        parts.append(headed("Base model of the diagnosis", table) if parts else table)
+        parts.append(headed("Base model of the diagnosis", lead(OWN_FIT) + table) if parts else table)
     return NOTHING.join(parts)
 
 

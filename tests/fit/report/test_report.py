@@ -121,6 +121,12 @@ def test_what_a_fit_warns_of_stands_below_its_table():
     assert "By hand." not in table
 
 
+def test_of_two_tables_of_parameters_the_second_says_why_its_values_differ():
+    found = diagnosis(base_parameters=fit_result().parameters)
+    differ = "So these values may differ from those above."
+    assert [differ in sections.parameters(fit, found) for fit in (fit_result(), None)] == [True, False]
+
+
 def test_a_gap_on_the_points_as_tracked_stands_beside_the_one_without_the_cameras_faults():
     gap = msgspec.structs.replace(diagnosis().gap, raw_mm=20.0, closure_from_raw=0.95)
     page = render_report(fit=None, diagnosis=diagnosis(gap=gap))

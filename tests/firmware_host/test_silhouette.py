@@ -62,6 +62,7 @@ def test_a_share_of_the_grids_is_askew():
     assert np.abs(angle) == pytest.approx(6.0 * made.is_skewed, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_files_become_a_take_of_a_silhouette(tmp_path):
     paths = make_silhouette_take(tmp_path, "a", CameraFaults(latency=0.1, noise=0.002), seconds=4.0)
     take = import_swung_cloth(paths[0])

@@ -100,6 +100,7 @@ def test_drag_of_amplitude_zero_changes_nothing(small_swing: np.ndarray) -> None
     np.testing.assert_array_equal(swing(0.01, {"air_drag": 0.0, "hem": 0.0})[::50], small_swing[::50])
 
 
+@pytest.mark.slow
 def test_a_heavy_hem_swings_more_slowly(small_swing: np.ndarray) -> None:
     # Towards a mass on a thread, sqrt(g / L) / (2 pi) = 0.743 Hz, that is 17 % below the even sheet.
     heavy = frequency(first_mode(swing(0.01, {"hem": 0.02}), 0.01))

@@ -35,6 +35,7 @@ def bent_energy(sheet, height):
     return float((s**2 / sheet.hinge_area).sum() / 2)
 
 
+@pytest.mark.slow
 def test_a_hanging_sheet_swings_at_the_first_zero_of_the_bessel_function():
     """f = 1.2024 sqrt(g / L) / 2 pi: 1.0705 Hz for 0.3130 m; bending is negligible at 1e-7 N m."""
     length = 0.3130

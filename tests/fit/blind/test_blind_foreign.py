@@ -33,7 +33,7 @@ FOREIGN = [generator for generator in GENERATORS if generator.foreign is not Non
 MUJOCO, NEWTON = find_generator("mujoco"), find_generator("newton")
 
 
-def with_engine(*generators, slow=()):
+def with_engine(*generators):
     """The engines that a test is run with, each skipped with a reason where it is not installed."""
     return pytest.mark.parametrize(
         "generator",
@@ -46,7 +46,6 @@ def with_engine(*generators, slow=()):
                         not g.foreign.is_installed(),
                         reason=f"{g.foreign.module} is in neither this Python nor the one {g.foreign.variable} names",
                     ),
-                    *([pytest.mark.slow] if g in slow else []),
                 ],
             )
             for g in generators
@@ -82,7 +81,7 @@ def ringing(generator, damping, bending=1e-7):
 
 
 @with_engine(*FOREIGN)
-@pytest.mark.parametrize("damping", [0.0, 0.6])
+@pytest.mark.parametrize("damping", [pytest.param(0.0, marks=pytest.mark.slow), 0.6])
 def test_a_hanging_sheet_rings_as_a_chain_does_and_decays_by_half_its_damping(generator, damping):
     """1.0712 Hz within 0.5 %; 0.3 1/s, or nothing at all, within 0.005 1/s: the engine adds no damping of its own."""
     hertz, decay = ringing(generator, damping)
@@ -106,6 +105,7 @@ def test_a_hanging_sheet_stretches_under_its_own_weight(generator):
     assert -bottom[-1, 0, 2] - 0.3 == pytest.approx(0.4413e-3, rel=0.05)
 
 
+@pytest.mark.slow
 @with_engine(*FOREIGN)
 @pytest.mark.parametrize("relaxation", [0.0, 3e-4])
 def test_a_bouncing_sheet_loses_what_its_viscosity_takes(generator, relaxation):
@@ -148,6 +148,7 @@ def test_tilted_gravity_tilts_the_hanging_sheet(generator):
     assert bottom[-1, 0, 1] == pytest.approx(0.3 * np.sin(0.05), rel=0.02)
 
 
+@pytest.mark.slow
 @with_engine(*FOREIGN)
 def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
     """Rigid plate in 0.5 m/s face-on: 0.5 x 1.2041 x 1.2 x 0.25 Pa against 0.2 x 9.80665 Pa: tan a = 0.092.
@@ -177,7 +178,8 @@ def swung_without(name):
     return swung_with(find_generator(name))
 
 
-@with_engine(*FOREIGN, slow=[NEWTON])
+@pytest.mark.slow
+@with_engine(*FOREIGN)
 @pytest.mark.parametrize(
     ("one", "least"),
     [

@@ -99,6 +99,7 @@ def test_a_hanging_sheet_swings_at_the_frequency_of_a_hanging_chain():
     assert ring_down(0.05) == pytest.approx(theory, rel=0.002)
 
 
+@pytest.mark.slow
 def test_a_finer_mesh_comes_closer_to_a_finer_one_still():
     fine = ring_down(0.03)
     assert abs(ring_down(0.05) - fine) < abs(ring_down(0.15) - fine) / 2

@@ -22,6 +22,7 @@ def test_spread_is_the_largest_over_the_smallest():
     assert linear([2.0, 2.5, 2.2]) == "within 12 % of one line; largest over smallest 25 %"
 
 
+@pytest.mark.slow
 def test_one_candidate_each_of_three_takes_costs_hardly_more_than_one(capsys):
     """They share a group of four lanes, or of eight; one after the other would be 1.0 x.
 

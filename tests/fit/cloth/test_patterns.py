@@ -122,6 +122,7 @@ def swings(garment, *, point=2, seconds=5.0, **changes):
     return found[2], moved[-1, 2]
 
 
+@pytest.mark.slow
 def test_outlines_and_tubes_swing_and_stretch_as_the_plain_panel_does():
     """The same sheet as eight corners, and as the front and back of a tube of twice the mass."""
     omega, bottom = swings(sheet(), stretch_stiffness=60.0)
@@ -132,6 +133,7 @@ def test_outlines_and_tubes_swing_and_stretch_as_the_plain_panel_does():
         assert lower == pytest.approx(bottom, abs=4e-5)
 
 
+@pytest.mark.slow
 def test_a_hole_changes_the_swing_and_a_thread_direction_the_stretch():
     """A panel cut on the bias hangs by its shear stiffness: at 45 degrees 1/E = 1/(2 k) + 1/(4 G)."""
     omega, bottom = swings(sheet(), stretch_stiffness=60.0)

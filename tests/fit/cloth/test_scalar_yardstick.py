@@ -44,6 +44,7 @@ def test_c_with_the_kernels_lanes_goes_where_the_kernel_goes(gentle, tmp_path):
     assert np.abs(call.seen - expected).max() < NEAR
 
 
+@pytest.mark.slow
 @needs_gcc
 @pytest.mark.parametrize("candidate", [0, scalar.LANES - 1])
 def test_scalar_c_goes_where_the_kernel_goes(gentle, tmp_path, candidate):
@@ -58,6 +59,7 @@ def test_scalar_c_goes_where_the_kernel_goes(gentle, tmp_path, candidate):
     assert np.abs(among.seen - alone.seen[..., :1]).max() < NEAR
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_c_is_not_of_one_mesh_only(gentle, tmp_path):
     """A single element, which has no bends across the side of another."""

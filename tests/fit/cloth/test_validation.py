@@ -23,6 +23,7 @@ def test_cloth_without_bending_is_far_from_how_card_swings():
     assert limp == pytest.approx(0.583 * bending_modes(CARD)[1], rel=0.01)
 
 
+@pytest.mark.slow
 def test_short_steps_far_from_the_origin_lose_nothing_by_rounding():
     """In a step of 16 us the ring-down of card moves by hardly more than places 1.5 m away are told apart."""
     assert abs(bending_damping_error(Resolution(spacing=0.05, step_share=0.25))) < 0.005
@@ -69,7 +70,7 @@ NEEDS_FINER = ("swung swatch, mesh doubled and step halved",)  # than 50 mm
 
 
 # `test_cloth.py` has a quicker test of meshes that converge, `test_patterns.py` of a sheet on the bias.
-SLOW = ("swung swatch, mesh doubled and step halved", "force of a bias extension")
+SLOW = ("swung swatch, mesh doubled and step halved", "force of a bias extension", "energy over 10 s, no damping")
 
 
 @pytest.mark.parametrize(

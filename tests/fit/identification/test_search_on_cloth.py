@@ -48,6 +48,7 @@ def test_least_squares_find_a_damping_of_3_within_5_percent_and_say_so(swung):
     assert result.simulations < 200
 
 
+@pytest.mark.slow
 def test_short_windows_find_the_same_damping(swung):
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH, search="short-windows")
     result = calibrate([swung], [], request)
@@ -180,6 +181,7 @@ def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, u
     assert f"{name} has no number of iterations; the given 1 is ignored." in done.notes
 
 
+@pytest.mark.slow
 def test_least_squares_know_the_distance_of_every_candidate(swung):
     """It is that of the free rollouts that the result is told of, with an effect on as well."""
     request = request_of(SI, ["air_drag"], iterations=1, seed=1, spacing=MESH, search="least-squares")

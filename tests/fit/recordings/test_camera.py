@@ -219,6 +219,7 @@ def _later(time, held, late):
     return np.stack([np.interp(time + late, time, axis) for axis in flat.T], 1).reshape(held.shape)
 
 
+@pytest.mark.slow
 def test_a_synthetic_cameras_faults_are_found_with_their_sizes(tmp_path):
     """The cloth is another program's; seen are 12 s at 9 frames a second with 2 mm of noise."""
     faults = CameraFaults(noise=0.002, latency=0.2, publish_share=0.9, skewed_share=0.2, eaten_by_pose=0.06)

@@ -38,6 +38,7 @@ def test_a_latency_is_found_with_its_size(late, is_even):
     assert found.is_late == (late != 0.0) or abs(found.latency) < 0.005
 
 
+@pytest.mark.slow
 def test_nine_of_ten_intervals_hold_the_truth():
     """A 90 % interval holds it in 33 to 40 of 40, the 2 % and 98 % quantiles of a binomial number being 32 and 39."""
     held = 0

@@ -183,6 +183,7 @@ def test_tempering_draws_from_a_known_posterior():
     assert search.swaps > 1000
 
 
+@pytest.mark.slow
 def test_tempering_started_in_one_of_two_equal_valleys_draws_half_from_each():
     """Twelve deviations apart, at odds of exp(-18) between them."""
     line = BoundedSpace(minimum=np.zeros(1), maximum=np.ones(1), is_log=np.zeros(1, bool))

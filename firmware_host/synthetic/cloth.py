@@ -159,7 +159,8 @@ class _Cloth:
     def _threads(self) -> tuple[Integers, Floats, Floats]:
         rest, cell, physics = self.rest, self.cell, self.physics
         whole, low, high = slice(None), slice(None, -1), slice(1, None)
-        springs = []
+        ends: list[list[Integers]] = []
+        springs: list[tuple[Floats, Floats]] = []
         for a, b, across in (((whole, low), (whole, high), 0), ((low, whole), (high, whole), 1)):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
             # The area on both sides of a thread, half each, over its length is the width it stands for.
@@ -170,14 +171,15 @@ class _Cloth:
             else:
                 share[:, :-1] += cell / 2
                 share[:, 1:] += cell / 2
-            springs.append((a, b, length, physics.stretch_stiffness * share / length**2))
+            ends.append([self.node[a].ravel(), self.node[b].ravel()])
+            springs.append((length.ravel(), (physics.stretch_stiffness * share / length**2).ravel()))
         for a, b in (((low, low), (high, high)), ((low, high), (high, low))):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
             stiffness = physics.shear_stiffness * length**2 / (2 * np.where(cell > 0, cell, np.inf))
-            springs.append((a, b, length, stiffness))
-        lengths, stiffness = (np.concatenate([spring[k].ravel() for spring in springs]) for k in (2, 3))
-        ends = np.concatenate([[self.node[a].ravel(), self.node[b].ravel()] for a, b, *_ in springs], axis=1)
-        return ends, lengths, stiffness
+            ends.append([self.node[a].ravel(), self.node[b].ravel()])
+            springs.append((length.ravel(), stiffness.ravel()))
+        lengths, stiffness = np.concatenate(springs, axis=1)
+        return np.concatenate(ends, axis=1), lengths, stiffness
 
     def _bends(self) -> tuple[Integers, Floats]:
         rest, cell, stiffness = self.rest, self.cell, self.physics.bending_stiffness
@@ -243,4 +245,4 @@ class _Cloth:
         speed = np.sqrt(np.einsum("ij,ij->j", wind, wind)) + 1e-12
         sine = np.minimum(np.abs(across) / speed, 1.0)
         coefficient = self.drag * (0.05 + 0.95 * sine * np.sqrt(sine))
-        return -0.125 * AIR_DENSITY * 0.5 * coefficient * np.abs(across) * across * normal
+        return np.asarray(-0.125 * AIR_DENSITY * 0.5 * coefficient * np.abs(across) * across * normal)

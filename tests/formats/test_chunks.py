@@ -76,6 +76,13 @@ def test_a_chunk_has_a_record_for_each_64_of_its_bytes_and_of_those_that_are_lef
     assert found_in(packed, records_left=200 - share)[1].damaged == 0
 
 
+def test_a_record_within_a_chunk_that_is_too_short_for_a_message_is_none():
+    """Stamps take 22 bytes. One that reaches beyond the chunk is none either."""
+    short = struct.pack("<BQ", 5, 21) + bytes(21)
+    found, findings = found_in(chunk_of_records(short + message(b"") + message(b"x") + message(b"lost")[:-1]))
+    assert (found, findings.damaged) == ([b"", b"x"], 0)
+
+
 RECORDS = message(b"data")
 CRC, PACKED = zlib.crc32(RECORDS), zstandard.compress(RECORDS)
 UNSTATED = zstandard.ZstdCompressor(write_content_size=False).compress(RECORDS)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.marker_lines import Rows
+from formats.importers.marker_numbers import read_frames
 from tests.formats.test_marker_tables import read
 
 HEAD = "time_s,a_x_m,a_y_m,a_z_m,b_x_m,b_y_m,b_z_m\n"
@@ -92,3 +94,28 @@ def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp
     assert read(tmp_path, own()[:-9] + "1e-05", "m", "own.csv").positions[-1, 1, 2] == 1e-5
     gaps = own().replace("0.44444,0.55555,-1.23456", "-,-,-")
     assert np.isnan(read(tmp_path, gaps[:-1], "m", "own.csv").positions[:, 1]).all()
+
+
+@pytest.mark.parametrize(("apart", "is_cut"), [(1, False), (31, False), (32, False), (33, True)])
+def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
+    """One line so far away writes fewer digits, as a program does that leaves out zeros."""
+    lines = own(40).splitlines(keepends=True)
+    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.2")
+    text = "".join(lines)[:-3]
+    if is_cut:
+        with pytest.raises(
+            TakeError, match="line 41 ends within a number, after 7 of its 7 cells; the line is cut off"
+        ):
+            read(tmp_path, text, "m", "own.csv")
+    else:
+        assert read(tmp_path, text, "m", "own.csv").positions[-1, 1, 2] == -1.234
+
+
+def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path):
+    rows = Rows(["x"] * 33, range(33), ",", tmp_path / "a.csv")
+    with pytest.raises(TakeError) as refused:
+        read_frames(rows, 1 << 20, [], 1.0, tmp_path / "a.csv")
+    words = "holds 33 frames of 1048576 numbers; export fewer markers or frames"
+    assert str(refused.value) == f"{tmp_path}/a.csv: {words}"
+    with pytest.raises(TakeError, match="line 0 has 1 columns, not 1048576"):
+        read_frames(rows[:32], 1 << 20, [], 1.0, tmp_path / "a.csv", is_exact=True)

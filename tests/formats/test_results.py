@@ -14,7 +14,14 @@ import formats
 from formats.diagnosis_records import Diagnosis, place_of
 from formats.errors import ResultError
 from formats.fit_records import FitResult
-from formats.results import load_diagnosis, load_fit_result, save_diagnosis, save_fit_result
+from formats.results import (
+    diagnosis_from,
+    fit_result_from,
+    load_diagnosis,
+    load_fit_result,
+    save_diagnosis,
+    save_fit_result,
+)
 from tests.fit.report.report_scene import diagnosis, fit_result
 
 SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"
@@ -173,16 +180,24 @@ def test_a_diagnosis_that_contradicts_itself_is_refused_when_it_is_read(tmp_path
     assert refused.value.advice == "diagnose again"
 
 
+COPY = "copy it again, or make it again"
+SAVE = "save it as UTF-8, or copy it from where it was made"
+
+
 @pytest.mark.parametrize(
     ("spoilt", "says"),
     [
-        (lambda raw: raw.decode().encode("utf-16"), "is text in UTF-16, and a result is UTF-8; save it as UTF-8"),
-        (lambda raw: raw.decode().encode("utf-16-le"), "is text in UTF-16, and a result is UTF-8; save it as UTF-8"),
-        (lambda raw: bytes(len(raw)), "holds nothing but zeros, as a power cut leaves a file; copy it again"),
-        (lambda raw: b" \n", "is empty; copy it again, or make it again"),
-        (lambda raw: raw[:300] + bytes(9) + raw[309:], "holds zero bytes within its text: it is damaged; copy it"),
+        (lambda raw: raw.decode().encode("utf-16"), f"is text in UTF-16, and a result is UTF-8; {SAVE}"),
+        (lambda raw: raw.decode().encode("utf-16-le"), f"is text in UTF-16, and a result is UTF-8; {SAVE}"),
+        (lambda raw: bytes(len(raw)), f"holds nothing but zeros, as a power cut leaves a file; {COPY}"),
+        (lambda raw: b" \n", f"is empty; {COPY}"),
+        (lambda raw: b"", f"is empty; {COPY}"),
+        (lambda raw: raw[:300] + bytes(9) + raw[309:], f"holds zero bytes within its text: it is damaged; {COPY}"),
+        (lambda raw: b"\xef\xbb\xbf\n" + raw + b"\0", f"holds zero bytes within its text: it is damaged; {COPY}"),
+        (lambda raw: b"PK34" + raw[:99] + bytes(9), "is a binary file, and no result; give the folder or the .json of "
+         "a fit or diagnosis"),
     ],
-)
+)  # fmt: skip
 def test_a_result_that_is_no_text_says_what_it_is(tmp_path, spoilt, says):
     for save, load, record in (
         (save_fit_result, load_fit_result, fit_result()), (save_diagnosis, load_diagnosis, diagnosis()),
@@ -192,4 +207,21 @@ def test_a_result_that_is_no_text_says_what_it_is(tmp_path, spoilt, says):
         path.write_bytes(spoilt(path.read_bytes()))
         with pytest.raises(ResultError) as refused:
             load(path)
-        assert str(refused.value).startswith(f"{path}: {says}")
+        assert str(refused.value) == f"{path}: {says}"
+
+
+@pytest.mark.parametrize(
+    ("save", "read", "record"),
+    [(save_fit_result, fit_result_from, fit_result()), (save_diagnosis, diagnosis_from, diagnosis())],
+    ids=["fit", "diagnosis"],
+)
+def test_a_result_is_read_from_bytes_and_an_error_says_whence_they_are(tmp_path, save, read, record):
+    save(tmp_path / "new/r.json", record)
+    raw = (tmp_path / "new/r.json").read_bytes()
+    assert read(raw, "the store") == record
+    assert raw.endswith(b"}\n")
+    with pytest.raises(ResultError) as refused:
+        read(b"{}", "the store")
+    kind = type(record).__name__
+    assert str(refused.value).startswith(f"the store: is not a {kind}: the field `format` is missing")
+    assert refused.value.advice == "make it again"

@@ -104,6 +104,17 @@ def test_a_block_of_the_most_rows_is_read():
     assert len(found["time"]) == MOST_ROWS
 
 
+def test_a_block_of_a_single_frame_is_read():
+    one = {
+        "time": packed([[5]]), "state": bytes(2), "held_valid": flags([[True, True]]), "points_valid": b"",
+        "markers_valid": flags([[True, False]]), "points": b"", "points_sd": b"",
+        **{name: packed(HELD[:1]) for name in ("markers", "held", "held_sd")},
+    }  # fmt: skip
+    found = decode_block(without(block(frames=1, **one), "pitch", "pitch_valid", "quality", "points_hidden"), 0)
+    assert found["time"].tolist() == [1.500005]
+    np.testing.assert_allclose(found["held"], 1e-4 * HELD[:1], atol=1e-12)
+
+
 GRID, CONTOUR = RNG.integers(-9_000, 9_000, (9, 3)), RNG.integers(-9_000, 9_000, (4, 3))
 
 

@@ -1,0 +1,86 @@
+"""What is said of a file that is no take, or of whose take nothing can be read, word for word."""
+
+from __future__ import annotations
+
+import struct
+
+import msgpack
+import pytest
+
+from formats.archive import take_of
+from formats.chunks import MCAP_MAGIC
+from formats.errors import TakeError
+from tests.formats.bombs import header_of
+from tests.formats.damage import chunk_of, chunks_of
+
+GIVE = "give a file that `hangtime record` or `hangtime import` wrote"
+COPY = "copy it again from where it was recorded"
+
+
+def refused(raw):
+    with pytest.raises(TakeError) as error:
+        take_of(raw, "a")
+    return str(error.value)
+
+
+def profiled(profile):
+    return MCAP_MAGIC + struct.pack("<BQI", 1, len(profile) + 8, len(profile)) + profile + bytes(4)
+
+
+LZ4 = chunk_of(b"x", compression=b"lz4")
+
+
+@pytest.mark.parametrize(
+    ("raw", "sentence"),
+    [
+        (b"", "a: is empty; give a take archive"),
+        (b"hello", f"a: is not a take archive; {GIVE}"),
+        (b"x" * 4083 + b"hangtime-take",
+         "a: holds no readable header; it is not a take archive, or too little of it is left"),
+        (b"x" * 4084 + b"hangtime-take", f"a: is not a take archive; {GIVE}"),
+        (MCAP_MAGIC + bytes(99), "a: holds no readable header; it is not a take archive, or too little of it is left"),
+        (profiled(b"hangtime-take/2"), "a: holds no readable header; it ended in its first second, or too little "
+         "of it is left"),
+        (profiled(b"ros2"), f"a: is not a take archive: its profile says ros2; {GIVE}"),
+        (profiled(b""), f"a: is not a take archive: it is an MCAP file without a profile; {GIVE}"),
+        (profiled(b"hangtime-take/2") + LZ4 + chunk_of(b"x", compression=b"brotli"),
+         "a: is compressed with brotli, lz4, which is not read; compress it with zstd, or not at all"),
+    ],
+)  # fmt: skip
+def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
+    assert refused(raw) == sentence
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"format": "hangtime-rig/1"}, "a: is a 'hangtime-rig/1', not a take; give a take archive"),
+        ({"format": "hangtime-take/3"}, "a: is of format version 3; this Hangtime reads up to 2; update Hangtime"),
+        ({"format": "hangtime-take/0"}, "a: is of format version 0; this Hangtime reads up to 2; update Hangtime"),
+        ({"format": "hangtime-take/x"}, "a: is of format version x; this Hangtime reads up to 2; update Hangtime"),
+        ({"take_id": 3}, "a: its header does not hold: take_id must be text (got a whole number); record it again"),
+        (
+            {"rig": 3},
+            "a: its rig or garment does not hold: the file must be a table (got a whole number); record it again",
+        ),
+        (
+            {"garment": None},
+            "a: its rig or garment does not hold: the file must be a table (got nothing); record it again",
+        ),
+    ],
+)
+def test_a_header_of_another_file_or_version_is_refused_with_its_field(raw, changes, sentence):
+    assert refused(raw[: chunks_of(raw)[0][0]] + chunk_of(header_of(raw, **changes))) == sentence
+
+
+def test_a_take_of_which_no_frame_is_left_says_how_many_it_had(raw):
+    """Its blocks are gone, or they and its end; or it had none from the beginning."""
+    parts = chunks_of(raw)
+    header, end = raw[: parts[0][1]], raw[parts[-1][0] :]
+    assert refused(header + end) == f"a: holds none of the 150 frames that it had; {COPY}"
+    broken = bytearray(raw[parts[1][0] : parts[1][1]])
+    broken[60] ^= 1
+    assert refused(header + bytes(broken)) == f"a: holds no frame that is sound; {COPY}"
+    assert refused(header) == "a: holds no frame; it ended in its first second or is cut off"
+    none = {**msgpack.unpackb(msgpack.packb(parts[-1][2])), "frames": 0, "blocks": 0}
+    assert refused(header + chunk_of(none)) == "a: holds no frame; it ended in its first second"

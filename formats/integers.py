@@ -230,7 +230,7 @@ def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers
     residual[starts] = first
     longest_first = np.argsort(-rows, kind="stable")
     starts, order, rows = starts[longest_first], order[longest_first], rows[longest_first]
-    for t in range(1, int(rows.max(initial=0))):
+    for t in range(1, int(rows.max())):
         count = int(np.searchsorted(-rows, -t))  # blocks that have a row t
         at, start = starts[:count] + t, starts[:count]
         before = (residual[np.maximum(at - back, start)] for back in (1, 2, 3))

@@ -108,3 +108,18 @@ def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
         beside = np.asarray(file)[:, RIGHT + 12 :].astype(int)
     last = np.flatnonzero((beside != 255).any((1, 2)))[-1]
     assert (last - TOP) // 18 == wanted - 1
+
+
+def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_path):
+    """Its scale is that of a take at rest."""
+    image = pytest.importorskip("PIL.Image")
+    take = a_take(5)
+    unseen = {name: np.full_like(getattr(take, name), np.nan) for name in ("held", "points")}
+    take = replace(take, **unseen, held_valid=np.zeros((5, 2), bool), points_valid=np.zeros((5, 4), bool))
+    lines = draw_in_letters(take).splitlines()
+    assert (lines[0].rstrip("\u2800 "), lines[7].rstrip("\u2800 ")) == ("    +1 mm", "    -1 mm")
+    assert lines[8].endswith("over 0.1 s: the held edge and the lowest tracked point")
+    draw_png(take, tmp_path / "a.png")
+    with image.open(tmp_path / "a.png") as file:
+        seen = np.asarray(file)[TOP + 5 : BOTTOM - 5, LEFT + 5 : RIGHT - 5].reshape(-1, 3)
+    assert {tuple(place) for place in seen.tolist()} == {(255, 255, 255), GREY}

@@ -228,7 +228,7 @@ def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers
             part[:] = np.column_stack([_column(*one) for one in zip(part.T, *of_block, strict=True)])
         return residual
     residual[starts] = first
-    longest_first = np.argsort(-rows, kind="stable")
+    longest_first = np.argsort(-rows)
     starts, order, rows = starts[longest_first], order[longest_first], rows[longest_first]
     for t in range(1, int(rows.max())):
         count = int(np.searchsorted(-rows, -t))  # blocks that have a row t

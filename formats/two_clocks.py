@@ -31,7 +31,7 @@ def with_hanger(take: Take, time: Floats, held: Floats, sd: float) -> Take:
     shared = np.flatnonzero(np.abs(time[sight] - take.time) < SAME_TIME)  # pictures at which the hanger was seen too
     is_alone = np.abs(take.time[picture] - time) >= SAME_TIME
     every = np.concatenate([take.time, time[is_alone]])
-    order = np.argsort(every, kind="stable")
+    order = np.argsort(every)
     place = np.argsort(order)
     pictures, alone = place[: len(take.time)], place[len(take.time) :]
 

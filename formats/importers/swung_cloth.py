@@ -234,7 +234,7 @@ def _names(rest: NDArray[Any]) -> list[str]:
 
 def _line(values: NDArray[Any]) -> list[int]:
     """Number the lines that values lie on, the smallest first."""
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)
     number = np.empty(len(values), int)
     number[order] = np.cumsum(np.diff(values[order], prepend=values[order][:1]) > SAME_LINE_METRES)
     return [int(n) for n in number]

@@ -103,6 +103,7 @@ def test_frames_lie_at_multiples_of_the_interval_from_the_first_one_on(time, fra
         ((3,), "t: has one frame, and so no rate; export it as CSV$"),
         ((0, 0.1, 0.2, 0.204, 0.3, 0.4), r"come at no steady rate \(frame \d is \d+\.\d ms off\); export it as CSV"),
         ((0, 0.1, 0.2, 0.3, 0.435, 0.5, 0.6, 0.7, 0.8), r"no steady rate \(frame 4 is 3\d\.\d ms off\); export"),
+        ((0, 10, 20, 30, 43.5, 50, 60, 70, 80), r"no steady rate \(frame 4 is 3500\.0 ms off\); export it as CSV"),
         ((0, 0.01, 0.02, 655.35), "has 65536 frames, a C3D file 65535 at most; export it as CSV"),
     ],
 )  # fmt: skip

@@ -8,7 +8,16 @@ from threading import Barrier
 import pytest
 
 from formats.errors import OutputError
-from formats.outputs import check_stem, output_folder, write_description
+from formats.outputs import (
+    check_stem,
+    make_output_folder,
+    make_parent,
+    output_folder,
+    refuse_an_input,
+    refuse_to_replace,
+    write_description,
+    write_text,
+)
 from formats.rig import Rig
 
 
@@ -65,3 +74,61 @@ def test_commands_that_write_one_description_at_once_all_go_on(tmp_path):
     with pytest.raises(OutputError, match="is already there"):
         write_description(tmp_path / "a/rig.toml", Rig(format="hangtime-rig/1", name="b", gravity=(0.0, 0.0, -1.0)),
                           overwrite=False)  # fmt: skip
+
+
+def refused(work, *given, **named):
+    with pytest.raises(OutputError) as error:
+        work(*given, **named)
+    return str(error.value)
+
+
+THERE = "is already there; give another name, or --overwrite to replace it"
+
+
+def test_a_file_that_is_there_stays_unless_it_holds_just_what_is_to_be_written(tmp_path):
+    path = tmp_path / "a.txt"
+    refuse_to_replace(path)
+    path.write_text("\u00e4b")
+    for text in (None, "\u00e4c", "\u00e4", "\u00e4bc"):
+        assert refused(refuse_to_replace, path, text) == f"{path}: {THERE}"
+    refuse_to_replace(path, "\u00e4b")
+    (tmp_path / "folder").mkdir()
+    assert refused(refuse_to_replace, tmp_path / "folder", "") == f"{tmp_path}/folder: {THERE}"
+
+
+@pytest.mark.parametrize(
+    ("name", "look"), [("a.mcap", "look at it with `hangtime takes show`; give"), ("a.csv", "give")]
+)
+def test_what_was_never_finished_stays_where_it_holds_something(tmp_path, name, look):
+    partial = tmp_path / f"{name}.partial"
+    partial.touch()
+    refuse_to_replace(tmp_path / name)
+    partial.write_bytes(b"x")
+    assert refused(refuse_to_replace, tmp_path / name) == (
+        f"{partial}: is what an interrupted recording left under this name, or one that is still running; {look} "
+        "another name, or --overwrite to put it aside and begin anew"
+    )
+
+
+def test_a_file_that_is_read_is_not_written_over_by_any_of_its_names(tmp_path):
+    (tmp_path / "a").touch()
+    (tmp_path / "link").symlink_to("a")
+    refuse_an_input(tmp_path / "new", [tmp_path / "a"])
+    refuse_an_input(tmp_path / "a", [tmp_path / "gone", tmp_path])
+    words = "would replace the take that is read; give another name"
+    assert (
+        refused(refuse_an_input, tmp_path / "link", [tmp_path / "gone", tmp_path / "a"]) == f"{tmp_path}/link: {words}"
+    )
+
+
+def test_what_cannot_be_written_is_refused_with_its_cause(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    step = "give another path: a part of this one is a file"
+    below = tmp_path / "file/new"
+    assert refused(make_output_folder, below) == f"{below}: cannot be made or written to (Not a directory); {step}"
+    assert refused(make_parent, below / "a") == f"{below}: cannot be made (Not a directory); {step}"
+    assert refused(write_text, below, "text") == f"{below}: cannot be written (Not a directory); {step}"
+    assert refused(write_text, tmp_path / "file", "text", overwrite=False) == f"{tmp_path}/file: {THERE}"
+    assert (tmp_path / "file").read_text() == "mine"
+    write_text(tmp_path / "file", "\u00e4")
+    assert (tmp_path / "file").read_bytes() == b"\xc3\xa4"

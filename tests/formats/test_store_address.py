@@ -8,7 +8,7 @@ import pytest
 
 from formats import command
 from formats.errors import AddressError
-from formats.store_address import advice_on, first_line, folder_of, open_bucket
+from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
 from tests.fit.here import hangtime_here
 
 SKEWED = (
@@ -139,6 +139,9 @@ def test_a_server_that_does_not_answer_is_named_with_the_cause():
         with pytest.raises(obstore.exceptions.GenericError) as caught:
             list(obstore.list(store))
     assert first_line(caught.value) == f"{address} does not answer: Connection refused"
+    assert is_out_of_reach(caught.value)
+    assert not is_out_of_reach(OSError("Connection refused"))
+    assert not is_out_of_reach(obstore.exceptions.GenericError("Server returned non-2xx status code: 503"))
 
 
 def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):

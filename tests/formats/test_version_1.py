@@ -138,6 +138,19 @@ def test_a_scan_of_version_1_comes_back():
 @pytest.mark.parametrize(
     "changes",
     [
+        {"grid_size": -1}, {"grid_size": LARGEST_GRID + 1}, {"contour_size": -1},
+        {"contour_size": MOST_OUTLINE_PLACES + 1},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)  # fmt: skip
+def test_a_scan_of_sizes_that_cannot_be_is_refused_before_it_is_unpacked(changes):
+    with pytest.raises(ValueError, match=r"^-?\d+ x -?\d+ places and -?\d+ around them cannot be$"):
+        decode_scan(scan(**changes))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
         {"grid_size": 3.0}, {"grid_size": -1}, {"grid_size": LARGEST_GRID + 1}, {"grid_size": 2}, {"contour_size": "4"},
         {"contour_size": -1}, {"contour_size": MOST_OUTLINE_PLACES + 1}, {"contour_size": 5}, {"surface": 2.25e6},
         {"surface": LATEST + 1}, {"surface": -LATEST - 1}, {"grid_valid": b"\0"}, {"contour_valid": b""},

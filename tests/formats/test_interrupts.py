@@ -1,0 +1,79 @@
+"""Ctrl-C in this process: obeyed at once, kept for later where a library swallows it, and held while one loads."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+
+from formats.interrupts import held, raise_swallowed, remember_interruptions
+
+
+@pytest.fixture(autouse=True)
+def handler():
+    """Python's own, and afterwards the one that was there."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+    remember_interruptions()
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interruption_ends_the_work_and_is_known_until_the_next_command():
+    remember_interruptions()
+    raise_swallowed()
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            raise_swallowed()
+    remember_interruptions()
+    raise_swallowed()
+
+
+def test_a_handler_of_somebody_else_stays():
+    met = []
+    signal.signal(signal.SIGINT, lambda number, frame: met.append(number))
+    remember_interruptions()
+    signal.raise_signal(signal.SIGINT)
+    assert met == [signal.SIGINT]
+    raise_swallowed()
+
+
+def test_an_interruption_waits_for_the_end_of_what_is_held():
+    done = []
+
+    def work():
+        with held():
+            signal.raise_signal(signal.SIGINT)
+            done.append("all of it")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["all of it"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with held():
+        done.append("more")
+    assert done == ["all of it", "more"]
+
+
+def test_an_interruption_that_is_ignored_stays_so_and_one_that_is_handled_is_handled_afterwards():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with held():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        signal.raise_signal(signal.SIGINT)
+    met = []
+    signal.signal(signal.SIGINT, lambda number, frame: met.append((number, frame)))
+    with held():
+        signal.raise_signal(signal.SIGINT)
+        assert met == []
+    assert met == [(signal.SIGINT, None)]
+
+
+def test_a_handler_that_a_library_brings_stays():
+    def own(number, frame):
+        raise AssertionError
+
+    with held():
+        signal.signal(signal.SIGINT, own)
+    assert signal.getsignal(signal.SIGINT) is own

@@ -181,6 +181,10 @@ HINT = "; `hangtime takes recover` makes a sound file"
         ("takes export takes/c.mcap --to parquet --out one.parquet", [
             "one.parquet: 1 take", f"takes/c.mcap is incomplete; missing: {WITHIN}",
         ]),
+        ("takes export takes/c.mcap takes/d.mcap --to parquet --out two.parquet", [
+            "two.parquet: 2 takes", f"takes/c.mcap is incomplete; missing: {WITHIN}",
+            "takes/d.mcap lacks 1 scan of the surface",
+        ]),
         ("import m.csv --garment swatch.toml --out words", [
             "words/m.mcap: 30 frames, 0.3 s, its front looks along -y",
             *(f"Warning: {'; '.join(both)}" for both in (SHORT, STILL, UNSEEN)),

@@ -154,3 +154,26 @@ def test_sizes_are_told_from_ten_frames_on_in_which_both_points_are_seen():
     few, enough = (unseen(scaled(1.2), [0, 2], slice(seen, None)) for seen in (9, 10))
     assert [found.name for found in judge(few)] == []
     assert [found.name for found in judge(enough)] == ["garment_larger"]
+
+
+def test_points_of_the_held_edge_alone_tell_neither_size_nor_gravity():
+    take = swung()
+    garment = msgspec.structs.replace(take.garment, points=take.garment.points[:2])
+    take = dataclasses.replace(
+        take, garment=garment, points=1.5 * take.points[:, :2], points_valid=take.points_valid[:, :2],
+        points_sd=take.points_sd[:, :2],
+    )  # fmt: skip
+    assert judge(take) == ()
+
+
+@pytest.mark.parametrize(("seen", "is_told"), [(9, False), (10, True)])
+def test_gravity_is_told_from_ten_frames_on_in_which_all_that_hangs_is_seen(seen, is_told):
+    take = dataclasses.replace(swung(), rig=msgspec.structs.replace(RIG, gravity=(0.6, 0.8, 0.0)))
+    found = judge(unseen(take, [2], slice(seen, None)))
+    assert [one.name for one in found] == (["gravity_off"] if is_told else [])
+    if is_told:
+        assert found[0].words.startswith("the garment hangs 3")
+        assert found[0].words.endswith(" degrees off the rig's gravity, along [0.00, 1.00, 0.00]")
+        assert found[0].advice == (
+            "measure gravity with `hangtime calibrate`; x is to the right, y down, z away from the sensor"
+        )

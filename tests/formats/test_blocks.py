@@ -51,46 +51,55 @@ def come_back(**given):
     return decoded
 
 
+METRES = "give metres, at most 1000"
+DEVIATIONS = "give 0, or 1e-09 to 1e+09"
+ORDER = "frames must come in the order of their time stamps"
+
+
 @pytest.mark.parametrize(
     ("name", "good", "bad", "words"),
     [
-        ("points", FARTHEST_PLACE, 1000.1, "point 0 lies 1000.1 m away"),
-        ("points", -1000.0, -1000.1, "point 0 lies 1000.1 m away"),
-        ("held", 999.0, np.inf, "held end 0 is marked valid but is not a number"),
-        ("markers", np.nan, 2000.0, "marker 0 lies 2000 m away"),
-        ("points_sd", 1e-9, 0.9e-9, "points_sd has a standard deviation of 9e-10"),
-        ("held_sd", 0.0, -1e-3, "held_sd has a standard deviation of -0.001"),
-        ("held_sd", 1e9, 1.1e9, "held_sd has a standard deviation of 1.1e"),
-        ("pitch_sd", np.inf, 2e9, "pitch_sd has a standard deviation of 2e"),
-        ("quality", 0.0, -0.1, "quality is -0.1, not between 0 and 1"),
-        ("quality", 1.0, 1.1, "quality is 1.1, not between 0 and 1"),
-        ("pitch", -1000.0, -1001.0, "pitch is -1001, not between -1000 and 1000"),
-        ("pitch", 1000.0, 1001.0, "pitch is 1001, not between"),
-        ("state", 65535, 65536, "state is 65536, not between 0 and 65535"),
-        ("state", 0, -1, "state is -1, not between"),
+        ("points", FARTHEST_PLACE, 1000.1, f"point 0 lies 1000.1 m away; {METRES}"),
+        ("points", -1000.0, -1000.1, f"point 0 lies 1000.1 m away; {METRES}"),
+        ("points", 0.0, np.nan, "point 0 is marked valid but is not a number; mark it invalid, or give its place"),
+        ("held", 999.0, np.inf, "held end 0 is marked valid but is not a number; mark it invalid, or give its place"),
+        ("markers", np.nan, 2000.0, f"marker 0 lies 2000 m away; {METRES}"),
+        ("points_sd", 1e-9, 0.9e-9, f"points_sd has a standard deviation of 9e-10; {DEVIATIONS}"),
+        ("held_sd", 0.0, -1e-3, f"held_sd has a standard deviation of -0.001; {DEVIATIONS}"),
+        ("held_sd", 1e9, 1.1e9, f"held_sd has a standard deviation of 1.1e+09; {DEVIATIONS}"),
+        ("pitch_sd", np.inf, 2e9, f"pitch_sd has a standard deviation of 2e+09; {DEVIATIONS}"),
+        ("quality", 0.0, -0.1, "quality is -0.1, not between 0 and 1; give one of these"),
+        ("quality", 1.0, 1.1, "quality is 1.1, not between 0 and 1; give one of these"),
+        ("pitch", -1000.0, -1001.0, "pitch is -1001, not between -1000 and 1000; give one of these"),
+        ("pitch", 1000.0, 1001.0, "pitch is 1001, not between -1000 and 1000; give one of these"),
+        ("state", 65535, 65536, "state is 65536, not between 0 and 65535; give one of these"),
+        ("state", 0, -1, "state is -1, not between 0 and 65535; give one of these"),
     ],
 )
 def test_what_an_archive_cannot_hold_is_refused_with_its_frame(name, good, bad, words):
     check(**changed(name, good))
-    with pytest.raises(TakeError, match=words) as refused:
+    with pytest.raises(TakeError) as refused:
         check(**changed(name, bad))
-    assert "a, frame 12" in str(refused.value)
+    assert str(refused.value) == f"a, frame 12: {words}"
 
 
 @pytest.mark.parametrize(
     ("times", "words"),
     [
-        ([0.0, 0.1, 0.1, 0.3, 0.4, 0.5], "time goes from 0.100000 s to 0.100000 s"),
-        ([0.0, 0.1, np.nan, 0.3, 0.4, 0.5], "time goes from 0.100000 s to nan s"),
-        ([0.0, 0.1, 0.1 + 4e-7, 0.3, 0.4, 0.5], "by less than a microsecond"),
-        ([0.0, 0.1, 1.1e10, 1.2e10, 1.3e10, 1.4e10], "lies centuries away"),
+        ([0.0, 0.1, 0.1, 0.3, 0.4, 0.5], f"time goes from 0.100000 s to 0.100000 s; {ORDER}"),
+        ([0.0, 0.1, np.nan, 0.3, 0.4, 0.5], f"time goes from 0.100000 s to nan s; {ORDER}"),
+        (
+            [0.0, 0.1, 0.1 + 4e-7, 0.3, 0.4, 0.5],
+            "time goes from 0.100000000 s by less than a microsecond; leave out one of the two frames",
+        ),
+        ([0.0, 0.1, 1.1e10, 1.2e10, 1.3e10, 1.4e10], "the time 1.1e+10 s lies centuries away; give it in seconds"),
     ],
 )
 def test_times_come_in_order_a_microsecond_apart_and_within_centuries(times, words):
     check(time=np.array([0.0, 0.1, 0.1 + 1.1e-6, 0.3, 0.4, 9.9e9]))
-    with pytest.raises(TakeError, match=words) as refused:
+    with pytest.raises(TakeError) as refused:
         check(time=np.array(times))
-    assert "a, frame 12" in str(refused.value)
+    assert str(refused.value) == f"a, frame 12: {words}"
 
 
 def test_the_first_frame_comes_after_the_row_before():

@@ -19,7 +19,7 @@ from formats.importers.marker_tracks import write_marker_csv
 from formats.outputs import check_is_no_input
 from formats.results import load_diagnosis, load_fit_result
 from formats.rig import Calibration
-from formats.surface import SurfaceScan, encode_scan
+from formats.surface import SurfaceScan, decode_scan, encode_scan
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.formats.test_archive import a_take
@@ -181,6 +181,13 @@ def test_a_scan_that_no_take_holds_is_refused(scan, sentence):
     with pytest.raises(TakeError) as caught:
         encode_scan(scan)
     assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize(("grid", "contour"), [(512, 4), (2, 65536), (0, 0)])
+def test_a_scan_of_the_most_places_comes_back(grid, contour):
+    found = decode_scan(encode_scan(_scan(grid=grid, contour=contour, time=-1e10, place=1000.0)))
+    assert (found.grid.shape, found.contour.shape, found.time) == ((grid, grid, 3), (contour, 3), -1e10)
+    assert (found.grid == 1000.0).all()
 
 
 def _parameter(**changes):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formats.motion import kind_of, reach_of
+from formats.motion import axes_of, kind_of, reach_of
 from formats.rig import Rig
 from tests.fit.scenes import sheet, take_of
 
@@ -51,3 +51,36 @@ def test_the_rigs_gravity_says_what_is_up_and_down():
 def test_a_hanger_that_is_never_seen_is_still():
     take = moved([0, 1, 0])
     assert kind_of(replace(take, held_valid=np.zeros_like(take.held_valid))) == "still"
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.71, "face-on"), (0.69, "mixed"), (0.31, "mixed"), (0.29, "sideways")])
+def test_a_way_names_the_motion_where_it_has_more_than_seven_tenths_of_it(share, kind):
+    assert kind_of(moved([np.sqrt(1 - share), np.sqrt(share), 0])) == kind
+
+
+@pytest.mark.parametrize(("rms", "kind"), [(0.0041, "up-and-down"), (0.0039, "still")])
+def test_a_motion_of_less_than_four_millimetres_is_none(rms, kind):
+    assert kind_of(moved([0, 0, rms / np.std(WAVE)])) == kind
+
+
+def test_of_a_single_sight_no_motion_is_told():
+    take = moved([0, 1, 0])
+    once = np.zeros_like(take.held_valid)
+    once[7] = True
+    assert reach_of(replace(take, held_valid=once)) == dict.fromkeys(
+        ("sideways", "face-on", "up-and-down", "twist"), 0.0
+    )
+    once[3] = True
+    assert reach_of(replace(take, held_valid=once))["face-on"] == pytest.approx(abs(WAVE[7] - WAVE[3]) / 2)
+
+
+def test_a_turn_of_more_than_half_a_round_goes_on():
+    """Two rounds at one pace: the deviation of an even way of 4 pi is 4 pi / sqrt(12)."""
+    turns = turned(np.linspace(0, 4 * np.pi, len(TIME)))
+    assert reach_of(turns)["twist"] == pytest.approx(0.2 * 4 * np.pi / np.sqrt(12), rel=0.02)
+
+
+def test_without_a_sight_the_axes_of_the_bar_are_nothing():
+    take = moved([0, 1, 0])
+    axes = axes_of(replace(take, held_valid=np.zeros_like(take.held_valid)))
+    assert [axes[way].tolist() for way in ("sideways", "face-on", "up-and-down")] == [[0] * 3, [0] * 3, [0, 0, 1]]

@@ -64,6 +64,21 @@ def test_a_page_names_values_in_words_and_not_as_types_of_python(name):
     )
 
 
+def test_commands_that_are_made_anew_have_each_option_once_and_under_its_heading():
+    """Two commands bring a `--json` of their own."""
+    commands = dict(every_command(whole_command()))
+    assert sorted(commands) == NAMES
+    for name, command in commands.items():
+        options = [option for parameter in command.params for option in parameter.opts]
+        assert len(options) == len(set(options)), name
+        for parameter in command.params:
+            headings = {help_pages.HEADING_OF.get(option) for option in parameter.opts} - {None}
+            assert not headings or parameter.rich_help_panel is not None, f"{name} {parameter.name}"
+            assert headings <= {parameter.rich_help_panel}, f"{name} {parameter.name}"
+        for option, others in (("--json", help_pages.WITHOUT_JSON), ("--quiet", help_pages.WITHOUT_QUIET)):
+            assert (option in options) == (name.removeprefix("hangtime ") not in others), f"{name} {option}"
+
+
 @pytest.mark.parametrize("words", [["takes"], ["takes", "show"], ["fit"], ["sync", "now"]])
 def test_both_ways_to_ask_for_help_work_at_every_depth(words, tmp_path):
     short = hangtime_here(*words, "-h", folder=tmp_path)

@@ -11,6 +11,7 @@ from tests.formats.test_marker_tables import MOTIVE, OWN, QTM, TRC, VICON, read
 
 MEND = "mend that line"
 AGAIN = "export it again"
+MEND_UNIT = "mend the unit that the file states"
 CUT = "it is cut off: copy or export it again"
 UNITS = "m, dm, cm, mm, um, in, ft"
 RATE = "export it with its frame rate"
@@ -40,7 +41,7 @@ ONE = "0,1.5,2,3,4,5,6\n"
          "decimals too, export with decimal points, or with semicolons between cells"),
         (OWN + '0,1,"2,3",4,5,6\n', None,
          "line 2 has 6 cells, not 7: quotation marks join some of them; take the quotation marks out of that line"),
-        (OWN + FIRST, "mm", f"states its lengths in m, not mm; leave out --unit, or {AGAIN}"),
+        (OWN + FIRST, "mm", f"states its lengths in m, not mm; leave out --unit, or {MEND_UNIT}"),
         ("", None, f"is empty; {AGAIN}; {CAN_BE_READ}"),
         (TRC.replace("\t2\t2\tmm", "\t3\t2\tmm"), None, f"holds 2 of the 3 frames that it states; {CUT}"),
         (TRC.replace("\t2\t2\tmm", "\t2\t3\tmm"), None, f"names 2 markers and states 3; {AGAIN}"),
@@ -60,7 +61,7 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (QTM.replace("FREQUENCY\t50", "FREQUENCY\t10000"), None, f"its frame rate is '10000'; {RATE}"),
         (QTM.replace("FREQUENCY\t50", "FREQUENCY\tx"), None, f"its frame rate is 'x'; {RATE}"),
         (QTM.replace("FREQUENCY\t50\n", ""), None, f"its frame rate is ''; {RATE}"),
-        (QTM, "cm", f"states its lengths in mm, not cm; leave out --unit, or {AGAIN}"),
+        (QTM, "cm", f"states its lengths in mm, not cm; leave out --unit, or {MEND_UNIT}"),
         (VICON.replace(",,mm,mm", ",,m,mm"), None, "states several units: m, mm; export in one"),
         (VICON.replace("Trajectories\n100", "Trajectories\n0"), None, f"its frame rate is '0'; {RATE}"),
         (VICON[: VICON.index("Trajectories") + 16], None, f"ends within the header of its trajectories; {AGAIN}"),

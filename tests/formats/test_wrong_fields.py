@@ -21,6 +21,7 @@ class Whole(msgspec.Struct, forbid_unknown_fields=True):
     parts: list[Part] = []
     share: float | None = None
     many: bool = False
+    kinds: list[Literal["x", "y"]] = []
 
     def __post_init__(self) -> None:
         if self.size > 50:
@@ -39,6 +40,7 @@ class Whole(msgspec.Struct, forbid_unknown_fields=True):
         ({"name": "a", "parts": {}}, "parts must be a list (got a table)"),
         ({"name": "a", "parts": [3]}, "parts[0] must be a table (got a whole number)"),
         ({"name": "a", "parts": [{"kind": "c"}]}, "parts[0].kind must be one of a, b (got 'c')"),
+        ({"name": "a", "kinds": ["x", "z"]}, "kinds[1] must be one of x, y (got 'z')"),
         ({"name": "a", "parts": [{"at": [1.0]}]}, "parts[0].at must be a list of 2 (got 1)"),
         ({"name": "a", "parts": [{"kid": "a"}]}, "unknown field `kid` in parts[0]; did you mean `kind`?"),
         ({"name": "a", "size": 51.0}, "the size is beyond all measure"),

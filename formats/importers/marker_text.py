@@ -27,6 +27,7 @@ from formats.importers.marker_lines import (
 from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.units import AXES, METRES, metres_of
+from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
 
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
@@ -90,7 +91,7 @@ def _doubt_of_count(found: int, stated: int, path: Path) -> str:
         TakeError: it holds fewer.
     """
     if found > stated:
-        return f"the file states {stated} frames and holds {found}; all of them were read"
+        return f"the file states {counted(stated, 'frame')} and holds {found}; all of them were read"
     if found < stated:
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,

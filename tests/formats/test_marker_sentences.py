@@ -93,10 +93,10 @@ def test_a_unit_that_nobody_knows_is_the_options_fault(tmp_path):
 @pytest.mark.parametrize(
     ("text", "doubt"),
     [
-        (TRC.replace("\t2\t2\tmm", "\t1\t2\tmm"), "the file states 1 frames and holds 2; all of them were read"),
+        (TRC.replace("\t2\t2\tmm", "\t1\t2\tmm"), "the file states 1 frame and holds 2; all of them were read"),
         (QTM.replace("FRAMES\t3", "FRAMES\t2").replace("\t\t\t\t\t\n", "1\t2\t3\t4\t5\t6\n"),
          "the file states 2 frames and holds 3; all of them were read"),
-        (MOTIVE.replace("Frames,2", "Frames,1"), "the file states 1 frames and holds 2; all of them were read"),
+        (MOTIVE.replace("Frames,2", "Frames,1"), "the file states 1 frame and holds 2; all of them were read"),
         (TRC, ""), (QTM, ""), (MOTIVE, ""), (MOTIVE.replace("Frames,2", "Frames,"), ""), (VICON, ""),
     ],
 )  # fmt: skip

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
+from formats.plain_text import counted
 from formats.take import LONGEST_GAP, Take
+from formats.two_clocks import shows_hanger, shows_points
 
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
@@ -45,12 +48,15 @@ class Finding:
 
 def judge(take: Take) -> tuple[Finding, ...]:
     """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
+    if len(take.time) < FEWEST_HANGERS:
+        return (_too_short(f"the take has {counted(len(take.time), 'frame')}", is_grave=True),)
     has_hanger = np.asarray(np.isfinite(take.markers).all((1, 2)))
-    if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * len(take.time)):
+    frames = int(shows_hanger(take).sum())
+    if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * frames):
         return (
             Finding(
                 name="hanger_hardly_seen", is_grave=True,
-                words=f"both {_ends(take)} were seen together in {has_hanger.sum()} of {len(take.time)} frames",
+                words=f"both {_ends(take)} were seen together in {has_hanger.sum()} of {counted(frames, 'frame')}",
                 advice=f"turn both {_ends(take)} to the {_camera(take)} and record again",
             ),
         )  # fmt: skip
@@ -85,16 +91,16 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
 
 
 def _length(take: Take) -> list[Finding]:
-    seconds = float(take.time[-1] - take.time[0])
+    of_both = [take.time[shows(take)] for shows in (shows_points, shows_hanger)]
+    seconds = min(float(np.ptp(times)) if len(times) else 0.0 for times in of_both)
     if seconds >= SHORTEST_DIAGNOSED:
         return []
-    return [
-        Finding(
-            name="too_short",
-            words=f"the take lasts {seconds:.1f} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed",
-            advice="swing for five seconds or more, then hold still until the cloth hangs",
-        )
-    ]  # fmt: skip
+    return [_too_short(f"the take lasts {seconds:.1f} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
+
+
+def _too_short(words: str, *, is_grave: bool = False) -> Finding:
+    advice = "swing for five seconds or more, then hold still until the cloth hangs"
+    return Finding(name="too_short", words=words, advice=advice, is_grave=is_grave)
 
 
 def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
@@ -124,9 +130,8 @@ def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
 
 
 def _motion(take: Take, has_hanger: Booleans) -> list[Finding]:
-    middle = take.markers[has_hanger].mean(1)
-    low, high = np.percentile(middle, [1, 99], axis=0)  # noise of single frames is no motion
-    reach = float(np.linalg.norm(high - low))
+    low, high = np.percentile(take.markers[has_hanger], [1, 99], axis=0)  # noise of single frames is no motion
+    reach = float(np.linalg.norm(high - low, axis=1).max())  # of either end: a twist leaves the middle where it is
     if reach >= HARDLY_MOVED:
         return []
     return [
@@ -143,10 +148,11 @@ def _points(take: Take) -> list[Finding]:
     never = [name for name, valid in zip(names, np.asarray(take.points_valid.any(0)), strict=True) if not valid]
     if not never:
         return []
-    if len(never) == len(names):
+    if set(names) - set(_held_points(take)) <= set(never):
+        which = "of the garment" if len(never) == len(names) else "below the held edge"
         return [
             Finding(
-                name="garment_never_seen", words="no point of the garment was ever seen", is_grave=True,
+                name="garment_never_seen", words=f"no point {which} was ever seen", is_grave=True,
                 advice="let it hang free below the hanger, 8 cm or more before any wall",
             )
         ]  # fmt: skip
@@ -212,7 +218,7 @@ def _size(take: Take) -> list[Finding]:
     """
     flat = np.array([point.at_m for point in take.garment.points])
     worst: tuple[float, float, str, str] | None = None
-    for first, second in _pairs(flat, take.garment.outline_m):
+    for first, second in _pairs(flat, take.garment):
         both = take.points_valid[:, first] & take.points_valid[:, second]
         if both.sum() < ENOUGH:
             continue
@@ -234,11 +240,14 @@ def _size(take: Take) -> list[Finding]:
     ]
 
 
-def _pairs(flat: Floats, outline: tuple[tuple[float, float], ...]) -> list[tuple[int, int]]:
-    """Return the pairs of points that are neighbours along the outline: straight cloth lies between them."""
+def _pairs(flat: Floats, garment: Garment) -> list[tuple[int, int]]:
+    """Return the pairs of points that are neighbours along the outline: straight cloth lies between them.
+
+    Between two held corners it may sag.
+    """
+    outline = garment.outline_m
     corners = [int(np.argmin(np.linalg.norm(flat - corner, axis=1))) for corner in outline]
-    is_point = [np.linalg.norm(flat[at] - corner) < 1e-6 for at, corner in zip(corners, outline, strict=True)]
-    around = [at for at, is_one in zip(corners, is_point, strict=True) if is_one]
-    if len(around) != len(outline):
+    if any(np.linalg.norm(flat[at] - corner) >= 1e-6 for at, corner in zip(corners, outline, strict=True)):
         return []
-    return [(one, other) for one, other in zip(around, around[1:] + around[:1], strict=True)]
+    pairs = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    return pairs[1:] if garment.held == "corners" else pairs

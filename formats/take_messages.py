@@ -115,8 +115,6 @@ class _Nameless:
     def take_of(self, content: dict[str, Any]) -> bytes | None:
         """Return the hash of a message's header, None before the first one."""
         begin, frames = content.get("first"), content.get("frames")
-        if "surface" in content:
-            return self.current or self.last
         if type(begin) is not int:  # an end
             found, self.current, self.follows = self.current or self.last, None, -1
             return found
@@ -130,13 +128,15 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
     """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
 
     Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
-    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other.
+    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other. A scan is
+    written before the block of its second, and belongs to the take of that block.
 
     - messages: the data of each, and its share of the file [bytes]
     - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
     header, nameless = b"", _Nameless()
+    waiting: list[Message] = []  # scans of version 1
     for data, own in messages:
         if data == header:
             take_for_copy(len(data))
@@ -152,7 +152,15 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
             if FORMAT_1 in data:
                 nameless.meet(binding)
             continue
-        take = content["take"] if "take" in content else nameless.take_of(content)
+        if "take" in content:
+            take = content["take"]
+        elif "surface" in content:
+            waiting.append(Message(content, own))
+            continue
+        else:
+            take = nameless.take_of(content)
+            contents.parts[take].scans += waiting
+            waiting = []
         if take is None or type(take) is bytes:
             parts = contents.parts[take]
             if "surface" in content:
@@ -165,6 +173,8 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
                 parts.ends.append(Message(content, own))
                 continue
         contents.damaged += 1
+    if waiting:
+        contents.parts[nameless.current or nameless.last].scans += waiting
     if nameless.first is not None and None in contents.parts:
         contents.parts[nameless.first] = contents.parts.pop(None) + contents.of(nameless.first)
     return contents

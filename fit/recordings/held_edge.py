@@ -21,9 +21,11 @@ import numpy as np
 
 from fit.recordings.smoothing import noise_of, smoothing_spline
 from formats.arrays import Booleans, Floats
+from formats.garment import Garment
 
 Curve = Callable[[Floats], Floats]
 
+ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second makes 5 to 6
 LEAST_EDGE_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
@@ -123,3 +125,14 @@ def place_along(places: Floats, ends: Floats) -> tuple[Floats, Booleans]:
     aside = np.linalg.norm(places - ends[0] - share[:, None] * way, axis=1)
     near = 1e-6 * float(np.linalg.norm(way))
     return share, (aside < near) & (share > -1e-6) & (share < 1 + 1e-6)
+
+
+def is_held(garment: Garment, places: Floats) -> Booleans:
+    """Return the points, at places [m], (points, 2), that move with the hanger: all on a clamped edge, or those at
+    clips.
+    """
+    ends = np.asarray(garment.outline_m[:2], float)
+    share, _ = place_along(places, ends)
+    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
+    apart = np.linalg.norm(places - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
+    return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))

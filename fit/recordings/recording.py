@@ -31,7 +31,7 @@ from fit.recordings.camera import (
 )
 from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
-from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
+from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, is_held
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
@@ -44,7 +44,6 @@ from formats.two_clocks import shows_points
 
 Curve = Callable[[Floats], Floats]
 
-ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 # The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
 # the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
@@ -239,7 +238,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     seen_sd = np.where(valid[..., None], take.points_sd[pictures], np.nan)
     at_pictures = take.time[pictures] - take.time[kept][0]
     valid &= is_known(at_pictures, gaps)[:, None]
-    on_edge = _is_held(take.garment, places)
+    on_edge = is_held(take.garment, places)
     judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
     with np.errstate(invalid="ignore"):
         point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if np.isfinite(seen_sd[:, k]).any() else 0.0
@@ -314,17 +313,6 @@ def prepare_together(
 def _or_one(turn_rms: Floats) -> Floats:
     """Return a divisor for the turn: 1 for no turn, which then stays zero."""
     return np.where(turn_rms > 0, turn_rms, 1.0)
-
-
-def _is_held(garment: Garment, places: Floats) -> Booleans:
-    """Return the points, at places [m], (points, 2), that move with the hanger: all on a clamped edge, or those at
-    clips.
-    """
-    ends = np.asarray(garment.outline_m[:2], float)
-    share, _ = place_along(places, ends)
-    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
-    apart = np.linalg.norm(places - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
-    return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))
 
 
 def _world(rotation: Floats, place: Vector) -> Vector:

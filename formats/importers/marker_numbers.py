@@ -21,6 +21,7 @@ MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a se
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 # Lines before and after one in which digits are counted: numbers without their last zeros differ in one of ten places.
 LINES_AROUND = 32
+SURELY_CUT = 3  # digits that are lacking
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
 GAP_WORDS = {
@@ -61,6 +62,12 @@ def read_frames(
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]
         places[piece] = as_seen(numbers[: len(some), columns] * metres)
+        lacks_z = np.isnan(numbers[len(some) - 1, width - 3 : width]).tolist() == [False, False, True]
+        if some.is_cut and lacks_z and width - 1 in columns[:, 2]:
+            raise TakeError(
+                f"ends within line {some.numbers[-1]}, before its last number", where=path,
+                advice="it is cut off: copy or export it again",
+            )  # fmt: skip
     return first, places
 
 
@@ -111,38 +118,52 @@ def _refuse_a_cut_number(rows: Rows, at: int, row: list[str], width: int, path: 
 def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
     """Return whether the last cell of a row lacks digits behind its point that its column has in all lines around.
 
-    Many programs write every place with as many digits. A cell without some of them was cut, and its number is
-    another one. A program that leaves out zeros, or writes whole numbers, shows in the column or in the row. The first
-    two cells are a frame's number and time.
+    Most programs write as many digits in every place. A cell without some of them was cut, and its number is another
+    one. Other programs leave out zeros at the end: of a thousand numbers, one lacks three digits or more. So a line
+    that has its end must lack three. Where the digits of a column vary, the last line must lack two, or its point.
+    The first two cells are a frame's number and time. Three cells of one text are a marker that was not seen.
     """
     last = row[-1].strip()
-    if len(row) < 3 or not (last == "-" or _is_number(last)) or "e" in last.lower():
+    if len(row) < 3 or len({cell.strip() for cell in row[-3:]}) == 1:
         return False
-    # Whole numbers of the row may be of another kind, such as turns.
-    written = {count for cell in row[2:-1] if _is_number(cell) and (count := _digits(cell))}
-    for cell in _column_around(rows, at, len(row) - 1):
-        if cell.strip() == last or (_is_number(cell) and _digits(cell) <= _digits(last)):
-            return False
-        if _is_number(cell):
-            written.add(_digits(cell))
-    return len(written) == 1 and _digits(last) < min(written)
+    has_end = not (rows.is_cut and at == len(rows) - 1)
+    around = [cell.strip() for cell in _column_around(rows, at, len(row) - 1)]
+    if last == "-":
+        return "-" not in around
+    beside = row[2:-1] if not any(map(_is_number, around)) else []
+    numbers = [cell for cell in around + beside if _is_seen(cell)]
+    if not _is_number(last) or not numbers:
+        return False
+    (digits, power), written = _parts(last), [_parts(cell) for cell in numbers]
+    if power or all(of_other for _, of_other in written):
+        return power < min(of_other for _, of_other in written)
+    counts = {count for count, of_other in written if not of_other}
+    lacking = min(counts) - digits
+    if has_end:
+        return lacking >= SURELY_CUT
+    return lacking > 0 and (lacking > 1 or digits == 0 or len(counts) == 1)
 
 
 def _column_around(rows: Rows, at: int, column: int) -> Iterator[str]:
-    """Yield the cells of a column in the lines around one, the nearest first."""
-    for apart in range(1, LINES_AROUND + 1):
-        for k in (at - apart, at + apart):
-            if 0 <= k < len(rows) and len(line := rows[k]) > column:
-                yield line[column]
+    """Yield the cells of a column in the lines around one."""
+    for k in range(max(at - LINES_AROUND, 0), min(at + LINES_AROUND + 1, len(rows))):
+        if k != at and len(line := rows[k]) > column:
+            yield line[column]
 
 
 def _is_number(cell: str) -> bool:
     return NUMBER.fullmatch(cell.strip().replace(",", ".")) is not None
 
 
-def _digits(cell: str) -> int:
-    """Return how many digits stand behind the point, or the decimal comma, of a number."""
-    return len(cell.strip().lower().replace(",", ".").partition("e")[0].partition(".")[2])
+def _is_seen(cell: str) -> bool:
+    """Return whether a cell is a number that stands for a place: 0 stands for a marker that was not seen."""
+    return _is_number(cell) and float(cell.strip().replace(",", ".")) != 0
+
+
+def _parts(cell: str) -> tuple[int, int]:
+    """Return how many digits stand behind the point of a number, and how many letters behind its `e`."""
+    number, _, power = cell.strip().lower().replace(",", ".").partition("e")
+    return len(number.partition(".")[2]), len(power)
 
 
 def _row(cells: list[str]) -> Floats:

@@ -119,3 +119,56 @@ def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path)
     assert str(refused.value) == f"{tmp_path}/a.csv: {words}"
     with pytest.raises(TakeError, match="line 0 has 1 columns, not 1048576"):
         read_frames(rows[:32], 1 << 20, [], 1.0, tmp_path / "a.csv", is_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("wide", "cut", "message"),
+    [
+        ("{:.6e}", 1, "ends within a number"),  # 2.027006e+0
+        ("{:.6e}", 2, "which is no number"),
+        ("{:.6e}", 4, "ends within a number"),  # 2.027006
+        ("{!r}", 14, "ends within a number"),
+        ("{:.3f}", 4, "ends within a number"),  # no point
+    ],
+)
+def test_a_cut_number_is_known_in_every_way_of_writing(tmp_path, wide, cut, message):
+    """In some columns a marker was not seen, and written as 0."""
+    rng = np.random.default_rng(3)
+    rows = []
+    for k in range(30):
+        cells = [wide.format(float(value)) for value in rng.uniform(200, 2000, 6)]
+        if k % 5 == 0:
+            cells[3:] = ["0"] * 3
+        rows.append(",".join([f"{k / 100}", *cells]) + "\n")
+    whole = HEAD.replace("_m", "_mm") + "".join(rows[1:])
+    assert read(tmp_path, whole[:-1], None, "own.csv").positions.shape == (29, 2, 3)
+    with pytest.raises(TakeError, match=message):
+        read(tmp_path, whole[: -1 - cut], None, "own.csv")
+
+
+def test_a_file_that_ends_behind_its_last_separator_is_cut(tmp_path):
+    whole = own()[:-1]
+    with pytest.raises(TakeError, match="ends within line 31, before its last number; it is cut off"):
+        read(tmp_path, whole.removesuffix("-1.23456"), "m", "own.csv")
+    unseen = read(tmp_path, whole.rpartition("0.44444")[0] + ",,", "m", "own.csv")
+    assert np.isnan(unseen.positions[-1, 1]).all()
+    motion = TRC + "".join(f"{k}\t{k / 100}\t1.25\t2.25\t3.25\t4.5\t5.5\t6.5\t\n" for k in range(30))  # ends in a tab
+    assert read(tmp_path, motion[:-1], None, "a.trc").positions.shape == (30, 2, 3)
+
+
+@pytest.mark.parametrize("gap", ["-", "0", "-9999", "nan"])
+def test_three_cells_of_one_text_at_the_end_are_a_marker_that_was_not_seen(tmp_path, gap):
+    found = read(tmp_path, own().rpartition("0.44444")[0] + ",".join([gap] * 3), "m", "own.csv")
+    assert found.positions[-1, 0, 0] == 0.11111
+
+
+def test_a_line_that_has_its_end_must_lack_three_digits(tmp_path):
+    """Its last cells were left out, as its program leaves out zeros: it lacks two digits by chance."""
+    rows = [f"{k}\t{k / 100}\t1.125\t2.125\t3.125\t4.5\t5.5\t6.5\n" for k in range(30)]
+    for last, is_cut in (("3.1", False), ("3", True)):
+        rows[20] = f"20\t0.2\t1.125\t2.125\t{last}\n"
+        if is_cut:
+            with pytest.raises(TakeError, match="ends within a number, after 5 of its 8 cells"):
+                read(tmp_path, TRC + "".join(rows), None, "a.trc")
+        else:
+            assert read(tmp_path, TRC + "".join(rows), None, "a.trc").positions[20, 0, 2] == pytest.approx(3.1e-3)

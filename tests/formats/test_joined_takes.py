@@ -214,3 +214,16 @@ def test_a_header_of_version_1_binds_wherever_its_format_stands():
     moved = {name: value for name, value in header.items() if name != "format"} | {"format": header["format"]}
     found, wanted = (take_of(b"".join([chunk_of(one), *blocks]), "one") for one in (moved, header))
     assert len(found.time) == len(wanted.time)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_scan_of_version_1_belongs_to_the_take_of_the_next_block(ends):
+    """A recording writes it before the block of its second; the take before it in the file has no end."""
+    chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
+    scan = next(content for content in chunks if "surface" in content)
+    (one, of_one), (two, of_two) = of_version_1(2), of_version_1(3, "two")
+    end = [chunk_of(next(content for content in chunks if "blocks" in content))] if ends else []
+    raw = b"".join([chunk_of(one), *of_one, chunk_of(two), chunk_of(scan), *of_two, *end])
+    assert len(take_of(raw, "two").scans) == 1
+    alone = b"".join([chunk_of(one), *of_one, chunk_of(scan)])
+    assert len(take_of(alone, "one").scans) == 1

@@ -10,7 +10,7 @@ import pytest
 
 from firmware_host.synthetic.scene import RIG, demo_garment
 from formats.judgement import judge
-from formats.take import Take
+from formats.take import FrameState, Take
 
 FPS = 30
 
@@ -119,3 +119,57 @@ def test_held_ends_that_are_never_seen_while_the_rest_is_are_the_rigs():
     take.points_valid[:, :2] = False
     (finding,) = judge(take)
     assert finding.advice == "measure hanger.held_m again: it says that the held edge is 40 cm wide"
+
+
+@pytest.mark.parametrize("way", ["twist", "seesaw"])
+def test_a_hanger_that_turns_about_its_middle_moves(way):
+    take = swung(reach=0.0)
+    angle = 0.5 * np.sin(2 * np.pi * take.time)
+    side = np.stack([np.cos(angle), 0 * angle, 0 * angle], -1)
+    side[:, 2 if way == "twist" else 1] = np.sin(angle)
+    middle = take.markers.mean(1, keepdims=True)
+    turned = middle + 0.15 * np.array([-1.0, 1.0])[:, None] * side[:, None]
+    assert "hardly_moved" in named(take)
+    assert "hardly_moved" not in named(dataclasses.replace(take, markers=turned))
+
+
+def test_the_hanger_of_a_slower_clock_is_counted_among_its_own_frames():
+    """It shows in each twelfth frame, whenever it was measured."""
+    take = swung(seconds=30.0)
+    alone = np.arange(len(take.time)) % 12 != 0
+    state = np.where(alone, FrameState.POINTS_ALONE, 0).astype(np.uint16)
+    of_two = dataclasses.replace(without_hanger(take, alone), state=state)
+    assert named(of_two) == []
+    (finding,) = judge(dataclasses.replace(of_two, state=np.zeros_like(state)))
+    assert finding.name == "hanger_hardly_seen"
+    assert "in 75 of 900 frames" in finding.words
+
+
+def test_a_take_of_few_frames_is_too_short_and_not_unseen():
+    (finding,) = judge(swung(seconds=0.3))
+    assert (finding.name, finding.is_grave, finding.words) == ("too_short", True, "the take has 9 frames")
+
+
+def test_a_take_is_as_long_as_both_hanger_and_points_are_seen():
+    take = swung()
+    state = np.where(take.time < 4.0, FrameState.HANGER_ALONE, 0).astype(np.uint16)
+    assert named(dataclasses.replace(take, state=state)) == ["too_short"]
+
+
+def test_cloth_may_sag_between_two_held_corners_and_not_along_a_held_edge():
+    take = swung()
+    points = take.points.copy()
+    points[:, 0, 0] += 0.1
+    sagging = dataclasses.replace(take, points=points)
+    corners = msgspec.structs.replace(take.garment, held="corners")
+    assert named(sagging) == ["garment_smaller"]
+    assert named(dataclasses.replace(sagging, garment=corners)) == []
+
+
+def test_a_garment_of_which_only_the_held_corners_were_seen_is_a_grave_fault():
+    take = swung()
+    valid = take.points_valid.copy()
+    valid[:, 2:] = False
+    (finding,) = judge(dataclasses.replace(take, points_valid=valid))
+    assert (finding.name, finding.is_grave) == ("garment_never_seen", True)
+    assert finding.words == "no point below the held edge was ever seen"

@@ -126,7 +126,8 @@ def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
     last = row[-1].strip()
     if len(row) < 3 or len({cell.strip() for cell in row[-3:]}) == 1:
         return False
-    has_end = not (rows.is_cut and at == len(rows) - 1)
+    if not (rows.is_cut and at == len(rows) - 1):  # it has its end, as most lines have
+        return _is_number(last) and _lacks_digits(_parts(last)[0], _column_around(rows, at, len(row) - 1))
     around = [cell.strip() for cell in _column_around(rows, at, len(row) - 1)]
     if last == "-":
         return "-" not in around
@@ -139,16 +140,25 @@ def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
         return power < min(of_other for _, of_other in written)
     counts = {count for count, of_other in written if not of_other}
     lacking = min(counts) - digits
-    if has_end:
-        return lacking >= SURELY_CUT
     return lacking > 0 and (lacking > 1 or digits == 0 or len(counts) == 1)
 
 
+def _lacks_digits(digits: int, cells: Iterator[str]) -> bool:
+    """Return whether all numbers have three digits more behind the point; the first that has not decides."""
+    found = False
+    for count, power in (_parts(cell) for cell in cells if _is_seen(cell)):
+        if power or count - digits < SURELY_CUT:
+            return False
+        found = True
+    return found
+
+
 def _column_around(rows: Rows, at: int, column: int) -> Iterator[str]:
-    """Yield the cells of a column in the lines around one."""
-    for k in range(max(at - LINES_AROUND, 0), min(at + LINES_AROUND + 1, len(rows))):
-        if k != at and len(line := rows[k]) > column:
-            yield line[column]
+    """Yield the cells of a column in the lines around one, the nearest first."""
+    for apart in range(1, LINES_AROUND + 1):
+        for k in (at - apart, at + apart):
+            if 0 <= k < len(rows) and len(line := rows[k]) > column:
+                yield line[column]
 
 
 def _is_number(cell: str) -> bool:

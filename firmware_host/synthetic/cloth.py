@@ -26,6 +26,8 @@ from formats.arrays import Floats, Integers
 from formats.garment import Garment
 from formats.nature import AIR_DENSITY, GRAVITY
 
+Nodes = tuple[slice, slice]  # of the grid
+
 ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step
@@ -113,7 +115,7 @@ class _Cloth:
     - `x` [m], `v` [m/s], (3, nodes)
     - `threads`: the nodes at both ends, (2, threads), and rest length [m] and stiffness [N/m], (threads,)
     - `bends`: three nodes in a row, (3, bends), and stiffness [N/m], (bends,)
-    - `corners`: nodes of each cell of cloth, (4, cells), of none without drag: across from the first is the last
+    - `corners`: nodes of each cell of cloth, (4, cells): across from the first is the last
     """
 
     def __init__(
@@ -145,9 +147,9 @@ class _Cloth:
         self.threads = self._threads()
         self.bends = self._bends()
         corners = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]])
-        self.corners = corners[:, self.pattern.is_cloth] if self.drag else corners[:, :0, 0]
-        # The node of each force of a step.
-        self._pulled = np.concatenate([nodes.ravel() for nodes in (self.threads[0], self.bends[0], self.corners)])
+        self.corners = corners[:, self.pattern.is_cloth]
+        pulled = [self.threads[0], self.bends[0], *([self.corners] if self.drag else [])]
+        self._pulled = np.concatenate([nodes.ravel() for nodes in pulled])  # the node of each force of a step
         places = np.arange(columns)[self.pattern.held]
         self.held_share = np.linspace(0, 1, len(places))
         if garment.held == "corners":
@@ -161,6 +163,11 @@ class _Cloth:
         whole, low, high = slice(None), slice(None, -1), slice(1, None)
         ends: list[list[Integers]] = []
         springs: list[tuple[Floats, Floats]] = []
+
+        def add(a: Nodes, b: Nodes, length: Floats, stiffness: Floats) -> None:
+            ends.append([self.node[a].ravel(), self.node[b].ravel()])
+            springs.append((length.ravel(), stiffness.ravel()))
+
         for a, b, across in (((whole, low), (whole, high), 0), ((low, whole), (high, whole), 1)):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
             # The area on both sides of a thread, half each, over its length is the width it stands for.
@@ -171,13 +178,10 @@ class _Cloth:
             else:
                 share[:, :-1] += cell / 2
                 share[:, 1:] += cell / 2
-            ends.append([self.node[a].ravel(), self.node[b].ravel()])
-            springs.append((length.ravel(), (physics.stretch_stiffness * share / length**2).ravel()))
+            add(a, b, length, physics.stretch_stiffness * share / length**2)
         for a, b in (((low, low), (high, high)), ((low, high), (high, low))):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
-            stiffness = physics.shear_stiffness * length**2 / (2 * np.where(cell > 0, cell, np.inf))
-            ends.append([self.node[a].ravel(), self.node[b].ravel()])
-            springs.append((length.ravel(), stiffness.ravel()))
+            add(a, b, length, physics.shear_stiffness * length**2 / (2 * np.where(cell > 0, cell, np.inf)))
         lengths, stiffness = np.concatenate(springs, axis=1)
         return np.concatenate(ends, axis=1), lengths, stiffness
 

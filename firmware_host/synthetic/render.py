@@ -57,10 +57,6 @@ class Renderer:
             surroundings.draw(depth, colour)
         self._behind = View(depth, colour)
 
-    def view(self, origin: Floats, rotation: Floats, nodes: Floats) -> View:
-        """Draw the hanger at an origin, (3,), and rotation, (3, 3), with the cloth's nodes, (rows, columns, 3)."""
-        return self.with_hanger(self.cloth(nodes), origin, rotation)
-
     def cloth(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> View:
         """Draw the cloth's nodes, (rows, columns, 3), before the surroundings and behind what is in front."""
         depth, colour = self._behind.depth.copy(), self._behind.colour.copy()

@@ -58,7 +58,7 @@ def sentence(evidence: Evidence, found: Hypothesis | None) -> str:
     low, high = closed.interval
     if low <= 0.0:
         return f"{left}: the gap does not lie between hanger and edge."
-    share = f"{100 * closed.value:z.0f} % of the gap [{100 * low:z.0f} to {100 * high:z.0f} %]"
+    share = f"{100 * closed.value:.0f} % of the gap [{100 * low:.0f} to {100 * high:.0f} %]"
     return f"{left}: {share} lies between hanger and edge."
 
 

@@ -182,7 +182,7 @@ def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gat
     """
     share = max(closed or 0.0, 0.0)
     sentence = (
-        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:z.0f} % of the gap; "
+        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
         f"the mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:

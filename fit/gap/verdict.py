@@ -161,7 +161,7 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
         noise = f". The rest, {100 - 100 * closed.value:.0f} %, no effect explains: a camera's faults are part of it"
     if closed.value <= 0:
         return f", which closes nothing of the gap{noise}"
-    return f": {100 * closed.value:z.0f} % of the gap is closed [{100 * low:z.0f} to {100 * high:z.0f} %]{noise}"
+    return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:z.0f} to {100 * high:.0f} %]{noise}"
 
 
 def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:

@@ -201,7 +201,7 @@ def _refuse_two_points(cells: list[str]) -> None:
     Raises:
         ValueError: names one of each.
     """
-    numbers = [cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip().replace(",", "."))]
+    numbers = [cell.strip() for cell in cells if _is_number(cell)]
     point, comma = (next((cell for cell in numbers if sign in cell), "") for sign in ".,")
     if point and comma:
         raise ValueError(f"{comma[:LONGEST_SHOWN]!r} beside {point[:LONGEST_SHOWN]!r}: which of them parts decimals?")

@@ -26,7 +26,7 @@ from formats.importers.marker_lines import (
 )
 from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
 from formats.importers.marker_tracks import MarkerTracks
-from formats.importers.units import AXES, METRES, metres_of
+from formats.importers.units import METRES, axes_of, metres_of
 from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
 
@@ -108,7 +108,8 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
     named = head[1].rpartition("_x_")[2] if len(head) > 1 else ""
-    axes = [axis.removesuffix("m") + (named if named in METRES else "m") for axis in AXES]
+    stated = named if named in METRES else "m"
+    axes = axes_of(stated)
     labels = [name.removesuffix(axes[0]) for name in head[1::3]]
     for k, name in enumerate((label + axis for label in labels for axis in axes), 1):
         if k >= len(head) or head[k] != name:
@@ -117,7 +118,7 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
                 f"column {k + 1} of line {line} {there}, not {name[:LONGEST_SHOWN]!r}", where=path,
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
-    metres, names = metres_of(axes[0].rpartition("_")[2], unit, path), _names(labels, path)
+    metres, names = metres_of(stated, unit, path), _names(labels, path)
     first, places = read_frames(rows[1:], len(head), range(1, len(head), 3), metres, path, is_exact=True)
     return MarkerTracks(names, first[:, 0], places)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.importers.units import AXES
+from formats.importers.units import axes_of
 from formats.outputs import write_text
 from formats.rows import spreadsheet_cell
 
@@ -63,7 +63,7 @@ def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True
     Raises:
         OutputError: it is there and may not be replaced, or cannot be written.
     """
-    columns = ["time_s", *(spreadsheet_cell(label + axis) for label in tracks.labels for axis in AXES)]
+    columns = ["time_s", *(spreadsheet_cell(label + axis) for label in tracks.labels for axis in axes_of("m"))]
     flat = tracks.positions.reshape(len(tracks.time), -1)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

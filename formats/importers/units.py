@@ -23,7 +23,11 @@ SPELLINGS = {
 }  # fmt: skip
 SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket stripped
 LONGEST_UNIT = 20  # letters of an unknown unit that are told: a damaged file may state thousands
-AXES = ("_x_m", "_y_m", "_z_m")
+
+
+def axes_of(unit: str) -> list[str]:
+    """Return the ends of the names of a marker's three columns: `_x_mm`, `_y_mm`, `_z_mm`."""
+    return [f"_{axis}_{unit}" for axis in "xyz"]
 
 
 def metres_of(stated: str, given: str | None, where: object) -> float:

@@ -12,7 +12,8 @@ import pytest
 from firmware_host.errors import RecordingError
 from firmware_host.oni_records import summarise
 from firmware_host.synthetic import recording
-from firmware_host.synthetic.scene import CAMERA, HANGER, demo_garment, place
+from firmware_host.synthetic.render import View
+from firmware_host.synthetic.scene import CAMERA, HANGER, Placement, demo_garment, place
 from firmware_host.synthetic.world import World
 from formats.descriptions import load_garment, load_rig
 from formats.errors import OutputError
@@ -26,9 +27,14 @@ def pixel(place_m: np.ndarray) -> tuple[float, float]:
     )
 
 
+def drawn(world: World, hanger: Placement) -> View:
+    renderer = world.renderer()
+    return renderer.with_hanger(renderer.cloth(world.nodes[0]), hanger.origin[0], hanger.rotation[0])
+
+
 def test_the_plates_and_the_cloth_have_their_true_depth() -> None:
     world = flat_world(1)
-    depth = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).depth
+    depth = drawn(world, world.hanger).depth
     for spot in [*world.hanger.markers[0], world.points[0, 4]]:
         u, v = pixel(spot)
         assert depth[round(v), round(u)] == pytest.approx(spot[2], abs=1e-9)
@@ -37,7 +43,7 @@ def test_the_plates_and_the_cloth_have_their_true_depth() -> None:
 def test_a_turned_plate_has_its_true_depth_at_its_centre() -> None:
     world = flat_world(1)
     turned = place(np.zeros((1, 3)), np.array([np.radians(20)]), np.zeros(1))
-    depth = world.renderer().view(turned.origin[0], turned.rotation[0], world.nodes[0]).depth
+    depth = drawn(world, turned).depth
     for spot in turned.markers[0]:
         u, v = pixel(spot)
         # Half a pixel is 1.4 mm of width, on a plane at 20 degrees 0.5 mm of depth.
@@ -46,7 +52,7 @@ def test_a_turned_plate_has_its_true_depth_at_its_centre() -> None:
 
 def test_the_skirt_covers_as_many_pixels_as_its_area_says() -> None:
     world = flat_world(1)
-    depth = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).depth
+    depth = drawn(world, world.hanger).depth
     top = int(np.ceil(pixel(world.points[0, 0])[1])) + 5  # below the bar, which covers the held edge
     lowest = int(pixel(world.points[0, 2])[1]) + 3
     covered = (depth[top:lowest] < 2.0).sum()
@@ -59,7 +65,7 @@ def test_the_skirt_covers_as_many_pixels_as_its_area_says() -> None:
 
 def test_the_markers_show_black_borders_white_plates_and_their_first_bits() -> None:
     world = flat_world(1)
-    colour = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).colour[..., 0]
+    colour = drawn(world, world.hanger).colour[..., 0]
     cell = HANGER.marker_size_m / 6
     for centre, first_row in zip(world.hanger.markers[0], ([1, 0, 1, 1], [0, 0, 0, 0]), strict=True):
 

@@ -136,13 +136,14 @@ def sound_scans(messages: list[Message], version: int, memory: TableMemory) -> t
         if not is_number(time, -LATEST, LATEST):
             lost += 1
             continue
-        if found.setdefault(time, content) is not content:
+        if time in found:
             lost += found[time] != content
             continue
         try:
             if not memory.fits(places_of(content) * SCAN_NUMBERS, content.own, may_rest=False):
                 raise ValueError("too many places")
             scans.append(decode(content))
+            found[time] = content
         except (ValueError, KeyError, TypeError):
             lost += 1
     return sorted(scans, key=lambda scan: scan.time), lost

@@ -174,7 +174,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     if behind and _goes_on(section[count + 1 : count + 1 + LINES_OF_VICON_HEAD]):
         raise TakeError(
             f"line {section.numbers[count]} begins with {behind[0].strip()[:LONGEST_SHOWN]!r}, and frames follow it",
-            where=path, advice="take that line out, or mend its number",
+            where=path,
+            advice="mend its number or take it out; where it begins another section, put its frame rate below it",
         )  # fmt: skip
     if (second := _second_trajectories(section[count:])) is not None:
         raise TakeError(

@@ -70,6 +70,16 @@ def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
         read(tmp_path, TRC + f"1\t{time}\t998\t{place}\t5\t999\t998\t1\n" * 30, None, "a.trc")
 
 
+@pytest.mark.parametrize(("most", "one"), [("1.5", "1,234"), ("1,5", "1.234"), ("", "")])
+def test_points_and_commas_in_lines_of_one_file_are_refused(tmp_path, most, one):
+    rows = [f"{k}\t{k}\t998\t{most}\t5\t999\t998\t1\n" for k in range(29)] + [f"29\t29\t998\t{one}\t5\t999\t998\t1\n"]
+    if not most:
+        assert len(read(tmp_path, TRC + "".join(rows), None, "a.trc").time) == 30
+        return
+    with pytest.raises(TakeError, match=f"line 35 holds '.*,.*' beside '.*[.].*': which of them parts decimals"):
+        read(tmp_path, TRC + "".join(rows), None, "a.trc")
+
+
 @pytest.mark.parametrize("end", ["\n", "\r", "\r\n", "\x85", "\u2028"])
 def test_any_end_of_a_line_ends_the_last_one(tmp_path, end):
     rows = [f"{k}\t{k / 100}\t1.25\t2.25\t3.25\t4.5\t5.5\t6.5\n" for k in range(29)]

@@ -67,7 +67,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (VICON[: VICON.index("Trajectories") + 16], None, f"ends within the header of its trajectories; {AGAIN}"),
         (VICON.replace("\n12,", "\nx,"), None, f"line 11 holds 'x', which is no number; {MEND}"),
         (VICON.replace("\n12,", "\npause\n12,"), None,
-         "line 11 begins with 'pause', and frames follow it; take that line out, or mend its number"),
+         "line 11 begins with 'pause', and frames follow it; mend its number or take it out; "
+         "where it begins another section, put its frame rate below it"),
         (VICON + VICON[VICON.index("Trajectories") :], None, "has trajectories twice, in lines 5 and 15; export one "
          "section of trajectories, or put the second into a file of its own"),
         (MOTIVE.replace("Frames,2", "Frames,3"), None, f"holds 2 of the 3 frames that it states; {CUT}"),

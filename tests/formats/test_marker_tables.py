@@ -148,10 +148,11 @@ def test_a_text_of_nothing_but_lines_is_refused_before_it_is_split(tmp_path, end
 
 
 def test_plain_numbers_are_read_as_all_others_are(tmp_path):
-    """The second row has cells that are not plain, so each is read by itself; both hold the same numbers."""
-    found = read(tmp_path, OWN + '-1.5,+2,.5, 3e-1 ,4.,1E2,0\n"-1,5","2,0","0,5","0,3",4,100,0\n')
-    assert found.time.tolist() == [-1.5, -1.5]
-    assert found.positions[0].tolist() == found.positions[1].tolist()
+    """The second row has cells that are not plain, so each is read by itself; all hold the same numbers."""
+    found = read(tmp_path, OWN + "-1.5,+2,.5, 3e-1 ,4.,1E2,0\n-1.5\t,2.0,0.5,0.3,4,100,0\n")
+    commas = read(tmp_path, OWN + '"-1,5","2,0","0,5","0,3",4,100,0\n')
+    assert found.time.tolist() == [-1.5, -1.5] == [*commas.time, *commas.time]
+    assert found.positions[0].tolist() == found.positions[1].tolist() == commas.positions[0].tolist()
     for cell in ("1e999", "1 2", "1e", "--1", "1.2.3"):
         with pytest.raises(TakeError, match=f"line 2 holds '{cell}', which is no number"):
             read(tmp_path, OWN + f"0,1,2,3,4,5,{cell}\n")

@@ -103,6 +103,7 @@ def test_scans_come_in_the_order_of_time_and_a_copy_is_no_damage():
     assert scans_of(one, other) == ([0.4], 1)
     assert scans_of(one, two | {"grid": b"x"}) == ([0.4], 1)
     assert scans_of(one, two | {"contour": None}, two | {"surface": 0.6}, two | {"grid_size": -1}) == ([0.4], 3)
+    assert scans_of(other | {"grid": b"x"}, one, two) == ([0.4, 0.6], 1)  # a damaged one hides no sound one of its time
     assert scans_of(one | {"surface": LATEST}, two | {"surface": -LATEST}) == ([-(10.0**10), 10.0**10], 0)
     assert scans_of(one | {"surface": LATEST + 1}, two | {"surface": -LATEST - 1}) == ([], 2)
 

@@ -25,10 +25,12 @@ from fit.identification.request import Plan
 from fit.recordings import recording, selection
 from formats.archive import write_take
 from formats.results import load_diagnosis, load_fit_result
+from tests.fit.here import hangtime_here
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs/tutorial/python.md"
+SHORT_SEARCH = "    search='annealing',\n    iterations=8,\n"
 QUICK = {"method": "si", "search": "annealing", "iterations": 12, "spacing": 0.1, "seed": 3}
 
 
@@ -299,8 +301,7 @@ def test_a_careless_use_of_a_fit_is_refused_with_what_to_do(takes, fitted, call,
 
 
 def test_the_command_names_the_option_where_python_names_the_argument(takes, tmp_path):
-    words = ("fit", str(takes / "swing.mcap"), "--bounds", "x=1:2", "--out", str(tmp_path / "out"))
-    done = subprocess.run([sys.executable, "-m", "hangtime", *words], capture_output=True, text=True, check=False)
+    done = hangtime_here("fit", takes / "swing.mcap", "--bounds", "x=1:2", "--out", "out", folder=tmp_path)
     assert done.returncode == 2
     assert "--bounds: there is no parameter named 'x'" in done.stderr
 
@@ -352,14 +353,17 @@ def blocks(*, diagnosis):
     return re.findall(r"^```python\n(.*?)^```", "".join(chosen), flags=re.MULTILINE | re.DOTALL)
 
 
-def test_the_tutorial_runs_as_it_is_printed(takes, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("search", [SHORT_SEARCH, pytest.param("", marks=pytest.mark.slow)])
+def test_the_tutorial_runs_as_it_is_printed(takes, tmp_path, monkeypatch, capsys, search):
+    """With the search that it prints, and with a short one."""
     (tmp_path / "demo").symlink_to(takes)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     found = blocks(diagnosis=False)
     assert len(found) == 7
+    assert "".join(found).count("    seed=0,\n") == 1
     for block in found:
-        exec(compile(block, str(TUTORIAL), "exec"), names)
+        exec(compile(block.replace("    seed=0,\n", f"    seed=0,\n{search}"), str(TUTORIAL), "exec"), names)
     said = capsys.readouterr().out
     assert "stretch_stiffness [N/m]" in said
     assert "no-such-take.mcap" in said

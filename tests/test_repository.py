@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import os
 import re
@@ -27,10 +28,15 @@ MAY_IMPORT = {
 GUARDED = set().union(*MAY_IMPORT.values())
 
 
+@functools.cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def imports(path: Path) -> set[str]:
     """First parts of the names that a module imports, at any depth of its code."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -54,11 +60,12 @@ def ruff_on(path: str, statement: str) -> str:
 OF_WORKERS = {"AIR_DENSITY", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
 
 
+@functools.cache
 def constants() -> dict[str, list[tuple[Path, object]]]:
     """The upper-case names that modules define, each with the modules and the values, or else the code of the value."""
     found: dict[str, list[tuple[Path, object]]] = {}
     for path in MODULES:
-        for node in ast.parse(path.read_text()).body:
+        for node in tree_of(path).body:
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             for target in targets:
                 named = target.elts if isinstance(target, ast.Tuple) else [target]
@@ -117,18 +124,14 @@ def test_ruff_allows_each_import_that_a_package_needs(package: str) -> None:
     assert "TID251" not in ruff_on(f"{package}/example.py", allowed)
 
 
-@pytest.mark.parametrize("module", MODULES, ids=name_of)
-def test_every_module_imports_only_what_its_package_may(module: Path) -> None:
+def test_every_module_imports_only_what_its_package_may() -> None:
     """Ruff lets command-line modules off this rule because they import Typer; this does not."""
-    package = name_of(module).split("/")[0]
-    assert imports(module) & GUARDED <= MAY_IMPORT[package]
-    if not module.name.endswith("cli.py") and name_of(module) not in (
-        "formats/anyway.py",
-        "formats/command.py",
-        "formats/command_groups.py",
-        "formats/help_pages.py",
-    ):
-        assert "typer" not in imports(module)
+    of_commands = {"formats/anyway.py", "formats/command.py", "formats/command_groups.py", "formats/help_pages.py"}
+    for module in MODULES:
+        found, name = imports(module), name_of(module)
+        foreign = (found & GUARDED) - MAY_IMPORT[name.split("/")[0]]
+        assert not foreign, (name, foreign)
+        assert "typer" not in found or name.endswith("cli.py") or name in of_commands, name
 
 
 def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
@@ -206,12 +209,11 @@ def test_what_a_benchmark_imports_from_us_is_there(benchmark: Path) -> None:
 # --- modules and texts --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", [*MODULES, *sorted((ROOT / "benchmarks").glob("*.py"))], ids=name_of)
-def test_every_module_says_what_it_is_for_and_stays_below_400_lines(module: Path) -> None:
-    text = module.read_text()
-    assert ast.get_docstring(ast.parse(text))
-    assert text.count("\n") <= 400
-    assert not {"utils", "common", "helpers", "misc"} & set(module.with_suffix("").parts)
+def test_every_module_says_what_it_is_for_and_stays_below_400_lines() -> None:
+    for module in [*MODULES, *sorted((ROOT / "benchmarks").glob("*.py"))]:
+        assert ast.get_docstring(tree_of(module)), name_of(module)
+        assert module.read_text().count("\n") <= 400, name_of(module)
+        assert not {"utils", "common", "helpers", "misc"} & set(module.with_suffix("").parts), name_of(module)
 
 
 def test_no_text_names_a_folder_of_somebodys_own_machine_or_a_package_index() -> None:

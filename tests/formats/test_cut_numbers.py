@@ -76,7 +76,7 @@ def test_points_and_commas_in_lines_of_one_file_are_refused(tmp_path, most, one)
     if not most:
         assert len(read(tmp_path, TRC + "".join(rows), None, "a.trc").time) == 30
         return
-    with pytest.raises(TakeError, match=f"line 35 holds '.*,.*' beside '.*[.].*': which of them parts decimals"):
+    with pytest.raises(TakeError, match=r"line 35 holds '.*,.*' beside '.*[.].*': which of them parts decimals"):
         read(tmp_path, TRC + "".join(rows), None, "a.trc")
 
 

@@ -17,9 +17,6 @@ if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from formats.take import Take
     from formats.take_report import TakeReport
 
-TOO_LARGE = "too large"  # the word for a take of which blocks need more memory than one file may take
-RECOVERS = "`hangtime takes recover` makes a sound file"
-RECOVERS_EACH = f"{RECOVERS} of each take"
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
@@ -48,10 +45,11 @@ def list_takes(
     """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
     from formats.archive import read_with_report
     from formats.errors import TakeError
+    from formats.fault_words import RECOVERS_EACH, faults, lost_scans, state_of
     from formats.files_below import files_below
     from formats.missing import missing_words
     from formats.motion import kind_of
-    from formats.plain_text import plain
+    from formats.plain_text import counted, plain
     from formats.system_causes import step_to_read
 
     if not folder.is_dir():
@@ -71,13 +69,15 @@ def list_takes(
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        state = _word(report)
-        lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
-        other = f"; {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
+        state = state_of(report)
+        lost = " and ".join(filter(None, [missing_words(take), lost_scans(report) if report.missing_scans else ""]))
+        damaged = [f"{counted(report.damaged_blocks, 'block')} damaged"] if report.damaged_blocks else []
+        rest = "".join(f"; {fault}" for fault in [*damaged, *faults(take, report)])
+        rest += f"; {RECOVERS_EACH}" if report.other_takes else ""
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
-            f"{plain(take.garment.name)}, {plain(take.created)}" + (f"; missing: {lost}" if lost else "") + other,
+            f"{plain(take.garment.name)}, {plain(take.created)}{rest}",
             file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
             created=take.created, is_complete=take.is_complete, missing=lost, other_takes=report.other_takes,
         )  # fmt: skip
@@ -95,18 +95,24 @@ def show_take(
 ) -> None:
     """Show the content of a take: length, rate, garment, how often each point was seen and how noisy it is."""
     from formats.archive import read_with_report
+    from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread
     from formats.outputs import refuse_an_input, refuse_to_replace
+    from formats.plain_text import counted
     from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
     take, report = read_with_report(path)
     summary = summarise(take)
-    lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
-    lost += f"\nnot read  {_unread(report)}" if report.unread_blocks else ""
-    lost += f"\nother     {_of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
+    lost = f"\nlost      {lost_scans(report)}" if report.missing_scans else ""
+    lost += f"\nnot read  {unread(report)}" if report.unread_blocks else ""
+    lost += f"\ndamaged   {counted(report.damaged_blocks, 'block')}; {RECOVERS}" if report.damaged_blocks else ""
+    lost += f"\nother     {of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
+    lost += f"\nbehind    {behind(report)}" if report.trailing_bytes else ""
+    lost += "".join(f"\ndoubt     {doubt}" for doubt in report.doubts)
     tell(
         f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
-        unread_blocks=report.unread_blocks, other_takes=report.other_takes,
+        unread_blocks=report.unread_blocks, other_takes=report.other_takes, damaged_blocks=report.damaged_blocks,
+        trailing_bytes=report.trailing_bytes, doubts=list(report.doubts),
     )  # fmt: skip
     if plot is not None:
         refuse_an_input(plot, [path])
@@ -119,6 +125,7 @@ def verify_takes(paths: Takes) -> None:
     """Read takes whole, checksums and all. Exit code 0: all sound; 2: at least one is damaged or incomplete."""
     from formats.archive import read_with_report
     from formats.errors import TakeError
+    from formats.fault_words import RECOVERS, RECOVERS_EACH, faults, state_of
     from formats.missing import missing_words
     from formats.plain_text import counted, plain
 
@@ -130,25 +137,9 @@ def verify_takes(paths: Takes) -> None:
             tell_entry("takes", f"lost        {error}", file=str(path), state="lost", error=str(error))
             all_sound = False
             continue
-        rest = ""
-        if report.damaged_blocks:
-            rest += f", {report.damaged_blocks} damaged"
-        if report.spans:
-            frames = f" ({report.missing_frames} frames)" if report.missing_frames else ""
-            label = "not read" if _word(report) == TOO_LARGE else "missing"
-            rest += f"; {label}: {missing_words(take, report.spans)}{frames}"
-        if report.missing_scans:
-            rest += f"; missing: {_lost_scans(report)}"
-        if report.unread_blocks:
-            rest += f"; {_unread(report)}"
-        if report.other_takes:
-            rest += f"; {_of_another(report)}"
-        if report.trailing_bytes:
-            rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
-        rest += "".join(f"; {doubt}" for doubt in report.doubts)
-        if report.earlier:
-            rest += f"; an earlier file had lost {missing_words(take, report.earlier)}"
-        word = _word(report)
+        rest = f", {report.damaged_blocks} damaged" if report.damaged_blocks else ""
+        rest += "".join(f"; {fault}" for fault in faults(take, report))
+        word = state_of(report)
         if word in ("damaged", "incomplete"):
             rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
         held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
@@ -163,30 +154,6 @@ def verify_takes(paths: Takes) -> None:
         all_sound &= report.is_sound
     if not all_sound:
         raise typer.Exit(2)
-
-
-def _of_another(report: TakeReport) -> str:
-    from formats.plain_text import counted
-
-    takes = "another take" if report.other_takes == 1 else f"{report.other_takes} other takes"
-    return f"{counted(report.other_blocks, 'block')} of {takes} in this file"
-
-
-def _unread(report: TakeReport) -> str:
-    from formats.plain_text import counted
-
-    which = f"{counted(report.unread_blocks, 'block')} or scan{'s need' if report.unread_blocks > 1 else ' needs'}"
-    return f"{which} more memory than one file may take, which is no damage; keep this file, and record shorter takes"
-
-
-def _lost_scans(report: TakeReport) -> str:
-    return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
-
-
-def _word(report: TakeReport) -> str:
-    if report.unread_blocks and not report.is_damaged:
-        return TOO_LARGE
-    return "sound" if report.is_sound else "damaged" if report.is_damaged else "incomplete"
 
 
 def recover_takes(
@@ -247,6 +214,7 @@ def _tell_lost(error: TakeError) -> None:
 
 def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, is_another: bool) -> None:
     from formats.archive import write_take
+    from formats.fault_words import lost_scans, unread
     from formats.missing import missing_words
     from formats.outputs import unwritable
     from formats.plain_text import plain
@@ -257,8 +225,8 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
         raise unwritable(target, error) from error
     lost = missing_words(take)
     told = f"missing: {lost}" if lost else "nothing is missing"
-    told += f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
-    told += f"; {_unread(report)}" if report.unread_blocks else ""
+    told += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
+    told += f"; {unread(report)}" if report.unread_blocks else ""
     told += "".join(f"; {doubt}" for doubt in report.doubts)
     of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
     tell_entry(
@@ -370,7 +338,8 @@ def end_with(lost: dict[Path, TakeError], asked: int) -> None:
 
 def _lacks(take: Take, report: TakeReport) -> str:
     """Return a sentence about the missing parts of a take; nothing of a whole one."""
+    from formats.fault_words import lost_scans
     from formats.missing import incomplete_words
 
-    scans = f"lacks {_lost_scans(report)}" if report.missing_scans else ""
+    scans = f"lacks {lost_scans(report)}" if report.missing_scans else ""
     return " and ".join(filter(None, [incomplete_words(take), scans]))

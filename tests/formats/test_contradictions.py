@@ -92,3 +92,15 @@ def test_verify_names_the_earlier_losses_of_a_take_that_is_incomplete(tmp_path):
     assert told.startswith("incomplete")
     assert "; missing: from 9.97 s on; an earlier file had lost 4.97 to 6.77 s; " in told
     assert np.isclose(read_with_report(tmp_path / "a.mcap")[0].missing[0], (5.216667, 7.016667)).all()
+
+
+def test_show_and_list_name_a_doubt_and_damaged_blocks(raw, tmp_path):
+    damaged = bytearray(with_end(raw, scans=0))
+    damaged[next(begin for begin, _, told in chunks_of(raw) if "first" in told) + 200] ^= 1
+    (tmp_path / "a.mcap").write_bytes(damaged)
+    doubt = "its end counts 0 scans, and there are 2"
+    shown = hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
+    assert f"\ndamaged   1 block; `hangtime takes recover` makes a sound file\ndoubt     {doubt}\n" in shown
+    listed = hangtime_here("takes", "list", ".", folder=tmp_path).stdout
+    assert "; 1 block damaged; missing: " in listed
+    assert listed.endswith(f"; {doubt}\n")

@@ -64,8 +64,10 @@ def test_commands_say_that_there_is_another_take_and_which_command_gets_it(pair,
     verified = hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
     assert verified.startswith(f"damaged     c.mcap: 150 frames in 5 blocks; {told}")
     assert verified.endswith(f"; {gets}\n")
-    assert f"\nother     {told}{gets}\n" in hangtime_here("takes", "show", "c.mcap", folder=tmp_path).stdout
-    assert hangtime_here("takes", "list", ".", folder=tmp_path).stdout.endswith(f"; {told}{gets}\n")
+    shown = hangtime_here("takes", "show", "c.mcap", folder=tmp_path).stdout
+    assert f"\nother     {told}{gets}\nbehind    {len(pair[1])} bytes follow its end\n" in shown
+    listed = hangtime_here("takes", "list", ".", folder=tmp_path).stdout
+    assert listed.endswith(f"; {told}{len(pair[1])} bytes follow its end; {gets}\n")
     for words in (("verify", "c.mcap"), ("list", "."), ("show", "c.mcap")):
         document = json.loads(hangtime_here("takes", *words, "--json", folder=tmp_path).stdout)
         assert document.get("takes", [document])[0]["other_takes"] == 1

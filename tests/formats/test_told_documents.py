@@ -159,8 +159,10 @@ HINT = "; `hangtime takes recover` makes a sound file"
         ("takes list takes", [
             "sound       a.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z",
             f"incomplete  b.mcap.partial: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: {AFTER}",
-            f"damaged     c.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: {WITHIN}",
-            "damaged     d.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: 1 scan of the surface",
+            f"damaged     c.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; 1 block damaged; missing: {WITHIN}"
+            " (31 frames)",
+            "damaged     d.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; 1 block damaged; missing: 1 scan of the "
+            "surface",
             "lost        takes/e.mcap: is not a take archive; ",
         ]),
         ("takes verify takes/a.mcap takes/d.mcap takes/e.mcap", [

@@ -24,8 +24,10 @@ class Shown:
     size: str
     reference: float = 1.0
 
-    def meaning(self, amplitude: float) -> str:
-        """Return the meaning of an amplitude beside its number."""
+    def meaning(self, amplitude: float | None) -> str:
+        """Return the meaning of an amplitude beside its number; where there is none, one that needs no number."""
+        if amplitude is None:
+            return "" if "{times}" in self.size else self.size
         return self.size.format(times=number(abs(amplitude) / self.reference))
 
 
@@ -40,9 +42,10 @@ def sentence_of(effect: str) -> str:
     return SHOWN[effect].sentence if effect in SHOWN else ""
 
 
-def meaning_of(effect: str, amplitude: float) -> str:
-    """Return the meaning of an effect's amplitude, empty for an effect that has none."""
-    return SHOWN[effect].meaning(amplitude) if effect in SHOWN and math.isfinite(amplitude) else ""
+def meaning_of(effect: str, amplitude: float | None) -> str:
+    """Return the meaning of an effect's amplitude, empty for an effect that has none; None: it is not known."""
+    is_number = amplitude is None or math.isfinite(amplitude)
+    return SHOWN[effect].meaning(amplitude) if effect in SHOWN and is_number else ""
 
 
 SHOWN: dict[str, Shown] = {

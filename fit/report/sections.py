@@ -356,5 +356,6 @@ def _gate(gate: Gate) -> dict[str, object]:
     unit = "" if gate.unit in ("", "1") else f" {gate.unit}"
     figures = f"{number(gate.figure)}{unit}" if gate.figure is not None else "not measured"
     if gate.limit is not None:
-        figures += f", limit {number(gate.limit)}{unit}"
+        is_none = gate.limit == 0 and gate.unit == "takes"
+        figures += ", none allowed" if is_none else f", limit {number(gate.limit)}{unit}"
     return {"passed": gate.passed, "sentence": gate.sentence, "name": words(gate.name), "figures": figures}

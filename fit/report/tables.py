@@ -109,14 +109,17 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
     closure = effect.closure
     about["remark"] = place + twin + absorbed + effect.note
-    spread, meaning = interval(effect.amplitude_interval), meaning_of(effect.id, effect.amplitude)
+    between = effect.amplitude_interval
+    is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # nothing says that it is there
+    spread, meaning = interval(between), meaning_of(effect.id, None if is_open else effect.amplitude)
+    size, spread = (spread, "") if is_open and spread else (number(effect.amplitude), spread)
     closed = percent(closure.value) if closure is not None else MISSING
     ends = interval(closure.interval, 100, 2) if closure is not None else ""
     return Row(
         name=piece("tables.html", "effect", name, about, is_named),
         cells=(
             percent(effect.probability),
-            piece("tables.html", "amplitude", number(effect.amplitude), unit, spread, meaning),
+            piece("tables.html", "amplitude", size, unit, spread, meaning),
             piece("tables.html", "closure", closed, ends),
             probability(effect.p_value),
             least,

@@ -22,6 +22,7 @@ from fit.report.origin import Origin, _calibration
 from fit.report.page import render_report, write_report
 from fit.report.tables import effect_table, parameter_table
 from fit.report.text import instant, interval, number, percent, probability
+from formats.diagnosis_records import Gate
 from formats.fit_records import FitParameter
 from formats.results import load_diagnosis, save_diagnosis, save_fit_result
 from formats.rig import Calibration
@@ -307,3 +308,20 @@ def test_a_named_effect_that_acts_in_one_place_says_where():
     assert "Acts at the top left. " in effect_table([slip], ["clip_slip"])
     assert "Acts" not in effect_table([slip], [])
     assert "Acts" not in effect_table(diagnosis().effects, ["air_drag"])
+
+
+def test_a_size_whose_interval_holds_zero_is_shown_as_that_interval_unless_its_effect_is_named():
+    """The number between its ends says nothing, and may be very large."""
+    hem = next(effect for effect in diagnosis().effects if effect.id == "hem")
+    unnamed, named = (effect_table([hem], names) for names in ([], ["hem"]))
+    assert "−0.001 to 0.009" in unnamed
+    assert "0.004" not in unnamed
+    assert "0.004" in named
+    assert "−0.001 to 0.009" in named
+
+
+def test_a_limit_of_nothing_is_told_in_words():
+    gate = Gate(name="clocks", passed=True, figure=0.0, limit=0.0, unit="takes", sentence="All go alike.")
+    shown = sections.gates(diagnosis(gates=[gate]))
+    assert "0 takes, none allowed" in shown
+    assert "limit" not in shown.split("All go alike.")[1]

@@ -23,6 +23,11 @@ def hung(at=(0.0, -0.2, 1.6), markers=(0, 1)):
     return [*plates, plain_plate(middle + BELOW, (0.4, 0.4), (60, 70, 150))]
 
 
+def nothing():
+    """Two frames of a wall without a pattern, in which markers are looked for in a moment."""
+    return [(np.full((480, 640), 2600, np.uint16), np.full((480, 640, 3), 128, np.uint8))] * 2
+
+
 def scenes(*plates, seed=9):
     """Two frames of a scene."""
     rng = np.random.default_rng(seed)

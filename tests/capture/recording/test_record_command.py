@@ -28,7 +28,7 @@ from formats.rig import Sensor
 from formats.take import FrameState
 from tests import openni2
 from tests.capture.garment.towel import GARMENT
-from tests.capture.garment.towel_scenes import BODY, RIG, hung, scenes
+from tests.capture.garment.towel_scenes import BODY, RIG, hung, nothing, scenes
 from tests.capture.stage import CAMERA
 from tests.firmware_host.scenes import AnyStamps
 
@@ -70,7 +70,7 @@ CASES = {
                            spoil=lambda depth, colour: (depth, None)),
     "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; unplug", 0, 125, step=-33_333),
 }  # fmt: skip
-QUICK = ("a person in front", "depth all zero", "a clock that runs backwards")  # the others: test_conditions.py
+QUICK = ("a person in front", "a clock that runs backwards")  # the others: test_conditions.py
 LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
 
 
@@ -91,7 +91,7 @@ def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tm
 
     monkeypatch.setattr("capture.recording.condition_lamp.show_condition", show)
     bad = case.view() if case.view else good
-    with AnyStamps(tmp_path / "a.oni", CAMERA) as writer:
+    with AnyStamps(tmp_path / "a.oni", CAMERA, depth_codec="NONE") as writer:
         for number in range(12 + case.frames):
             is_bad = number >= 12
             pair = case.spoil(*bad[number % len(bad)]) if is_bad else good[number % len(good)]
@@ -117,7 +117,7 @@ def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tm
 @pytest.mark.openni
 def test_a_lamp_that_fails_later_is_said_once_and_the_recording_goes_on(good, tmp_path, monkeypatch):
     """The LED goes away after it was lit; then the hanger comes too near, and goes back."""
-    write_swing(tmp_path, [*good * 4, *scenes(*hung((0, -0.1, 0.7))) * 10, *good * 7])
+    write_swing(tmp_path, [*good * 4, *scenes(*hung((0, -0.1, 0.7))) * 7, *good * 5])
     lamp = make_lamp(tmp_path)
     monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
 
@@ -136,7 +136,7 @@ def test_a_lamp_that_fails_later_is_said_once_and_the_recording_goes_on(good, tm
     ]  # fmt: skip
     take = read_take(tmp_path / "a.mcap")
     assert take.is_complete
-    assert len(take.time) == 53
+    assert len(take.time) == 41
 
 
 def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_path, monkeypatch):
@@ -150,12 +150,12 @@ def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_pat
 
 @pytest.mark.openni
 def test_the_surface_is_scanned_as_often_and_as_finely_as_the_command_is_told(good, tmp_path):
-    """Five times in a second and a half: every sixth of 45 frames, 4 x 4 places and 32 around."""
-    write_swing(tmp_path, good * 15)
+    """Five times in a second: every sixth of 27 frames, 4 x 4 places and 32 around."""
+    write_swing(tmp_path, good * 9)
     done = CliRunner().invoke(app, ["record", *words(tmp_path), "--scan-rate=5", "--scan-points=4"])
     assert done.exit_code == 0, done.output
     scans = read_take(tmp_path / "a.mcap").scans
-    assert [scan.time for scan in scans] == pytest.approx(np.arange(8) * 0.2, abs=0.04)
+    assert [scan.time for scan in scans] == pytest.approx(np.arange(5) * 0.2, abs=0.04)
     assert {(scan.grid.shape, scan.contour.shape) for scan in scans} == {((4, 4, 3), (32, 3))}
 
 
@@ -201,7 +201,7 @@ def test_a_recording_does_not_replace_what_it_reads(tmp_path, option):
 @pytest.mark.openni
 def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
-    write_swing(tmp_path, [*good * 4, *scenes() * 9])
+    write_swing(tmp_path, [*good * 4, *nothing() * 9])
     ours, theirs = os.openpty()
     subprocess.run([*PROGRAM, *words(tmp_path)], stderr=theirs, stdout=subprocess.DEVNULL, check=True)
     os.close(theirs)
@@ -220,7 +220,7 @@ def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
 @pytest.mark.openni
 def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
     """The pipe behind stderr is closed after its first line, as `head -n 1` does; the view goes bad after that."""
-    write_swing(tmp_path, [*good * 4, *scenes() * 10])
+    write_swing(tmp_path, [*good * 4, *[(good[0][0], None)] * 20])
     with subprocess.Popen([*PROGRAM, *words(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as process:
         assert b"hanger and garment are seen" in process.stderr.readline()
         process.stderr.close()
@@ -291,10 +291,11 @@ def write_swing(folder, pictures):
     if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     write_descriptions(folder)
-    with OniWriter(folder / "a.oni", CAMERA) as writer:
+    with OniWriter(folder / "a.oni", CAMERA, depth_codec="NONE") as writer:
         for number, (depth, colour) in enumerate(pictures):
             writer.write_depth(1000 + 33_333 * number, depth)
-            writer.write_colour(2000 + 33_333 * number, colour)
+            if colour is not None:
+                writer.write_colour(2000 + 33_333 * number, colour)
 
 
 def make_lamp(folder):

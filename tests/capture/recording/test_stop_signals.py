@@ -55,8 +55,11 @@ def recorded(sensor, folder, **options):
     return report, read_take(folder / "t.mcap")
 
 
-@pytest.mark.parametrize("is_within", [False, True], ids=["record alone", "within stopped_like_ctrl_c"])
-@pytest.mark.parametrize(("first", "second"), PAIRS)
+@pytest.mark.parametrize(
+    ("first", "second", "is_within"),
+    [*((*pair, False) for pair in PAIRS), (*PAIRS[2], True),
+     *(pytest.param(*pair, True, marks=pytest.mark.slow) for pair in PAIRS if pair != PAIRS[2])],
+)  # fmt: skip
 def test_a_second_signal_while_the_take_is_being_finished_leaves_it_finished(
     good, tmp_path, on_sync, first, second, is_within
 ):

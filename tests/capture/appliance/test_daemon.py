@@ -10,6 +10,7 @@ import signal
 import stat
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from formats.archive import read_take, verify_take
 from formats.take import FrameState
 from tests.capture.appliance.real_daemon import needs_openni, recorded
 from tests.capture.appliance.virtual_appliance import LONGEST, ROOT, VirtualAppliance, draw_recording
+from tests.fit.here import hangtime_here
 
 pytestmark = needs_openni
 
@@ -53,19 +55,15 @@ def test_a_press_records_with_two_seconds_before_it_and_a_second_press_keeps_the
     assert (take.state & FrameState.FRAMES_DROPPED_BEFORE > 0).sum() == kept.facts["gaps"]
 
 
-def test_the_commands_speak_with_it_and_it_imports_nothing_heavy_and_listens_to_no_network(appliance):
+def test_the_commands_speak_with_it_and_it_imports_nothing_heavy_and_listens_to_no_network(appliance, monkeypatch):
     modules = appliance.folder / "modules"
     appliance.start(
         before="import atexit, sys, pathlib\n"
         f"atexit.register(lambda: pathlib.Path({str(modules)!r}).write_text(' '.join(sys.modules)))"
     )
     appliance.wait_until(lambda told: told["state"] == "armed" and told["pre_roll_s"] > 0.5, "armed")
-    program = [sys.executable, "-c", "from formats.command import main; main()"]
-    environment = os.environ | {"HANGTIME_SOCKET": str(appliance.socket), "PYTHONPATH": str(ROOT)}
-
-    def run(*words):
-        return subprocess.run([*program, *words], env=environment, capture_output=True, text=True, timeout=LONGEST)
-
+    monkeypatch.setenv("HANGTIME_SOCKET", str(appliance.socket))
+    run = partial(hangtime_here, folder=appliance.folder)
     assert run("start").returncode == 0
     again = run("start")
     assert (again.returncode, again.stderr) == (
@@ -164,7 +162,7 @@ def test_a_kill_in_mid_take_costs_its_last_two_seconds_at_most_and_is_named_at_t
     assert take.time[-1] - take.time[0] > told["recording"]["seconds"] - 2.0
     assert "a power cut or a crash" in kept.facts["salvaged"]
     assert after["faults"] == []
-    told = recorded(appliance)
+    told = recorded(appliance, seconds=0.8)
     assert [one.sequence for one in Spool(appliance.spool).takes()] == [1, 2]
 
 
@@ -178,15 +176,17 @@ def test_a_bad_configuration_at_the_start_is_shown_and_the_last_good_one_records
     (fault,) = told["faults"]
     assert (fault["name"], fault["blocks"]) == ("config", False)
     assert "unknown field `buton`" in fault["sentence"]
-    assert recorded(appliance)["takes"] == 1
+    assert recorded(appliance, seconds=0.8)["takes"] == 1
 
 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
         ('[control]\ngroup = "no-such-group"\n', "there is no group 'no-such-group'"),
-        ('[control]\nsocket = "rig.toml"\n', "something else has this name"),
-        (f'[control]\nsocket = "{"x" * 200}"\n', "bytes, Linux takes 107"),
+        pytest.param(
+            '[control]\nsocket = "rig.toml"\n', "something else has this name", marks=pytest.mark.slow
+        ),
+        pytest.param(f'[control]\nsocket = "{"x" * 200}"\n', "bytes, Linux takes 107", marks=pytest.mark.slow),
     ],
     ids=["group", "file", "long"],
 )  # fmt: skip

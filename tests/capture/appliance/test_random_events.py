@@ -249,7 +249,15 @@ class RandomEvents(RuleBasedStateMachine):
 
 TestRandomEvents = RandomEvents.TestCase
 TestRandomEvents.settings = settings(
-    max_examples=8, stateful_step_count=25, deadline=None, derandomize=True,
+    max_examples=4, stateful_step_count=25, deadline=None, derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
 )  # fmt: skip
+
+
+class MoreEvents(RandomEvents):
+    """The same, longer."""
+
+
+TestMoreEvents = pytest.mark.slow(MoreEvents.TestCase)
+TestMoreEvents.settings = settings(TestRandomEvents.settings, max_examples=24)
 assert daemon.TRY_AGAIN <= 4 * 1.1  # `disk_comes` waits for one try

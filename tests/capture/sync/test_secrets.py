@@ -60,7 +60,9 @@ def holds_canary(folder):
     return [path for path in folder.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()]
 
 
-@pytest.mark.parametrize("fault", ["", "403", "500", "reset before"])
+@pytest.mark.parametrize(
+    "fault", ["", "403", *(pytest.param(one, marks=pytest.mark.slow) for one in ("500", "reset before"))]
+)
 def test_the_canary_is_in_no_message_and_no_file(far, box, tmp_path, spool, fault):
     server, proxy, authority = far
     proxy.fault = lambda method, path: fault
@@ -98,7 +100,19 @@ def test_the_canary_is_in_no_process_list_and_no_environment_and_no_core(far, bo
     assert [path for path in tmp_path.rglob("core*") if path.is_file()] == []
 
 
-def test_keys_of_systemd_come_before_those_of_a_file(far, box, tmp_path, spool):
+def test_keys_of_systemd_come_before_those_of_a_file(tmp_path, monkeypatch):
+    keys = tmp_path / "keys.toml"
+    keys.touch(0o600)
+    keys.write_text('access_key_id = "x"\nsecret_access_key = "wrong"\n')
+    assert find_credentials(keys).values == {"access_key_id": "x", "secret_access_key": "wrong"}
+    (tmp_path / "store_access_key_id").write_text(f"{KEY}\n")
+    (tmp_path / "store_secret_access_key").write_text(f"{SECRET}\n")
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
+    assert find_credentials(keys).values == {"access_key_id": KEY, "secret_access_key": SECRET}
+
+
+@pytest.mark.slow
+def test_a_server_accepts_the_keys_of_systemd_before_those_of_a_file(far, box, tmp_path, spool):
     """The file holds a wrong key; systemd's credentials are one file a key."""
     _, proxy, authority = far
     (tmp_path / "keys.toml").write_text('access_key_id = "x"\nsecret_access_key = "wrong"\n')

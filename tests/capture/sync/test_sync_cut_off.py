@@ -25,18 +25,18 @@ def told_of(spool, server, quota=1 << 30):
 
 
 def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_path, monkeypatch):
-    """Three takes, of which one leaves: a cut after each call, with what was not synced gone, torn or there."""
+    """Two takes, of which one leaves: a cut after each call, with what was not synced gone, torn or there."""
     folder, server = tmp_path / "spool", tmp_path / "server"
     server.mkdir()
     with Spool(folder) as spool:
-        takes = [record(spool, 40 + k, seed=k) for k in range(3)]
+        takes = [record(spool, 40 + k, seed=k) for k in range(2)]
     disk = Disk(folder, beside=server)
-    quota = takes[1].size + takes[2].size
+    quota = takes[1].size
     with disk.recording(monkeypatch):
         assert Sync(told_of(folder, server, quota), CREDENTIALS).once() is None
-    assert [take.sequence for take in Spool(folder).takes()] == [2, 3]
+    assert [take.sequence for take in Spool(folder).takes()] == [2]
     calls = [moment.call for moment in disk.moments]
-    assert sum(call.startswith("rename to take-") for call in calls) == 3  # three receipts
+    assert sum(call.startswith("rename to take-") for call in calls) == 2  # two receipts
     assert any(call == "unlink take-000001.mcap" for call in calls)
     cuts = 0
     for moment in disk.moments:
@@ -49,10 +49,10 @@ def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_pa
                 (held / name).write_bytes(content)
             with Spool(place) as spool:
                 spool.salvage()
-                assert spool.begin().sequence >= 4, word
+                assert spool.begin().sequence >= 3, word
             assert Sync(told_of(place, held, quota), CREDENTIALS).once() is None, word
             check_server(on_server(tmp_path / "cut"), takes)
-            assert [one.sequence for one in receipts(place)] == [1, 2, 3], word
+            assert [one.sequence for one in receipts(place)] == [1, 2], word
             for path in sorted(held.rglob("*"), reverse=True):
                 path.unlink() if path.is_file() else path.rmdir()
     print(f"{len(disk.moments)} calls, {cuts} states of the disk")
@@ -60,11 +60,11 @@ def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_pa
 
 
 @pytest.mark.processor_time(600)
-def test_ten_kills_lose_double_and_damage_nothing(tmp_path):
-    """Ten runs ended by SIGKILL, five against a bucket; `benchmarks/sync.py` does it 500 times."""
-    found = benchmark.killed(10, tmp_path)
-    assert found["killed"] == 10
-    assert found["recorded"] >= 20
+def test_four_kills_lose_double_and_damage_nothing(tmp_path):
+    """Four runs ended by SIGKILL, two against a bucket; `benchmarks/sync.py` does it 500 times."""
+    found = benchmark.killed(4, tmp_path)
+    assert found["killed"] == 4
+    assert found["recorded"] >= 8
     assert [found[key] for key in ("lost", "doubled", "damaged", "waiting", "receipts missing", "last exit code")] == [
         0
     ] * 6
@@ -80,6 +80,7 @@ def test_five_hundred_kills_lose_double_and_damage_nothing(tmp_path):
     ] * 6
 
 
+@pytest.mark.slow
 def test_every_fault_of_a_server_is_named_and_costs_no_take(tmp_path):
     """One round of each fault against rclone and moto; `benchmarks/sync.py` does 200 rounds."""
     said: list[str] = []

@@ -163,6 +163,7 @@ def random_cloth(name, rng, is_hidden):
     return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int), hidden)
 
 
+@pytest.mark.slow
 def test_the_fit_finds_the_weights_that_made_the_examples():
     """16 000 examples of the shipped weights: their standard errors are below 0.06 for traces of unit spread."""
     rng = np.random.default_rng(5)

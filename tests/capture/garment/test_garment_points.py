@@ -46,9 +46,9 @@ def test_all_five_points_of_a_hanging_garment_are_placed_in_a_furnished_room(kin
 
 @pytest.mark.parametrize("kind", ["skirt", pytest.param("t-shirt", marks=pytest.mark.slow)])
 def test_the_stated_deviation_is_the_scatter_of_the_noise(kind):
-    """12 frames of other noise, 15 coordinates each; the camera's noise repeats over pixels, so within a factor."""
+    """6 frames of other noise, 15 coordinates each; the camera's noise repeats over pixels, so within a factor."""
     scores = []
-    for seed in range(12):
+    for seed in range(6):
         world = hung(kind, 1.6, seed=seed)
         sight = seen(world)
         scores.append((sight.points - world.points[0]) / sight.sd)
@@ -112,7 +112,7 @@ def test_a_corner_that_the_outline_has_elsewhere_is_found_by_ways_along_the_clot
 
 
 def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
-    for seed in range(8):
+    for seed in range(4):
         world = hung("skirt", 2.5, surroundings=cluttered(2.5, seed), seed=seed)
         outline = seen(world).outline
         low, high = outline.min(0), outline.max(0)

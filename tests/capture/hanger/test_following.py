@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -26,14 +28,11 @@ def plates(middle, cover):
     return shown
 
 
-def tracked(speed, exposure, cover=None, frames=12, rate=30, late=0.0, is_told=True):
-    """Errors [m] and deviations [m], (frames, 2, 3), NaN where lost, and how many markers were read by their ids.
-
-    speed [m/s] at most; exposure [s]; late [s]: of the colour, and whether the tracker is told
-    """
+@cache
+def swung(speed, exposure, cover, frames, rate, late):
+    """Depth, colour and the true middle [m] of each frame; see `tracked`."""
     rng = np.random.default_rng(3)
-    tracker, reader = MarkerTracker(RIG), MarkerDetector("DICT_4X4_50", (0, 1))
-    errors, deviations, read = [], [], 0
+    found = []
     for k in range(frames):
 
         def at(time):
@@ -44,15 +43,27 @@ def tracked(speed, exposure, cover=None, frames=12, rate=30, late=0.0, is_told=T
 
         instants = [k / rate + late + exposure * part for part in (-0.5, -0.25, 0.0, 0.25, 0.5)]
         depth, colour = pictures(shown(k / rate), rng, exposures=[shown(time) for time in instants])
+        found.append((depth, colour, at(k / rate)))
+    return found
+
+
+def tracked(speed, exposure, cover=None, frames=12, rate=30, late=0.0, is_told=True):
+    """Errors [m] and deviations [m], (frames, 2, 3), NaN where lost, and how many markers were read by their ids.
+
+    speed [m/s] at most; exposure [s]; late [s]: of the colour, and whether the tracker is told
+    """
+    tracker, reader = MarkerTracker(RIG), MarkerDetector("DICT_4X4_50", (0, 1))
+    errors, deviations, read = [], [], 0
+    for k, (depth, colour, middle) in enumerate(swung(speed, exposure, cover, frames, rate, late)):
         sight = tracker.track(colour, depth, k / rate, late if is_told else 0.0)
         if k >= READ:
-            errors.append(sight.positions - at(k / rate) - SIDES)
+            errors.append(sight.positions - middle - SIDES)
             deviations.append(sight.sd)
             read += int(np.isfinite(reader.in_picture(colour)[:, 0, 0]).sum())
     return np.array(errors), np.array(deviations), read
 
 
-@pytest.mark.parametrize(("speed", "exposure"), [(2.0, 0.008), (1.0, 0.016)])
+@pytest.mark.parametrize(("speed", "exposure"), [(2.0, 0.008), pytest.param(1.0, 0.016, marks=pytest.mark.slow)])
 def test_markers_too_blurred_to_be_read_are_followed_to_two_millimetres(speed, exposure):
     """16 mm of way while the picture is taken: 6 px of a marker whose bits are 3.6 px."""
     errors, deviations, read = tracked(speed, exposure)
@@ -62,7 +73,7 @@ def test_markers_too_blurred_to_be_read_are_followed_to_two_millimetres(speed, e
     assert np.sqrt(((errors / deviations) ** 2).mean()) < 2.0
 
 
-@pytest.mark.parametrize("late", [-0.012, 0.012])
+@pytest.mark.parametrize("late", [pytest.param(-0.012, marks=pytest.mark.slow), 0.012])
 def test_markers_are_placed_at_the_instant_of_the_depth_also_where_colour_is_not(late):
     """At 1 m/s colour 12 ms off shows markers 12 mm away; the last velocity leaves a a late T / 2 of it: 1.7 mm."""
     errors, _, _ = tracked(1.0, 0.004, late=late)
@@ -73,7 +84,7 @@ def test_markers_are_placed_at_the_instant_of_the_depth_also_where_colour_is_not
 
 @pytest.mark.parametrize(
     "cover",
-    [((-0.02, 0.0, -0.03), (0.03, 0.09)), ((0.0, 0.03, -0.03), (0.09, 0.03))],
+    [((-0.02, 0.0, -0.03), (0.03, 0.09)), pytest.param(((0.0, 0.03, -0.03), (0.09, 0.03)), marks=pytest.mark.slow)],
     ids=["left third", "lower third"],
 )
 def test_a_marker_behind_a_finger_is_followed_to_six_millimetres(cover):

@@ -39,7 +39,7 @@ def test_pitch_of_exact_planes_by_hand():
     assert hanger_pitch(MIDDLE + SIDES, [slope, slope], RIG)[1] == pytest.approx(sd / np.sqrt(2))
 
 
-@pytest.mark.parametrize("degrees", [0.0, 15.0, -10.0])
+@pytest.mark.parametrize("degrees", [15.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.0, -10.0))])
 def test_a_pitched_hanger_is_seen_to_a_degree_over_twelve_frames_and_as_well_as_it_says(degrees):
     rng = np.random.default_rng(7)
     plates = [marker_plate(i, MIDDLE + SIDES[i], rotation=turned(np.radians(degrees))) for i in range(2)]

@@ -29,8 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtr, stdtrit
 
 from fit.gap.correlation import FREE_DIRECTIONS, correlation_of, effective_count
 from fit.observer.edge import EdgeErrors
@@ -103,7 +102,7 @@ def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
     """Draw blocks, as correlated as a model's errors show."""
     blocks = len(errors.sums)
     effective = max(effective_count(errors.between_blocks, np.ones(blocks)), LEAST_BLOCKS)
-    wider = float(student.ppf(0.95, effective - 1) / norm.ppf(0.95))
+    wider = float(stdtrit(effective - 1, 0.95) / ndtri(0.95))
     spread = wider * float(np.sqrt(blocks / max(blocks - 1, 1) * max(blocks / effective, 1.0)))
     return Resampling(rng.integers(0, blocks, size=(INTERVAL_REPLICAS, blocks)), spread)
 
@@ -134,7 +133,7 @@ class Share:
     @property
     def p_value(self) -> float:
         """Probability of so large a share, or a larger one, if nothing is closed."""
-        return float(student.sf(self.value / max(self.error, 1e-12), self.freedom))
+        return float(stdtr(self.freedom, -self.value / max(self.error, 1e-12)))
 
 
 def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
@@ -159,10 +158,10 @@ def closure(
     if not has_share(base, floor_mm):
         return None
     found = share_of(base, with_effect, floor_mm**2)
-    by_blocks = float(student.ppf(0.95, found.freedom)) * found.error
+    by_blocks = float(stdtrit(found.freedom, 0.95)) * found.error
     # d closure / d floor = 2 floor closure / gap
     moved = 2 * floor_mm * floor_error_mm * found.value / (base.squared_mm - floor_mm**2)
-    half = float(np.hypot(by_blocks, student.ppf(0.95, replicas - 1) * moved))
+    half = float(np.hypot(by_blocks, stdtrit(replicas - 1, 0.95) * moved))
     return found.value, (found.value - half, found.value + half)
 
 

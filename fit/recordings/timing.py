@@ -60,6 +60,7 @@ WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
 SURELY = 2.0
 CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
+INSTANTS_AT_ONCE = 1 << 16  # of frames and latencies: 40 MB meanwhile
 CLOSEST = 4e-3  # s between frames: nearer ones are one moment
 
 
@@ -200,10 +201,17 @@ class _Scan:
         local = self.local(latency, share)
         return np.asarray(local - local[self.used].mean(0))
 
-    def whitened(self, latency: float, share: float) -> float:
-        """Root mean square of the residual over the noise of its axes."""
-        left = self.residual(latency, share)[self.used] / self.noise
-        return float(np.sqrt((left**2).sum(1).mean()))
+    def whitened(self, latencies: Floats, shares: Floats) -> Floats:
+        """Root mean square of the residual over the noise of its axes, (n,), for latencies [s] and shares, (n,)."""
+        time, step, row = self.time[self.used], self.step[self.used], self.row[self.used]
+        found = []
+        for begin in range(0, len(latencies), at_once := max(INSTANTS_AT_ONCE // len(time), 1)):
+            late, share = (part[begin : begin + at_once, None] for part in (latencies, shares))
+            ends = self.path((time - late - share * step).ravel())
+            local = in_hanger_frame(np.tile(row, (len(late), 1)), ends).reshape(len(late), -1, 3)
+            left = (local - local.mean(1, keepdims=True)) / self.noise
+            found.append(np.sqrt((left**2).sum(2).mean(1)))
+        return np.concatenate(found)
 
     def velocity(self, latency: float, share: float) -> Floats:
         """How fast the row moves through a frame that moves with the hanger's stamps [m/s], (frames, 3)."""
@@ -221,13 +229,14 @@ class _Scan:
     def best(self, reach: float, shares: Floats) -> tuple[float, float]:
         """Return the latency and share of the smallest residual on the grid."""
         count = 2 * int(np.floor(reach / SCAN_STEP)) + 1
-        latencies = SCAN_STEP * (np.arange(count) - count // 2)
-        coarse = min((self.whitened(t, 0.0), t, 0.0) for t in latencies)
+        latencies = np.asarray(SCAN_STEP * (np.arange(count) - count // 2), float)
+        coarse = float(latencies[np.argmin(self.whitened(latencies, np.zeros(count)))])
         if len(shares) == 1:
-            return float(coarse[1]), 0.0
-        near = latencies[np.abs(latencies - coarse[1]) < 2.5 * SCAN_STEP]
-        found = min((self.whitened(t, s), t, s) for t in near for s in shares)
-        return float(found[1]), float(found[2])
+            return coarse, 0.0
+        near = latencies[np.abs(latencies - coarse) < 2.5 * SCAN_STEP]
+        late, share = (each.ravel() for each in np.meshgrid(near, shares, indexing="ij"))
+        least = np.argmin(self.whitened(late, share))
+        return float(late[least]), float(share[least])
 
     def without_outliers(self, latency: float, share: float) -> _Scan:
         """Return the scan without the frames whose row is far off."""
@@ -300,10 +309,10 @@ class _Scan:
 
 def _most_noise(still: int) -> float:
     """Return how many times its estimate from three axes of still frames a noise can be in variance, for certain."""
-    from scipy.stats import chi2, norm
+    from scipy.special import gammaincinv, ndtr
 
     freedom = 3 * MEDIAN_TELLS * still
-    return float(freedom / chi2.ppf(norm.sf(CERTAIN_FRAMES), freedom))
+    return float(freedom / (2 * gammaincinv(freedom / 2, ndtr(-CERTAIN_FRAMES))))
 
 
 def uneven_intervals(time: Floats) -> Floats:

@@ -99,7 +99,7 @@ def block_intervals(
     Raises:
         FitError: fewer than three blocks.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     check_blocks(model.block)
     names, place = np.unique(model.block, return_inverse=True)
@@ -108,7 +108,7 @@ def block_intervals(
     wider = np.maximum(1.0, spread / np.sqrt(np.diag(variance)))
     variance = variance * np.outer(wider, wider)
     deviation = np.sqrt(np.diag(variance))
-    reach = float(student.ppf(0.95, len(names) - 1))
+    reach = float(stdtrit(len(names) - 1, 0.95))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(model.parameters)
     low, high = at_bounds(unit)

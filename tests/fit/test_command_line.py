@@ -193,6 +193,7 @@ def test_a_fit_of_blenders_cloth_is_no_fabric(ours, theirs):
         sheet_of(msgspec.structs.replace(ours, material={"areal_density": 0.1}))
 
 
+@pytest.mark.slow
 def test_a_fit_of_blenders_cloth_moves_none_of_ours(two_takes, ours, theirs, tmp_path, monkeypatch):
     with_effect = msgspec.structs.replace(ours, effects={"hem": 0.02})
     coarse = Resolution(spacing=0.15)

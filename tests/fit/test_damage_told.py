@@ -80,7 +80,7 @@ def test_takes_list_and_export_say_which_seconds_are_missing(tmp_path):
     write_take(tmp_path / "a.mcap", with_a_hole())
     write_take(tmp_path / "b.mcap", replace(a_take(), take_id="b"))
     first, second = hangtime_here("takes", "list", ".", folder=tmp_path).stdout.splitlines()
-    assert first.endswith("; missing: 2.03 to 3.10 s")
+    assert first.endswith("; an earlier file had lost 2.03 to 3.10 s")
     assert "missing" not in second
     listed = json.loads(hangtime_here("takes", "list", ".", "--json", folder=tmp_path).stdout)["takes"]
     assert [(one["is_complete"], one["missing"]) for one in listed] == [(False, "2.03 to 3.10 s"), (True, "")]

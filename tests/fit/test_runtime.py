@@ -53,7 +53,7 @@ print(squares(4))
 """
 
 
-@pytest.mark.parametrize("home", [None, "/dev/null"])
+@pytest.mark.parametrize("home", [None, pytest.param("/dev/null", marks=pytest.mark.slow)])
 def test_without_a_home_kernels_run_all_the_same_and_nothing_is_left(tmp_path, home):
     """Taichi's import ends the process with 134 without HOME, and its end with 139 where HOME cannot be written."""
     left_out = ("HOME", "XDG_CACHE_HOME", runtime.CACHE)

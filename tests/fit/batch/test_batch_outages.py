@@ -41,6 +41,7 @@ def takes(tmp_path_factory):
 # --- workers ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_has_no_workers_is_not_waited_for_without_end(takes, tmp_path, monkeypatch):
     """One second of patience, and none for workers to start."""
     monkeypatch.setattr(runner, "ARRIVAL", 0.0)
@@ -86,7 +87,13 @@ def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("minutes", "status"), [(None, 75), (20, 75), (10, SOME_NOT_FITTED)], ids=["no-end", "in-time", "too-late"]
+    ("minutes", "status"),
+    [
+        pytest.param(None, 75, marks=pytest.mark.slow),
+        pytest.param(20, 75, marks=pytest.mark.slow),
+        (10, SOME_NOT_FITTED),
+    ],
+    ids=["no-end", "in-time", "too-late"],
 )
 def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before_the_end(tmp_path, minutes, status):
     """Nobody listens there: no network yet, and not wrong options. The second try is a quarter of an hour later."""
@@ -172,6 +179,7 @@ def keeps_late(job):
     return Outcome(key=job.key, state="fitted")
 
 
+@pytest.mark.slow
 def test_a_batch_says_at_once_that_a_worker_waits_with_a_finished_result(takes, tmp_path):
     found, told = survey(open_store(str(takes)), open_store(str(tmp_path)), Plan()), []
     found.work = keeps_late

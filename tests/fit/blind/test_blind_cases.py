@@ -322,6 +322,7 @@ def test_swings_stay_below_fifty_degrees():
             assert np.degrees(np.arctan2(level, hanging @ take.rig.gravity)).max() < 50.0
 
 
+@pytest.mark.slow
 def test_takes_of_ordinary_cloth_are_predictable():
     """A change of a thousandth in bending moves no point by half a millimetre."""
     truth = without_noise(a_truth(kind="null"))

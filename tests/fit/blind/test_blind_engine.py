@@ -208,6 +208,7 @@ def test_every_hinge_has_the_same_front():
     assert (along[:, 0] * third[:, 1] - along[:, 1] * third[:, 0] > 0).all()
 
 
+@pytest.mark.slow
 def test_cloth_curled_about_the_vertical_brings_both_bottom_corners_to_the_same_side():
     """4 1/m on 0.2 m, stiff: a chord of 0.2 m stands 4 x 0.1^2 / 2 = 20 mm proud in the middle, less where it hangs."""
     engine = Engine(Cloth(width=0.2, height=0.2, curl=(0.0, 4.0), bending=2e-3, damping=4.0), side=0.025)

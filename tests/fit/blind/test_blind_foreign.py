@@ -81,7 +81,8 @@ def ringing(generator, damping, bending=1e-7):
 
 
 @with_engine(*FOREIGN)
-@pytest.mark.parametrize("damping", [pytest.param(0.0, marks=pytest.mark.slow), 0.6])
+@pytest.mark.parametrize("damping", [0.0, 0.6])
+@pytest.mark.slow
 def test_a_hanging_sheet_rings_as_a_chain_does_and_decays_by_half_its_damping(generator, damping):
     """1.0712 Hz within 0.5 %; 0.3 1/s, or nothing at all, within 0.005 1/s: the engine adds no damping of its own."""
     hertz, decay = ringing(generator, damping)
@@ -217,6 +218,7 @@ def test_a_null_moves_as_the_own_generators_does(generator):
 
 
 @with_engine(*FOREIGN)
+@pytest.mark.slow
 def test_nothing_public_says_whose_cloth_it_was(generator, tmp_path):
     make_set(tmp_path / "set", {"single": 0, "null": 1, "pair": 0, "unknown": 0}, generator.plants([]), 2, side=0.1,
              generator=generator)  # fmt: skip

@@ -120,6 +120,7 @@ def test_a_hanging_sheet_stretches_by_half_its_weight_over_its_stiffness():
     assert sunk == pytest.approx(linear, rel=0.04)
 
 
+@pytest.mark.slow
 def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
     """rho g = 1/2 rho_air c v^2: a flat sheet of 0.2 kg/m^2 with c = 1.2 falls at 1.648 m/s."""
     terminal = np.sqrt(2 * 0.2 * GRAVITY / (AIR_DENSITY * 1.2))
@@ -149,6 +150,7 @@ def dropped(time, **changes):
     return simulator.run(row, np.array([[1.2]]), shapes=True).shapes[0]
 
 
+@pytest.mark.slow
 def test_a_level_sheet_that_nothing_holds_falls_by_the_law_of_quadratic_drag():
     """z = -(v^2 / g) ln cosh(g t / v) with the terminal speed v of 1.648 m/s; it stays flat and level."""
     time = np.arange(0, 1, 1 / 30)

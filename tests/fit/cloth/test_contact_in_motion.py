@@ -76,6 +76,7 @@ def test_a_sheet_hangs_over_a_body_that_carries_its_weight(body):
     assert rollouts.forces[0].sum(0) == pytest.approx([0, 0, 0.018 * GRAVITY], abs=0.04 * 0.1765)
 
 
+@pytest.mark.slow
 def test_a_sheet_that_is_folded_lies_on_itself_and_how_thick_it_is_hardly_matters():
     """Without contact the upper half lies on the floor, within the lower one; with it, as high as it is thick.
 

@@ -33,6 +33,7 @@ def gentle(monkeypatch):
 
 
 @needs_gcc
+@pytest.mark.slow
 def test_c_with_the_kernels_lanes_goes_where_the_kernel_goes(gentle, tmp_path):
     """Candidates end up millimetres apart, so lanes that were mixed up would show."""
     simulator, rows = gentle

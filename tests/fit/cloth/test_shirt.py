@@ -42,6 +42,7 @@ def test_a_shirts_take_is_fitted(take):
     assert LAYERED in result.notes
 
 
+@pytest.mark.slow
 def test_sleeves_that_stand_out_lie_in_the_box_of_si_sewn_and_beyond_that_of_si(take):
     """True numbers leave the noise, 1.6 mm; moved into the box of `si`, the sleeves hang down: 17 mm."""
     truth = np.array([300.0, 30.0, 1e-3, 1e-3, 3.0])
@@ -83,6 +84,7 @@ def test_a_shirt_goes_all_the_way_from_the_camera_to_a_fit(tmp_path):
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_sleeve_tips_of_a_shirt_that_hangs_by_its_shoulders_are_cloth(take):
     """They are the highest points that are tracked, 12 cm below the shoulders."""
     assert prepare(take).judged.all()

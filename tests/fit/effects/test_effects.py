@@ -130,6 +130,7 @@ def test_added_mass_is_full_in_the_middle_and_nothing_at_the_edge():
     assert added[between] == pytest.approx(0.6633 * 0.2 * mesh.node_area[between], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_added_mass_slows_the_swing_as_more_inertia_at_the_same_weight_does():
     """Evenly spread, rho of it would lower the frequency by sqrt(2); a bell of that height by less."""
     garment = sheet(height=0.45)
@@ -192,7 +193,8 @@ def test_a_sheet_hangs_along_tilted_gravity():
     assert resting("gravity_tilt", (0.0, 0.05))[4, 1] == pytest.approx(0.45 / 2 * np.sin(0.05), rel=0.02)
 
 
-@pytest.mark.parametrize("curvature", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("curvature", [1.0, -1.0])
 def test_a_stiff_sheet_takes_its_rest_curvature(curvature):
     """Second differences of a column 0.05 m apart: 1 /m, bent one way or the other."""
     column = resting("rest_curvature", (curvature, 0.0), grid=10, bending_stiffness=1.0, shear_stiffness=300.0,

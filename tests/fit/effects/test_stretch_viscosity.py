@@ -59,7 +59,7 @@ def expected(tau, theta=RELAXATION_TIME):
     return abs(root.imag), -root.real
 
 
-@pytest.mark.parametrize("tau", [3e-4, 1e-3])
+@pytest.mark.parametrize("tau", [pytest.param(3e-4, marks=pytest.mark.slow), 1e-3])
 def test_a_bounce_decays_and_rings_by_the_closed_form(tau):
     """At 21 Hz and 1 ms: 8.4 1/s, where Kelvin-Voigt has w^2 tau / 2 = 9.1; at 0.3 ms 2.5 and 2.7."""
     omega, decay = expected(tau)
@@ -117,6 +117,7 @@ def swung(amplitudes, **changes):
     return simulator, row, simulator.run(rows, np.array(amplitudes)[:, None]).points
 
 
+@pytest.mark.slow
 def test_the_strongest_viscosity_needs_half_a_step_and_stays_stable():
     """sqrt(1 + 3 / 2) = 1.6 times shorter at 3 ms, at most 2 with steps in half octaves; Kelvin-Voigt 8."""
     simulator, row, points = swung([0.0, 3e-3], stretch_stiffness=1000.0, velocity_damping=0.1)
@@ -134,6 +135,7 @@ def test_next_to_no_viscosity_changes_next_to_nothing():
     assert np.abs(points[1] - points[0]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_viscous_candidates_beside_others_are_what_each_is_alone():
     together = swung([0.0, 1e-3, 2e-3, 0.0, 1e-3])[2]
     for k, amplitude in enumerate([0.0, 1e-3, 2e-3]):

@@ -64,7 +64,7 @@ def test_data_shifted_by_one_frame_fail_the_observer_loudly():
 
 
 @pytest.mark.parametrize(("effect", "amplitude", "left"), [("depth_scale", 0.01, 0.1), ("tracker_smoothing", 0.4, 0.6)])
-@pytest.mark.parametrize("hz", [1.0, 3.0])
+@pytest.mark.parametrize("hz", [1.0, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_what_a_tracker_makes_of_the_points_is_no_reason_to_pull(effect, amplitude, left, hz):
     """Noise-free data of the model with that effect: it leaves a small share of what is missed without it.
 

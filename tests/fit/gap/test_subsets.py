@@ -114,6 +114,7 @@ class World:
         return truth, self.residual(rng, amplitudes)
 
 
+@pytest.mark.slow
 def test_probabilities_of_drawn_worlds_come_true_as_often_as_they_say():
     world, rng = World(4), np.random.default_rng(5)
     given, came_true = [], []

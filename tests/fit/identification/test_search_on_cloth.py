@@ -35,6 +35,7 @@ def swung():
     return simulate_take(garment, time, path, row, noise=0.002, seed=2, resolution=Resolution(spacing=MESH))
 
 
+@pytest.mark.slow
 def test_least_squares_find_a_damping_of_3_within_5_percent_and_say_so(swung):
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH, search="least-squares")
     result = calibrate([swung], [], request)
@@ -250,11 +251,13 @@ def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops
     assert last[0] == pytest.approx(last[1], abs=0.05)
 
 
-def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung):
+@pytest.fixture
+def breaking(swung):
+    """A search whose simulations of some vectors blow up, and how far it goes."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
-    settings = ObservedSettings(looks=20, starts=1, iterations=1)
 
-    def broken(search, is_broken):
+    def begun(is_broken):
+        search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
         simulate = search.simulate
 
         def simulated(vectors, pull):
@@ -262,23 +265,28 @@ def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung
             return np.where(is_broken(vectors)[:, None], np.nan, residuals), distances
 
         search.simulate = simulated
-        return search
+        return search.run(SI.initial, ObservedSettings(looks=20, starts=1, iterations=1))
 
-    def begun_anew():
-        return ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+    return begun
 
+
+def test_a_first_candidate_that_blows_up_is_refused(breaking):
     with pytest.raises(BlowUpError, match="initial parameters"):
-        broken(begun_anew(), lambda vectors: vectors[:, 4] > 0.0).run(SI.initial, settings)
-    found = broken(begun_anew(), lambda vectors: vectors[:, 0] > 1.2 * SI.initial[0]).run(SI.initial, settings)
+        breaking(lambda vectors: vectors[:, 4] > 0.0)
+
+
+@pytest.mark.slow
+def test_later_candidates_that_blow_up_are_not_refused(breaking):
+    found = breaking(lambda vectors: vectors[:, 0] > 1.2 * SI.initial[0])
     assert found.vector[0] <= 1.2 * SI.initial[0]
     # Where next to nothing can be simulated, the descent begins at once.
-    found = broken(begun_anew(), lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0]).run(
-        SI.initial, settings
-    )
+    found = breaking(lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0])
     assert [step.is_look for step in found.path][:2] == [True, False]
 
 
-@pytest.mark.parametrize("name", ["annealing", "restarts", "tempering", "cma-es"])
+@pytest.mark.parametrize(
+    "name", ["annealing", *(pytest.param(n, marks=pytest.mark.slow) for n in ("restarts", "tempering")), "cma-es"]
+)
 def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_path, name):
     request = request_of(KINECT_SKIRT, [], iterations=30, seed=3, spacing=0.1, search=name)
     whole = calibrate([swung], [], request)
@@ -305,6 +313,7 @@ def test_the_command_line_names_the_searches_there_are(tmp_path, swung):
     assert "known searches: annealing, restarts, tempering, cma-es, least-squares" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_benchmark_still_runs(capsys):
     runs = benchmark.main(truths=1, budget=12, only=["cma-es"])
     assert runs["cma-es"][0].history.shape == (12,)

@@ -58,8 +58,8 @@ def test_a_steady_spline_keeps_the_share_of_white_noise_that_the_edge_counts_on(
         assert left == pytest.approx(KEPT_NOISE * cut_off / RATE, rel=0.05)
 
 
-@pytest.mark.parametrize("grid", [None, 5])
-@pytest.mark.parametrize("held_noise", [0.0, 1e-3])
+@pytest.mark.parametrize("grid", [pytest.param(None, marks=pytest.mark.slow), 5])
+@pytest.mark.parametrize("held_noise", [pytest.param(0.0, marks=pytest.mark.slow), 1e-3])
 def test_the_numbers_of_an_edge_that_is_where_it_should_be_are_standard_normal(grid, held_noise):
     """The path is as uncertain as its noise makes it, on which the simulated edge lies."""
     found = []

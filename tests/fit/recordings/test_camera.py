@@ -29,7 +29,7 @@ def found_of(*takes):
     return {one.name: one for one in found}
 
 
-@pytest.mark.parametrize("late", [0.05, 0.1, 0.2, 0.33])
+@pytest.mark.parametrize("late", [0.1, *(pytest.param(late, marks=pytest.mark.slow) for late in (0.05, 0.2, 0.33))])
 def test_a_silhouettes_latency_is_taken_out_and_named(late):
     time = uneven()
     take = swung(silhouette_sheet(), time, time - late, noise=0.002)
@@ -147,7 +147,7 @@ def test_noise_is_not_taken_for_sliding():
     assert not any(one is not None and one[0] == "silhouette" for one in found)
 
 
-@pytest.mark.parametrize("lost", [0.7, 3.0])
+@pytest.mark.parametrize("lost", [0.7, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_take_with_a_gap_is_used_on_both_sides_of_it(lost):
     """Nothing is judged in the gap and until the cloth has forgotten it; the path is led across without a leap."""
     time = np.arange(0, 14, 1 / 20)

@@ -35,6 +35,7 @@ def hygiene(take):
     return next(g for g in data_gates([prepare(take)], []) if g.name == "impossible points")
 
 
+@pytest.mark.slow
 def test_points_within_the_reach_of_the_cloth_are_all_kept():
     """Stretched by a fifth, with gaps: apparel may do that."""
     garment = sheet(grid=GRID)

@@ -143,7 +143,7 @@ def test_a_search_does_not_go_on_with_another_recording_of_the_same_name(tmp_pat
         calibrate([a_take(hz=0.9)], [], asked(), checkpoint=file)
 
 
-@pytest.mark.parametrize("anew", [0, 1])
+@pytest.mark.parametrize("anew", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_diagnosis_does_not_go_on_with_another_recording_of_the_same_name(tmp_path, anew):
     options = {"effects": find_effects(["hem"]), "resolution": COARSE, "checkpoint": tmp_path / "kept"}
 

@@ -75,7 +75,7 @@ def a_bomb(file, size):
             part.write(bytes(1 << 20))
 
 
-@pytest.mark.parametrize("kind", ["bomb", "pipe", "holes"])
+@pytest.mark.parametrize("kind", [pytest.param("bomb", marks=pytest.mark.slow), "pipe", "holes"])
 def test_hostile_motion_beside_a_report_is_refused_in_one_sentence(kind, folder, tmp_path):
     """300 MB unpacked, a pipe that nobody writes to, and 300 GB of holes."""
     kept = folder / "report.motion.npz"

@@ -171,6 +171,7 @@ def test_cma_es_leaves_the_wrong_valley_by_restarting_with_twice_the_population(
     assert search.best_distance < 0.04
 
 
+@pytest.mark.slow
 def test_tempering_draws_from_a_known_posterior():
     """D = exp((u - m)^2 / (2 s^2 N)) has the posterior N(m, s): quantiles m -+ 1.645 s in the unit box."""
     line = BoundedSpace(minimum=np.zeros(1), maximum=np.ones(1), is_log=np.zeros(1, bool))

@@ -16,7 +16,8 @@ from firmware_host.synthetic.silhouette import SIDE, CameraFaults, held_path, ma
 from formats.errors import OutputError
 from formats.importers.swung_cloth import import_swung_cloth
 
-KNOWN = cache(lambda: silhouette.swung_cloth(6.0))  # the cloth is the same whatever sees it
+SECONDS = 4.0
+KNOWN = cache(lambda: silhouette.swung_cloth(SECONDS))  # the cloth is the same whatever sees it
 
 
 @cache
@@ -24,7 +25,7 @@ def seen(**faults):
     with pytest.MonkeyPatch.context() as patch:
         known = KNOWN()
         patch.setattr(silhouette, "swung_cloth", lambda seconds, progress: known)
-        return seen_silhouette(CameraFaults(**faults), seconds=6.0)
+        return seen_silhouette(CameraFaults(**faults), seconds=SECONDS)
 
 
 def test_a_camera_without_faults_shows_material_points_when_they_were_there():

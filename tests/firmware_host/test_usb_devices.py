@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,6 +24,7 @@ from firmware_host.usb_control.models import MODELS, Protocol
 pytest.importorskip("usb.core")
 from tests.firmware_host.usb_stage.in_process import ModelBackend
 from tests.firmware_host.usb_stage.models import KinectCameraModel, KinectMotorModel, Ps1080Model
+from tests.fit.here import hangtime_here
 
 
 class Stranger(KinectCameraModel):
@@ -125,3 +127,23 @@ def test_the_real_libusb_starts_where_it_is_installed() -> None:
     except OSError:
         pytest.skip("libusb is not installed (apt-get install libusb-1.0-0)")
     assert all((device.vendor, device.product) in MODELS for device in devices.find_devices())
+
+
+@pytest.mark.parametrize(
+    ("models", "words", "says"),
+    [
+        ([KinectCameraModel], "info", "Hangtime cannot ask it for what it knows"),
+        ([KinectMotorModel], "log", "Hangtime cannot ask it for a log"),
+        ([KinectMotorModel], "reset", "Hangtime cannot ask it for a reset"),
+        ([KinectMotorModel], "led purple", "no state 'purple'; choose one of off, green, red, yellow, blink-green, "),
+        ([Ps1080Model], "info --device 1:9", "no depth sensor at USB 1:9"),
+        ([], "info --device four", "--device: 'four' is no place on the USB bus; give BUS:ADDRESS"),
+    ],
+)
+def test_what_a_command_cannot_ask_of_a_sensor_is_one_sentence(
+    bus: Any, tmp_path: Path, models: list[Any], words: str, says: str
+) -> None:
+    bus(*(model() for model in models))
+    done = hangtime_here("sensor", *words.split(), folder=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert says in done.stderr

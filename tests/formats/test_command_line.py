@@ -112,9 +112,7 @@ def test_a_swatch_in_other_units_is_refused_at_once_with_the_unit_that_was_meant
 
 @pytest.mark.parametrize("words", [("takes", "show", "gone.mcap"), ("import", "gone.npz", "--out", "takes")])
 def test_a_missing_file_gives_one_sentence_and_exit_code_2(tmp_path, words):
-    done = subprocess.run(
-        [sys.executable, "-m", "formats.command", *words], capture_output=True, text=True, cwd=tmp_path
-    )
+    done = hangtime_here(*words, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("hangtime: gone.")
     assert "Traceback" not in done.stderr
@@ -126,15 +124,14 @@ def test_a_name_that_is_not_utf_8_is_refused_and_nothing_is_written(tmp_path, wo
     swung_cloth(tmp_path / "r.npz")
     (tmp_path / "r.npz").rename(tmp_path / os.fsdecode(b"r\xff.npz"))
     before = os.listdir(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "formats.command", *words], capture_output=True, text=True, cwd=tmp_path
-    )
+    done = hangtime_here(*map(os.fsdecode, words), folder=tmp_path)
     assert done.returncode == 2
     assert "has a name that is not UTF-8" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert os.listdir(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_a_take_can_be_renamed_to_any_bytes(tmp_path):
     path = write_take(tmp_path / "a.mcap", a_take()).rename(tmp_path / os.fsdecode(b"a\xff.mcap"))
     done = subprocess.run(
@@ -312,7 +309,12 @@ def test_as_a_module_the_command_has_its_own_name():
     words = [sys.executable, "-m", "hangtime"]
     shown = subprocess.run([*words, "--show-completion", "bash"], capture_output=True, text=True, check=True).stdout
     assert shown.splitlines()[-1].endswith(" hangtime")
-    told = subprocess.run([*words, "takes", "--help"], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.slow
+def test_as_a_module_the_command_shows_its_own_name():
+    words = [sys.executable, "-m", "hangtime", "takes", "--help"]
+    told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     assert told.startswith("Usage: hangtime takes ")
 
 

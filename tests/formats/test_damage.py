@@ -28,7 +28,7 @@ def small(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("seed", "count"), [(4, 500), *(pytest.param(seed, 2500, marks=pytest.mark.slow) for seed in range(4))]
+    ("seed", "count"), [(4, 200), *(pytest.param(seed, 2500, marks=pytest.mark.slow) for seed in range(4))]
 )
 def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed, count):
     rng, sound = np.random.default_rng(seed), take_of(small, "sound")
@@ -38,10 +38,10 @@ def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed, count):
 
 
 def test_a_bit_of_a_chunks_own_lengths_costs_that_chunk_only(raw):
-    """A third of the 392 bits of the second block's record: all frames but its 31 are there, whichever is flipped."""
+    """A seventh of the 392 bits of the second block's record: all frames but its 31 are there, whichever is flipped."""
     begin, _, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
     sound = take_of(raw, "sound")
-    for bit in range(0, 8 * 49, 3):
+    for bit in range(0, 8 * 49, 7):
         broken = bytearray(raw)
         broken[begin + bit // 8] ^= 1 << bit % 8
         take = take_of(bytes(broken), "broken")

@@ -57,7 +57,7 @@ def test_a_value_that_leaps_is_an_exception():
 
 
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):
     rows = data.draw(st.lists(st.integers(1, 12), min_size=1, max_size=4))
     columns = data.draw(st.integers(1, 4))
@@ -136,7 +136,7 @@ def test_a_table_that_ends_within_its_head_is_none():
 
 
 @given(st.binary(max_size=200), st.integers(1, 50), st.integers(1, 5))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_any_bytes_are_a_table_or_none(raw, rows, columns):
     values, sound = decode_tables([raw, one([[3] * columns] * rows)], np.array([rows, rows]), columns)
     assert sound[1]

@@ -130,11 +130,18 @@ def times(*factors):
     [
         ("tcp_pose", lambda pose: pose + np.array([0.0, 0.04, 0.0, 0, 0, 0, 0]), "give the path of the same take"),
         ("tcp_pose", times(1e3, 1e3, 1e3, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be milli"),
-        ("tcp_pose", times(1e2, 1e2, 1e2, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be centi"),
+        pytest.param(
+            "tcp_pose",
+            times(1e2, 1e2, 1e2, 1, 1, 1, 1),
+            "the places of 'tcp_pose' in metres: they seem to be centi",
+            marks=pytest.mark.slow,
+        ),
         ("tcp_to_corner_m", times(1e3, 1e3, 1e3), "give 'tcp_to_corner_m' in metres: they seem to be millimetres"),
         ("both", lambda values: values, "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres"),
         ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: they seem to be w x y z"),
-        ("tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "they seem to be their inverses"),
+        pytest.param(
+            "tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "they seem to be their inverses", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_path_that_is_not_where_the_pictures_have_the_corners_is_refused(tmp_path, name, change, advice):

@@ -53,7 +53,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("overwrite", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_take_that_another_process_is_recording_is_not_touched(recorder, tmp_path, overwrite):
     """Told to replace or not: the other one ends with all its 150 frames."""
     with pytest.raises(OutputError, match=r"t\.mcap\.partial: another recording is writing this; give another name"):

@@ -180,9 +180,9 @@ def fit_command(
         if is_resumed:
             say(f"Going on from {done} of {total}.")
             is_resumed = False
-        error = f"mean error {1e3 * best:.1f} mm" if request.method.is_in_metres else f"error E/N {best:.3f}"
+        error = f"{1e3 * best:.1f} mm" if request.method.is_in_metres else f"E/N {best:.3f}"
         count = f"step {done} of at most {total}" if request.search in OBSERVED else f"{done}/{total}"
-        progress.show(done / total, f"{count}, {error}")
+        progress.show(done / total, f"{error} on fitted takes, {count}")
 
     try:
         with alone(out):

@@ -74,7 +74,7 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     assert not (tmp_path / "out" / "fit.partial.json").exists()
     assert "mean distance of all points" in done.stdout
     assert "mean, held out" in done.stdout
-    assert re.search(r"^annealing: \d+ %, \d+/40, mean error ", done.stderr, re.MULTILINE)
+    assert re.search(r"^annealing: \d+ %, [\d.]+ mm on fitted takes, \d+/40", done.stderr, re.MULTILINE)
     assert (tmp_path / "out" / "report.html").read_text().startswith("<!doctype html>")
 
 

@@ -193,8 +193,8 @@ def test_a_narrow_box_tells_nothing_that_the_points_do_not():
 @pytest.mark.parametrize(
     ("search", "shown"),
     [
-        ("least-squares", "least-squares: 10 %, step 13 of at most 130, mean error 9.0 mm"),
-        ("annealing", "annealing: 10 %, 13/130, mean error 9.0 mm"),
+        ("least-squares", "least-squares: 10 %, 9.0 mm on fitted takes, step 13 of at most 130"),
+        ("annealing", "annealing: 10 %, 9.0 mm on fitted takes, 13/130"),
     ],
 )
 @pytest.mark.parametrize(

@@ -94,12 +94,17 @@ def true_view(plates, turn=LEVEL):
         target = ((pixels - low + 0.5) * FINE - 0.5).astype(np.float32)
         warp = cv2.getPerspectiveTransform(source, target)
         size = (int(right - left) * FINE, int(bottom - top) * FINE)
-        drawn = cv2.warpPerspective(plate.picture, warp, size, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
         share = np.zeros(size[::-1], np.float32)
         cv2.fillConvexPoly(share, np.rint(target * 16).astype(np.int32), 1.0, shift=4)
         shape = (bottom - top, FINE, right - left, FINE)
         covered = share.reshape(shape).mean((1, 3))[..., None]
-        painted = (drawn * share[..., None]).reshape(*shape, 3).sum((1, 3)) / (FINE**2)
+        if (plate.picture == plate.picture[0, 0]).all():
+            painted = covered * plate.picture[0, 0].astype(np.float32)
+        else:
+            drawn = cv2.warpPerspective(
+                plate.picture, warp, size, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE
+            )  # fmt: skip
+            painted = (drawn * share[..., None]).reshape(*shape, 3).sum((1, 3)) / (FINE**2)
         behind = colour[top:bottom, left:right]
         behind[:] = behind * (1 - covered) + painted
         z = (at @ rotation[:, 2]) / (rays[top:bottom, left:right] @ rotation[:, 2])

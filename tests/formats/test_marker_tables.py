@@ -141,7 +141,9 @@ def test_titles_above_the_files_of_programs_are_passed_over(tmp_path, name, kind
     assert np.array_equal(titled.positions, alone.positions, equal_nan=True)
 
 
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\x0b", "\x85", "\u2028"])
+@pytest.mark.parametrize(
+    "end", ["\n", "\r", "\x0b", "\x85", *(pytest.param(one, marks=pytest.mark.slow) for one in ("\r\n", "\u2028"))]
+)
 def test_a_text_of_nothing_but_lines_is_refused_before_it_is_split(tmp_path, end):
     with pytest.raises(TakeError, match="has 5000001 lines"):
         read(tmp_path, OWN + end * 5_000_000)

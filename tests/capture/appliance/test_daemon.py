@@ -166,6 +166,7 @@ def test_a_kill_in_mid_take_costs_its_last_two_seconds_at_most_and_is_named_at_t
     assert [one.sequence for one in Spool(appliance.spool).takes()] == [1, 2]
 
 
+@pytest.mark.slow
 def test_a_bad_configuration_at_the_start_is_shown_and_the_last_good_one_records(appliance):
     appliance.start()
     appliance.wait_for("ready", "armed")
@@ -236,6 +237,7 @@ def test_a_take_ends_by_itself_after_the_longest_time(tmp_path, recording):
         assert kept.facts["seconds"] - kept.facts["pre_roll_s"] == pytest.approx(5.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_second_daemon_is_refused_and_the_first_goes_on(appliance):
     appliance.start()
     appliance.wait_for("armed")

@@ -185,6 +185,7 @@ def test_a_disk_that_fills_up_or_turns_read_only_is_named_and_mends_by_itself(tm
         assert recorded(appliance)["takes"] == 2
 
 
+@pytest.mark.slow
 def test_a_file_size_limit_in_mid_take_is_a_named_fault_and_keeps_what_was_written(appliance):
     appliance.start(environment={})
     appliance.wait_for("armed")

@@ -156,11 +156,11 @@ def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():
     assert (one.followed(FITTED)[1][:, 2] > THRESHOLD).all()
 
 
-def random_cloth(name, rng, is_hidden):
-    """Four corners in 400 frames, all in doubt, hidden by a function of their traces, (400, 4, traces)."""
-    drawn = rng.standard_normal((400, 4, len(TRACES)))
+def random_cloth(name, rng, is_hidden, frames=400):
+    """Four corners in so many frames, all in doubt, hidden by a function of their traces, (frames, 4, traces)."""
+    drawn = rng.standard_normal((frames, 4, len(TRACES)))
     hidden = is_hidden(drawn)
-    return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int), hidden)
+    return Examples(name, np.arange(frames) / 30, drawn, hidden, ~hidden, np.zeros((frames, 4), int), hidden)
 
 
 @pytest.mark.slow
@@ -190,14 +190,14 @@ def test_one_trace_that_decides_alone_gets_its_weight():
 
 def test_a_cloth_is_judged_by_the_others_and_what_was_never_in_doubt_is_missed():
     rng = np.random.default_rng(6)
-    alike = [random_cloth(name, rng, lambda drawn: drawn[..., 0] > 0) for name in "abc"]
+    alike = [random_cloth(name, rng, lambda drawn: drawn[..., 0] > 0, 200) for name in "abc"]
     for cloth in alike:
-        cloth.traces[:100][cloth.hidden[:100]] = np.nan
+        cloth.traces[:50][cloth.hidden[:50]] = np.nan
     precision, recall = rates(alike, left_out(alike), 0.5)
     assert precision > 0.97
     assert recall == pytest.approx(0.75, abs=0.03)
     # One that is the other way round is judged wrongly: its own examples do not count.
-    odd = [*alike, random_cloth("d", rng, lambda drawn: drawn[..., 0] < 0)]
+    odd = [*alike, random_cloth("d", rng, lambda drawn: drawn[..., 0] < 0, 200)]
     assert ((left_out(odd)[-1] > 0.5) == odd[-1].hidden).mean() < 0.1
 
 

@@ -8,7 +8,7 @@ import pytest
 from fit.effects import LIBRARY
 from fit.gap.correlation import block_correlation, correlation_of, ringing_of
 from fit.gap.fitting import sandwich
-from fit.gap.screening import DETECTION, block_scores, cosine, groups, screen, secants_of
+from fit.gap.screening import DETECTION, _correlation, block_scores, cosine, groups, screen, secants_of
 from fit.methods import SI
 from tests.fit.gap.linear_scene import FRAMES, LinearObserver, layout_of, white
 from tests.fit.gap.verdict_scene import KINDS, like, signature
@@ -135,6 +135,15 @@ def test_the_correlation_that_screening_uses_is_that_of_its_residual():
     expected = block_correlation(layout, ringing_of(observer.by_place(observer.missed), 30.0))
     assert correlation_of(observer, observer.missed) == pytest.approx(expected)
     assert expected[0, 1] > 0.3
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_the_multiple_correlation_is_a_share_whatever_the_size_of_the_residual(size):
+    """Of (3, 4, 12) the first two axes hold 5 of 13; a one-sided effect that would have to be negative has none."""
+    rows, residual = np.eye(3)[:2], size * np.array([3.0, 4.0, 12.0])
+    assert _correlation(rows, residual, False) == pytest.approx(5 / 13)
+    assert _correlation(rows, -residual, True) == pytest.approx(5 / 13)
+    assert _correlation(rows, residual, True) == 0.0
 
 
 def test_effects_are_alike_by_what_they_would_explain():

@@ -180,6 +180,7 @@ def test_impossible_sheets_are_refused():
         Engine(Cloth(width=0.2, height=0.2, shear=80.0, stretch=100.0))
 
 
+@pytest.mark.slow
 def test_a_sheet_carried_along_with_the_draught_feels_only_less_drag():
     """At 1 m/s with a draught of 1 m/s no air passes: what is left is minus the still air's drag, 0.6 Pa forwards.
 

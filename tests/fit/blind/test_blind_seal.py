@@ -56,6 +56,7 @@ def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):
         load_key(path)
 
 
+@pytest.mark.slow
 def test_of_a_key_that_no_disk_holds_nothing_is_left(tmp_path):
     """In a process whose files hold not a byte: `blind make` once left an empty key, and then refused it."""
     make = ["-m", "formats.command", "blind", "make", str(tmp_path / "set"), "--nulls", "1"]

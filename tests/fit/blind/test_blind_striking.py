@@ -99,6 +99,7 @@ def test_a_library_lacks_what_is_struck():
         library_without([e.name for e in LIBRARY])
 
 
+@pytest.mark.slow
 def test_steps_of_a_ladder_hold_the_same_cases(tmp_path):
     numbers = {"single": 6, "null": 2, "pair": 1, "unknown": 1}
     drawn, given = plan(numbers, PLANTS, 3), plan(numbers, PLANTS, 3, sensor={"noise": 0.006, "away": 0.3, "rate": 120})

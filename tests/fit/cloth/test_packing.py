@@ -55,11 +55,12 @@ def test_kernels_of_all_widths_round_alike(names, monkeypatch):
     assert all(np.array_equal(one, found[0]) for one in found)
 
 
-# `test_contact.py` has a quicker test of candidates side by side.
+# `test_contact.py` has a quicker test of candidates side by side with contact.
 CONTACT = pytest.param("self_contact", marks=pytest.mark.slow)
+VISCOUS = pytest.param("stretch_viscosity", marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize("effect", [CONTACT, "hanger_compliance", "stretch_viscosity", "filter_lag"])
+@pytest.mark.parametrize("effect", [CONTACT, "hanger_compliance", VISCOUS, "filter_lag"])
 def test_effects_of_every_kind_do_not_mind_other_recordings_in_their_lanes(effect):
     """Contact, a driven path, viscosity and a filter of what is seen; one recording counts in windows, under a pull."""
     chosen, garment, recordings = find_effects([effect]), sheet(), []

@@ -70,7 +70,12 @@ NEEDS_FINER = ("swung swatch, mesh doubled and step halved",)  # than 50 mm
 
 
 # `test_cloth.py` has a quicker test of meshes that converge, `test_patterns.py` of a sheet on the bias.
-SLOW = ("swung swatch, mesh doubled and step halved", "force of a bias extension", "energy over 10 s, no damping")
+SLOW = (
+    "swung swatch, mesh doubled and step halved",
+    "force of a bias extension",
+    "energy over 10 s, no damping",
+    "its decay at a bending damping time of 5 ms",
+)
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,7 @@ def test_a_curl_about_the_horizontal_bends_columns_one_about_the_vertical_rows_a
         assert (found[mesh.bends.kind == kind] == curvature).all()
 
 
+@pytest.mark.slow
 def test_friction_in_bending_keeps_a_curl_that_gravity_alone_would_open():
     """2e-3 N against a weight of 0.2 x 9.81 x 0.45 N/m: millimetres stay after a flick, where nothing stays without."""
     garment = sheet(height=0.45, grid=5)

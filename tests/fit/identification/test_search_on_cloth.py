@@ -285,7 +285,7 @@ def test_later_candidates_that_blow_up_are_not_refused(breaking):
 
 
 @pytest.mark.parametrize(
-    "name", ["annealing", *(pytest.param(n, marks=pytest.mark.slow) for n in ("restarts", "tempering")), "cma-es"]
+    "name", ["annealing", *(pytest.param(n, marks=pytest.mark.slow) for n in ("restarts", "tempering", "cma-es"))]
 )
 def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_path, name):
     request = request_of(KINECT_SKIRT, [], iterations=30, seed=3, spacing=0.1, search=name)

@@ -30,6 +30,7 @@ def test_a_border_that_is_eaten_is_named_with_its_size():
     assert "eaten_border" not in named_in(swung(silhouette_sheet(), time, time, noise=0.001))
 
 
+@pytest.mark.slow
 def test_what_is_eaten_by_pose_is_the_loss_per_unit_of_lean():
     """The sheet of `swung` leans by sin(0.5 sin(2 pi 0.9 t)) along y, which is the level normal."""
     time = uneven()

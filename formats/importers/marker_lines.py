@@ -18,6 +18,7 @@ from typing import overload
 from formats.errors import TakeError
 from formats.importers.text_lines import TextLines, read_text_lines
 from formats.plain_text import sized
+from formats.system_causes import step_to_read
 
 LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung cloth from .npz"
@@ -29,6 +30,7 @@ HEADER = re.compile(
 )  # of the first cell
 TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGNORECASE)
 COLUMNS_OF_VICON = re.compile(r"""[\s"']*(frame)["']?\s*([,;\t])""", re.IGNORECASE)
+CUT_LETTER = ("truncated data", "unexpected end of data")  # Python's words for text that ends within a letter
 LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and as many lines of nothing
 LOOKED_AT = 50  # lines in which separators are counted where the header has one cell alone
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
@@ -122,11 +124,16 @@ def read_lines(path: Path) -> tuple[str, Rows]:
         raise TakeError(f"has {sized(size)} of text", where=path, advice="export fewer frames at once")
     try:
         lines = read_text_lines(path)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        is_c3d = isinstance(error, UnicodeDecodeError) and error.object[1:2] == b"\x50"
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
+    except UnicodeDecodeError as error:
+        if error.reason in CUT_LETTER:
+            raise TakeError(
+                "ends within a letter", where=path, advice="it is cut off: copy or export it again"
+            ) from error
+        is_c3d = error.object[1:2] == b"\x50"
         advice = "it looks like C3D: give it the ending .c3d" if is_c3d else "export it as text again"
-        raise TakeError(f"cannot be read ({reason})", where=path, advice=advice) from error
+        raise TakeError("cannot be read (not a text file)", where=path, advice=advice) from error
     if not lines:
         raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
     begin, kind, separator = _header(lines)

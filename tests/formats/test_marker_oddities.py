@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import pytest
 
 from formats.errors import ImplausibleError, TakeError
 from formats.exporters.marker_files import at_one_rate
+from formats.importers import marker_lines
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
@@ -77,6 +79,25 @@ def test_a_text_of_western_windows_and_one_that_ends_with_ctrl_z_are_read(tmp_pa
     path.write_bytes(b"\x89PNG\x01\x02\xff" + text.encode("cp1252"))
     with pytest.raises(TakeError, match="not a text file"):
         read_marker_tracks(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_a_text_that_ends_within_a_letter_is_cut_off(tmp_path, encoding):
+    path = tmp_path / "a.csv"
+    path.write_bytes(vicon(1e3 * drawn()).encode(encoding)[:-3])
+    with pytest.raises(TakeError, match="ends within a letter; it is cut off: copy or export it again"):
+        read_marker_tracks(path)
+
+
+def test_a_file_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path, monkeypatch):
+    def refused(path):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(marker_lines, "read_text_lines", refused)
+    (tmp_path / "a.csv").write_text(vicon(1e3 * drawn()))
+    with pytest.raises(TakeError, match=r"cannot be read \(Permission denied\); ") as caught:
+        read_marker_tracks(tmp_path / "a.csv")
+    assert "export" not in str(caught.value)
 
 
 def test_a_head_of_qualisys_may_have_a_line_for_each_of_many_events(tmp_path):

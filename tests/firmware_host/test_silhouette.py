@@ -28,6 +28,7 @@ def seen(**faults):
         return seen_silhouette(CameraFaults(**faults), seconds=SECONDS)
 
 
+@pytest.mark.slow
 def test_a_camera_without_faults_shows_material_points_when_they_were_there():
     made = seen()
     assert (made.stamps == made.exposures).all()

@@ -46,6 +46,7 @@ def test_the_shirts_centre_is_as_far_from_its_sleeves_as_from_its_hem() -> None:
     np.testing.assert_allclose([np.linalg.norm(c - centre) for c in corners], 0.3887, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_shirt_hangs_by_its_shoulders_with_its_sleeves_below_them() -> None:
     """The body is as long as on the flat garment: 35 N/m of weight a metre stretch 300 N/m by under 3 %."""
     times = np.arange(0.0, 0.2, 1 / 30)

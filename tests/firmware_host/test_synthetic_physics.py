@@ -71,6 +71,7 @@ def small_swing() -> np.ndarray:
     return swing(0.01, {})
 
 
+@pytest.mark.slow
 def test_a_hanging_sheet_swings_at_bernoullis_frequency(small_swing: np.ndarray) -> None:
     # Eleven rows of cells and a bending stiffness of 3e-5 N m move it by less than 3 %.
     assert frequency(first_mode(small_swing, 0.01)) == pytest.approx(HANGING_SHEET, rel=0.03)

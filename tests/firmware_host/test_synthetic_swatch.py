@@ -43,6 +43,7 @@ def test_gravity_pulls_towards_minus_z_and_the_swing_goes_through_the_cloth(mark
     assert np.ptp(markers[:, 0, 0]) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_every_motion_begins_at_rest_at_one_place_and_is_another_swing_of_a_hand():
     """Corners of the same cloth: in the first 8 ms by under a tenth of a millimetre, up to 1 m/s later."""
     time = np.arange(150) / 120

@@ -147,6 +147,7 @@ def test_sigterm_while_it_records_keeps_the_take(appliance):
     assert appliance.lamp == ("none", "0")
 
 
+@pytest.mark.slow
 def test_a_kill_in_mid_take_costs_its_last_two_seconds_at_most_and_is_named_at_the_next_start(appliance):
     random_after = random.Random(4).uniform(2.5, 4.0)
     appliance.start()

@@ -199,6 +199,7 @@ def test_a_recording_does_not_replace_what_it_reads(tmp_path, option):
 
 
 @pytest.mark.openni
+@pytest.mark.slow
 def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
     write_swing(tmp_path, [*good * 4, *nothing() * 9])

@@ -59,7 +59,7 @@ def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):
 @pytest.mark.slow
 def test_of_a_key_that_no_disk_holds_nothing_is_left(tmp_path):
     """In a process whose files hold not a byte: `blind make` once left an empty key, and then refused it."""
-    make = ["-m", "formats.command", "blind", "make", str(tmp_path / "set"), "--nulls", "1"]
+    make = ["-B", "-m", "formats.command", "blind", "make", str(tmp_path / "set"), "--nulls", "1"]
     full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}
     done = subprocess.run([sys.executable, *make], capture_output=True, text=True, **full)
     assert done.returncode == 2

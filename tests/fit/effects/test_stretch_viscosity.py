@@ -129,6 +129,7 @@ def test_the_strongest_viscosity_needs_half_a_step_and_stays_stable():
     assert plain / kelvin_voigt > 7.9
 
 
+@pytest.mark.slow
 def test_next_to_no_viscosity_changes_next_to_nothing():
     """Two kernels, so rounding may differ; physics may not."""
     _, _, points = swung([0.0, 1e-9], velocity_damping=2.0)

@@ -62,6 +62,7 @@ def test_a_scale_is_left_for_the_diagnosis():
     assert sum(found_of(np.zeros(len(TIME)), seed, scale=1.05) is not None for seed in range(60)) <= 4
 
 
+@pytest.mark.slow
 def test_frames_of_a_take_are_moved_back_and_named():
     time = uneven()
     take = swung(silhouette_sheet(), time, time, noise=0.001)

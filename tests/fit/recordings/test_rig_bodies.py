@@ -48,6 +48,7 @@ def test_bodies_stand_where_the_rig_says_in_the_world():
     assert pole_at.distance(place) == pytest.approx([-0.03, 0.97, 0.27])
 
 
+@pytest.mark.slow
 def test_cloth_swings_against_a_pole_of_its_rig_and_not_through_it():
     """Without the pole the sheet goes through it, nodes more than 10 mm deep; with it, less than 1 mm."""
     inside = {}

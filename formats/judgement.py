@@ -60,7 +60,7 @@ def judge(take: Take) -> tuple[Finding, ...]:
                 advice=f"turn both {_ends(take)} to the {_camera(take)} and record again",
             ),
         )  # fmt: skip
-    found = [*_hanger_gaps(take, has_hanger), *_length(take), *_markers(take, has_hanger)]
+    found = [*_hanger_gaps(take, has_hanger), *_length(take, has_hanger), *_markers(take, has_hanger)]
     found += [*_motion(take, has_hanger), *_points(take), *_size(take), *_hang(take, has_hanger)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
 
@@ -90,12 +90,26 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _length(take: Take) -> list[Finding]:
+def _length(take: Take, has_hanger: Booleans) -> list[Finding]:
     of_both = [take.time[shows(take)] for shows in (shows_points, shows_hanger)]
-    seconds = min(float(np.ptp(times)) if len(times) else 0.0 for times in of_both)
-    if seconds >= SHORTEST_DIAGNOSED:
+    seconds, seen = min(map(_span, of_both)), _span(take.time[has_hanger])
+    if min(seconds, seen) >= SHORTEST_DIAGNOSED:
         return []
-    return [_too_short(f"the take lasts {seconds:.1f} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
+    if seconds < SHORTEST_DIAGNOSED:
+        return [_too_short(f"the take lasts {_below(seconds)} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
+    over = f"the two {_ends(take)} were seen together over {_below(seen)} s"
+    return [_too_short(f"{over}, and no motion below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
+
+
+def _span(times: Floats) -> float:
+    """Return the time from the first to the last [s]."""
+    return float(np.ptp(times)) if len(times) else 0.0
+
+
+def _below(seconds: float) -> str:
+    """Word a time so that it stays below the shortest one."""
+    text = f"{seconds:.1f}"
+    return text if float(text) < SHORTEST_DIAGNOSED else f"{np.floor(100 * seconds) / 100:.2f}"
 
 
 def _too_short(words: str, *, is_grave: bool = False) -> Finding:

@@ -171,12 +171,13 @@ def recover_takes(
     Exit code 2: nothing can be read of at least one take; the others are recovered all the same.
     """
     from formats.errors import TakeError
-    from formats.outputs import refuse_an_input, refuse_to_replace, unwritable
     from formats.take_reader import read_every_take
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
     refuse_the_same_name(targets, "recover one of them into another --out")
+    for target in targets:  # before anything is written
+        _refuse_a_target(target, paths, overwrite=overwrite)
     all_read = True
     for path, target in zip(paths, targets, strict=True):
         try:
@@ -187,12 +188,7 @@ def recover_takes(
             continue
         free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
         for one in free:
-            refuse_an_input(one, paths)
-            try:
-                if not overwrite:
-                    refuse_to_replace(one)
-            except OSError as error:
-                raise unwritable(one, error) from error
+            _refuse_a_target(one, paths, overwrite=overwrite)
         free.reverse()
         for number, found in enumerate(takes.each):
             try:
@@ -206,6 +202,17 @@ def recover_takes(
             del found  # before the next one is read
     if not all_read:
         raise typer.Exit(2)
+
+
+def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:
+    from formats.outputs import refuse_an_input, refuse_to_replace, unwritable
+
+    refuse_an_input(target, paths)
+    try:
+        if not overwrite:
+            refuse_to_replace(target)
+    except OSError as error:
+        raise unwritable(target, error) from error
 
 
 def _tell_lost(error: TakeError) -> None:

@@ -91,7 +91,8 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
             f"line {number} has {len(row)} cells, not {width}: quotation marks join some of them", where=path,
             advice="take the quotation marks out of that line",
         )  # fmt: skip
-    if len(row) > width and rows.separator == "," and all(map(WHOLE.fullmatch, row)):
+    is_longer = any(cell.strip() for cell in row[width:])
+    if is_longer and rows.separator == "," and all(map(WHOLE.fullmatch, row)):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
             advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
@@ -100,7 +101,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
         raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
     if len(row) < width:
         _refuse_a_cut_number(rows, at, row, width, path)
-    if any(cell.strip() for cell in row[width:]):
+    if is_longer:
         raise TakeError(
             f"line {number} has {len(row)} cells, the header names {width}", where=path,
             advice="the header lacks markers, or the line has cells too many: export it again",
@@ -132,7 +133,9 @@ def _is_cut(rows: Rows, at: int, row: list[str]) -> bool:
     around = [cell.strip() for cell in _column_around(rows, at, len(row) - 1)]
     if last == "-":
         return "-" not in around
-    beside = row[2:-1] if not any(map(_is_number, around)) else []
+    if last in around and not _is_seen(last):
+        return False
+    beside = row[2:-1] if not any(map(_is_seen, around)) else []
     numbers = [cell for cell in around + beside if _is_seen(cell)]
     if not _is_number(last) or not numbers:
         return False
@@ -210,11 +213,12 @@ def _row(cells: list[str], decimals: _Decimals) -> Floats:
     """
     text = "".join(cells)
     decimals.look(cells, text)
+    plain = cells
     if "," in text:
-        text, cells = text.replace(",", "."), [cell.replace(",", ".") for cell in cells]
+        text, plain = text.replace(",", "."), [cell.replace(",", ".") for cell in cells]
     if text.isascii() and not text.encode().translate(None, PLAIN):
         with contextlib.suppress(ValueError):
-            numbers = np.array([float(cell) if cell else np.nan for cell in cells])
+            numbers = np.array([float(cell) if cell else np.nan for cell in plain])
             if not np.isinf(numbers).any():
                 return numbers
     return np.array([number_of(cell) for cell in cells])

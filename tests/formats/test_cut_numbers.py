@@ -37,6 +37,27 @@ def test_a_last_line_without_an_end_is_read(tmp_path):
     assert read(tmp_path, dropped[:-1], "m", "own.csv").positions[-1, 1, 2] == 3.0
 
 
+@pytest.mark.parametrize("gap", ["0", "0.000"])
+def test_a_marker_that_comes_back_in_a_last_line_that_is_cut_is_refused(tmp_path, gap):
+    """It was a gap written as 0 in all lines before, so the other places show how many digits there are."""
+    rows = [f"{k}\t{k / 100}\t1.{k:02d}5\t2.125\t3.125\t{gap}\t{gap}\t{gap}\n" for k in range(29)]
+    last = "29\t0.29\t1.295\t2.125\t3.125\t998.125\t1020.125\t1249.881"
+    assert read(tmp_path, TRC + "".join(rows) + last, None, "a.trc").positions[-1, 1, 2] == pytest.approx(1.249881)
+    with pytest.raises(TakeError, match="line 35 ends within a number"):
+        read(tmp_path, TRC + "".join(rows) + last[:-6], None, "a.trc")
+
+
+def test_empty_cells_behind_whole_numbers_are_no_decimal_commas(tmp_path):
+    lines = [f"{k + 1},0,1.5,2.5,{k}.25,\n" for k in range(29)] + ["30,0,0,0,0,\n"]
+    one = VICON.replace(",,a,,,b,,", ",,a,,").replace("X,Y,Z,X,Y,Z", "X,Y,Z").replace("mm,mm,mm,mm,mm,mm", "mm,mm,mm")
+    assert len(read(tmp_path, one + "".join(lines), None, "v.csv").time) == 30
+
+
+def test_a_number_of_two_signs_is_told_as_it_is_written(tmp_path):
+    with pytest.raises(TakeError, match=r"holds '1,234\.5', which is no number"):
+        read(tmp_path, TRC + "1\t0.01\t998\t1,234.5\t5\t999\t998\t1\n" * 30, None, "a.trc")
+
+
 @pytest.mark.parametrize("last", ["3.5", "nan"])
 def test_a_line_without_its_last_cells_may_end_in_fewer_digits(tmp_path, last):
     """The lines before show that this program writes no zeros at the end, or a word is no number at all."""

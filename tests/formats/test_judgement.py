@@ -53,6 +53,13 @@ def test_a_hanger_that_was_lost_in_between_is_grave_and_told_with_its_place():
     assert named(without_hanger(swung(), slice(0, 60))) == []  # comes late
 
 
+@pytest.mark.parametrize("lost", [slice(36, None), slice(0, -36)])
+def test_a_hanger_that_is_lost_until_the_end_or_from_the_beginning_leaves_too_short_a_motion(lost):
+    """36 of 240 frames are enough to be a hanger, and 1.2 s of them no motion to be diagnosed."""
+    (finding,) = [one for one in judge(without_hanger(swung(8.0), lost)) if one.name == "too_short"]
+    assert finding.words.startswith("the two hanger markers were seen together over 1.2 s, and no motion below 2.5 s")
+
+
 def test_a_hanger_that_was_hardly_seen_is_the_only_finding():
     (finding,) = judge(without_hanger(swung(), slice(9, None)))
     assert (finding.name, finding.is_grave) == ("hanger_hardly_seen", True)

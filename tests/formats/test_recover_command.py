@@ -32,6 +32,17 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
     assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
 
 
+def test_recover_looks_for_what_is_there_before_it_writes_anything(tmp_path):
+    paths = [write_take(tmp_path / f"{name}.mcap", a_take()) for name in "abc"]
+    (tmp_path / "b.recovered.mcap").write_text("mine")
+    done = hangtime("takes", "recover", *paths)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "b.recovered.mcap" in done.stderr
+    assert not (tmp_path / "a.recovered.mcap").exists()
+    assert hangtime("takes", "recover", *paths, "--overwrite").returncode == 0
+    assert verify_take(tmp_path / "c.recovered.mcap").is_sound
+
+
 def test_recover_goes_on_after_a_file_of_which_nothing_can_be_read(tmp_path):
     empty, path = tmp_path / "empty.mcap", write_take(tmp_path / "a.mcap", a_take())
     empty.touch()

@@ -92,7 +92,8 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
             advice="take the quotation marks out of that line",
         )  # fmt: skip
     is_longer = any(cell.strip() for cell in row[width:])
-    if is_longer and rows.separator == "," and all(map(WHOLE.fullmatch, row)):
+    may_be_parted = len(row) > width and rows.separator == "," and all(map(WHOLE.fullmatch, row))
+    if may_be_parted and (is_longer or not _has_points_beside(rows, at, len(row))):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
             advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
@@ -106,6 +107,12 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], width: int, path: 
             f"line {number} has {len(row)} cells, the header names {width}", where=path,
             advice="the header lacks markers, or the line has cells too many: export it again",
         )  # fmt: skip
+
+
+def _has_points_beside(rows: Rows, at: int, cells: int) -> bool:
+    """Return whether lines around one have as many cells and decimal points, so that no comma parts decimals."""
+    around = range(max(at - LINES_AROUND, 0), min(at + LINES_AROUND + 1, len(rows)))
+    return any(len(line := rows[k]) == cells and any("." in cell for cell in line) for k in around)
 
 
 def _refuse_a_cut_number(rows: Rows, at: int, row: list[str], width: int, path: Path) -> None:

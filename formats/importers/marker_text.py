@@ -138,7 +138,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     names = [cell.strip() for cell in rows[3][2:] if cell.strip()]
     if len(names) != count:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    body = rows[5:]
+    body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
     doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
     first, places = read_frames(body, 2 + 3 * count, range(2, 2 + 3 * count, 3), metres, path)

@@ -53,6 +53,18 @@ def test_empty_cells_behind_whole_numbers_are_no_decimal_commas(tmp_path):
     assert len(read(tmp_path, one + "".join(lines), None, "v.csv").time) == 30
 
 
+def test_a_minute_of_devices_may_stand_above_the_trajectories_of_vicon(tmp_path):
+    devices = "Devices\n2000\n" + "1,0,0.5\n" * 120_000
+    assert len(read(tmp_path, devices + "\n" + VICON + "".join(FRAMES), None, "v.csv").time) == 30
+
+
+def test_a_trc_without_its_line_of_axes_keeps_its_first_frame(tmp_path):
+    head = TRC.replace("\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n", "")
+    rows = "".join(f"{k + 1}\t{k / 100}\t1\t2\t3\t4\t5\t6\n" for k in range(30))
+    found = read(tmp_path, head + rows, None, "a.trc")
+    assert (len(found.time), found.time[0]) == (30, 0.0)
+
+
 def test_a_number_of_two_signs_is_told_as_it_is_written(tmp_path):
     with pytest.raises(TakeError, match=r"holds '1,234\.5', which is no number"):
         read(tmp_path, TRC + "1\t0.01\t998\t1,234.5\t5\t999\t998\t1\n" * 30, None, "a.trc")

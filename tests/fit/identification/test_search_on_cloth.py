@@ -143,7 +143,7 @@ def uninterrupted(swung):
         pytest.param("least-squares", 35, marks=pytest.mark.slow),
         pytest.param("least-squares", 60, marks=pytest.mark.slow),
         pytest.param("least-squares", -1, marks=pytest.mark.slow),
-        pytest.param("short-windows", 2, marks=pytest.mark.slow),
+        ("short-windows", 2),
     ],
 )
 def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, uninterrupted, tmp_path, name, stop):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -87,13 +88,27 @@ def simulate_take(garment, time, displacement, materials, *, effects=(), amplitu
                   resolution=None, name="scene"):  # fmt: skip
     """A take whose points our own solver made, with white noise [m]."""
     recording = prepare(take_of(garment, time, displacement, name=name))
-    simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     # Settling is drawn to the first observed shape, which does not exist yet: aim it at the hanging sheet.
     recording = recording.with_points(hung(garment, time) + displacement[:1, None])
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     points = simulator.run(materials, amplitudes).points[0]
     points = points + np.random.default_rng(seed).normal(0, noise, points.shape) if noise else points
     return take_of(garment, time, displacement, points, sd=max(noise, 1e-4), name=name)
+
+
+def shared(make):
+    """Make each take once for all tests. Its arrays cannot be written, so that no test changes another's take."""
+
+    @functools.cache
+    def once(*words, **options):
+        take = make(*words, **options)
+        for field in dataclasses.fields(take):
+            value = getattr(take, field.name)
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        return take
+
+    return once
 
 
 def recording_of(take: Take) -> Recording:

@@ -27,7 +27,7 @@ from formats.archive import read_take, write_take
 from formats.results import load_diagnosis, load_fit_result, save_fit_result
 from tests.fit.here import hangtime_here
 from tests.fit.recordings.test_geometry import scaled
-from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+from tests.fit.scenes import hung, material, shared, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
 
@@ -38,6 +38,7 @@ def real_hangtime(*words, folder):
     )
 
 
+@shared
 def a_swung_take(name="a", damping=3.0, hz=0.7, seconds=4.0):
     time = np.arange(0, seconds, FRAME)
     garment = sheet()

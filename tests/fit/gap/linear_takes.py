@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from fit.effects import LIBRARY
@@ -17,6 +19,15 @@ NOISE, MESH = 1e-3, 0.5  # m; mm
 NAMES = ("air_drag", "gravity_tilt", "time_offset", "filter_lag", "hem", "draught")
 
 
+@functools.cache
+def swung(frames):
+    """A recording of a stiff sheet that follows its hanger."""
+    time = np.arange(frames) / 15.0
+    garment, displacement = sheet(grid=4), swing(time, start=0.0)
+    points = hung(garment, time) + displacement[:, None]
+    return prepare(take_of(garment, time, displacement, points, sd=NOISE))
+
+
 class LinearTakes(Observer):
     """An observer of two takes whose residual is linear in base parameters and amplitudes.
 
@@ -24,13 +35,8 @@ class LinearTakes(Observer):
     """
 
     def __init__(self, seed=0):
-        recordings = []
-        for frames in (45, 40):
-            time = np.arange(frames) / 15.0
-            garment, displacement = sheet(grid=4), swing(time, start=0.0)
-            points = hung(garment, time) + displacement[:, None]
-            recordings.append(prepare(take_of(garment, time, displacement, points, sd=NOISE)))
-        super().__init__(recordings, SI, tuple(e for e in LIBRARY if e.name in NAMES), frequency=0.0)
+        effects = tuple(e for e in LIBRARY if e.name in NAMES)
+        super().__init__([swung(frames) for frames in (45, 40)], SI, effects, frequency=0.0)
         self.rng = np.random.default_rng(seed)
         self.rows = {name: np.stack([self.moved(6e-3) for _ in e.components]) for name, e in self.library.items()}
         self.rows["filter_lag"] = 0.9 * self.rows["time_offset"] + 0.1 * self.rows["filter_lag"]

@@ -221,13 +221,13 @@ def errors_in(takes, correlation):
 
 @pytest.mark.parametrize("decay", DECAYS)
 def test_a_model_that_is_no_better_is_significant_as_often_as_is_said(decay):
-    """Two errors that ring at 0.8 Hz, as large and unrelated: 5 % of 400, 3 to 9 %; most where they ring longest.
+    """Two errors that ring at 0.8 Hz, as large and unrelated: 5 % of 200, 3 to 9 %; most where they ring longest.
 
     One that leaves a fifth of what another one misses, and rings on its own with half the size, is always found.
     """
     rng = np.random.default_rng(int(10 * decay))
     none, real = [], []
-    for _ in range(400):
+    for _ in range(200):
         shapes = rng.normal(size=(SHAPES, POINTS * 3))
         first, second = (ringing(rng, decay, shapes) for _ in "12")
         noise = [NOISE * rng.normal(size=one.shape) for one in first]

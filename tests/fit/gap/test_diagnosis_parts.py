@@ -26,12 +26,13 @@ from fit.methods import LEAN, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from tests.fit.gap.verdict_scene import signature
-from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+from tests.fit.scenes import hung, material, shared, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
 COARSE = Resolution(spacing=0.1)
 
 
+@shared
 def a_take(name="a", effect=None, amplitude=0.0, *, hz=0.7, grid=5, noise=0.001, seconds=3.0, seed=0):
     time = np.arange(0, seconds, FRAME)
     garment = sheet(grid=grid)
@@ -237,7 +238,9 @@ def test_slow_noise_of_single_points_is_seen_between_neighbours():
 def test_residuals_are_put_back_to_the_frames_points_and_axes_that_they_are_of():
     """Of two takes of other lengths, with a point that is not seen for a while: what is left of every judged point."""
     takes = [a_take(seconds=5.0), a_take(noise=0.0, seconds=4.0)]
-    takes[1].points[20:40, 12] = np.nan
+    hidden = takes[1].points.copy()
+    hidden[20:40, 12] = np.nan
+    takes[1] = dataclasses.replace(takes[1], points=hidden)
     observer = Observer([prepare(take) for take in takes], SI, (), frequency=0.0, resolution=COARSE)
     vector = truth_vector()[None]
     residual = observer.residuals(vector, observer.off[None])[0]

@@ -17,12 +17,13 @@ from fit.identification.request import request_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.recordings.recording import prepare
 from formats.rig import RigBody
-from tests.fit.scenes import hung, material, sheet, swing, take_of
+from tests.fit.scenes import hung, material, shared, sheet, swing, take_of
 
 TIME = np.arange(0, 3, 1 / 30)
 POLE = RigBody(kind="capsule", at_m=(-0.4, 0.07, -0.35), to_m=(0.4, 0.07, -0.35), radius_m=0.03)
 
 
+@shared
 def a_take(*bodies, gravity=(0.0, 0.0, -1.0)):
     """A sheet of 0.40 m x 0.45 m swung by 80 mm through its plane, near the bodies."""
     garment, path = sheet(), swing(TIME)

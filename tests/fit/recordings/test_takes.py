@@ -22,11 +22,12 @@ from fit.recordings.selection import check_together, content_of, places_of, shar
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
-from tests.fit.scenes import material, sheet, simulate_take, swing
+from tests.fit.scenes import material, shared, sheet, simulate_take, swing
 
 COARSE = Resolution(spacing=0.15)
 
 
+@shared
 def a_take(name="a", hz=0.7, garment=None):
     garment, time = garment or sheet(), np.arange(0, 2, 1 / 30)
     row = material(garment, velocity_damping=2.0)

@@ -23,21 +23,25 @@ from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, unev
 from tests.shared_data import SHARED_DATA
 
 
-def found_of(*takes):
-    found = describe_camera(prepare_together(takes)[0])
+def named_in(recordings):
+    found = describe_camera(recordings)
     msgspec.to_builtins(found)  # holds no number of numpy, which no file of results takes
     return {one.name: one for one in found}
+
+
+def found_of(*takes):
+    return named_in(prepare_together(takes)[0])
 
 
 @pytest.mark.parametrize("late", [0.1, *(pytest.param(late, marks=pytest.mark.slow) for late in (0.05, 0.2, 0.33))])
 def test_a_silhouettes_latency_is_taken_out_and_named(late):
     time = uneven()
     take = swung(silhouette_sheet(), time, time - late, noise=0.002)
-    found = found_of(take)["latency"]
+    recording = prepare(take)
+    found = named_in([recording])["latency"]
     assert found.figure == pytest.approx(late, abs=0.008)
     assert f"stamps are {found.figure:.3f} s late" in found.sentence
     assert f"stamps {found.figure:.3f} s late" in camera_clause([found])
-    recording = prepare(take)
     on_row = recording.raw_points[:, :8].mean(1)
     apart = on_row - recording.held(recording.time).reshape(-1, 2, 3).mean(1)
     assert np.nanstd(apart[:, 1]) < 0.004
@@ -68,8 +72,8 @@ def test_skewed_grids_are_left_out_and_counted():
     time = uneven()
     angle = np.where(np.arange(len(time)) % 5 == 0, 6.0, 0.5)
     take = swung(silhouette_sheet(), time, time, angle=angle, noise=0.001)
-    found = found_of(take)["skewed_grids"]
     recording = prepare(take)
+    found = named_in([recording])["skewed_grids"]
     assert recording.camera.skewed == pytest.approx((angle > 4).sum(), abs=1)
     assert f"{recording.camera.skewed} of {recording.camera.frames} grids" in found.sentence
     assert (~recording.valid.any(1)).sum() == recording.camera.skewed
@@ -90,7 +94,7 @@ def test_sliding_points_get_their_material_places():
     assert off[where].max() < 0.004
     assert raw[where].max() > 0.03
     assert recording.has_material_points
-    assert found_of(slides)["sliding_points"].figure > 0.01
+    assert named_in([recording])["sliding_points"].figure > 0.01
 
 
 def test_points_that_slide_though_they_are_said_to_stay_are_a_fault_and_the_other_way_round_is_none():
@@ -200,7 +204,7 @@ REAL = sorted((SHARED_DATA / "swung-cloth").glob("*.npz"))
 
 
 @pytest.mark.skipif(not REAL, reason="the real recordings are not here")
-@pytest.mark.parametrize("planted", [0.05, 0.1, 0.2, 0.33])
+@pytest.mark.parametrize("planted", [0.2, *(pytest.param(late, marks=pytest.mark.slow) for late in (0.05, 0.1, 0.33))])
 def test_a_latency_planted_in_a_real_take_is_found(planted):
     """Its own latency was taken out by others, to 20 ms; what is planted comes on top, to the frame."""
     take = import_swung_cloth(REAL[-4])

@@ -26,13 +26,13 @@ def a_take(change=lambda points: None, *, sd=0.002):
     return take_of(garment, TIME, path, points, sd=sd)
 
 
-def left_out(take):
+def left_out(take, recording):
     """Frame and point of every sighting that is left out."""
-    return {(int(f), int(k)) for f, k in np.argwhere(take.points_valid & ~prepare(take).valid)}
+    return {(int(f), int(k)) for f, k in np.argwhere(take.points_valid & ~recording.valid)}
 
 
-def hygiene(take):
-    return next(g for g in data_gates([prepare(take)], []) if g.name == "impossible points")
+def hygiene(recording):
+    return next(g for g in data_gates([recording], []) if g.name == "impossible points")
 
 
 @pytest.mark.slow
@@ -43,9 +43,10 @@ def test_points_within_the_reach_of_the_cloth_are_all_kept():
     valid = np.random.default_rng(1).uniform(size=stretched.shape[:2]) > 0.1
     take = take_of(garment, TIME, swing(TIME), stretched + swing(TIME)[:, None], sd=0.002)
     take = dataclasses.replace(take, points_valid=valid)
-    assert left_out(take) == set()
-    assert prepare(take).impossible == 0.0
-    assert hygiene(take).sentence == "No point is further from the others than the cloth reaches."
+    recording = prepare(take)
+    assert left_out(take, recording) == set()
+    assert recording.impossible == 0.0
+    assert hygiene(recording).sentence == "No point is further from the others than the cloth reaches."
 
 
 def test_two_markers_that_are_taken_for_each_other_are_left_out_and_no_other():
@@ -55,17 +56,20 @@ def test_two_markers_that_are_taken_for_each_other_are_left_out_and_no_other():
         points[100:110, [40, 41]] = points[100:110, [41, 40]]
 
     take = a_take(swap)
-    assert left_out(take) == {(f, k) for f in range(100, 110) for k in (40, 41)}
-    assert hygiene(take).passed
-    assert hygiene(take).figure == pytest.approx(100 * 20 / (240 * 81))
-    assert "They are left out." in hygiene(take).sentence
+    recording = prepare(take)
+    assert left_out(take, recording) == {(f, k) for f in range(100, 110) for k in (40, 41)}
+    found = hygiene(recording)
+    assert found.passed
+    assert found.figure == pytest.approx(100 * 20 / (240 * 81))
+    assert "They are left out." in found.sentence
 
 
 def test_a_marker_that_jumps_out_of_the_cloth_is_left_out():
     def jump(points):
         points[50, 80] += [0.0, 0.3, 0.0]
 
-    assert left_out(a_take(jump)) == {(50, 80)}
+    take = a_take(jump)
+    assert left_out(take, prepare(take)) == {(50, 80)}
 
 
 def test_a_take_with_many_impossible_points_is_not_diagnosed():
@@ -76,10 +80,12 @@ def test_a_take_with_many_impossible_points_is_not_diagnosed():
         points[wrong] += np.random.default_rng(3).normal(0, 0.5, (wrong.sum(), 3))
 
     take = a_take(scatter)
-    assert left_out(take) == set()
-    assert not hygiene(take).passed
-    assert hygiene(take).figure == pytest.approx(10, abs=1.5)
-    assert "check the markers' names" in hygiene(take).sentence
+    recording = prepare(take)
+    assert left_out(take, recording) == set()
+    found = hygiene(recording)
+    assert not found.passed
+    assert found.figure == pytest.approx(10, abs=1.5)
+    assert "check the markers' names" in found.sentence
 
 
 def test_the_reach_grows_with_the_noise_of_both_points():

@@ -16,17 +16,22 @@ from tests.fit.scenes import take_of
 
 
 def named_in(take):
-    return {one.name: one for one in describe_camera([prepare(take)])}
+    return named_of(prepare(take))
+
+
+def named_of(recording):
+    return {one.name: one for one in describe_camera([recording])}
 
 
 def test_a_border_that_is_eaten_is_named_with_its_size():
     """The grid is laid over 290 of 300 mm down the cloth: 10 mm at the bottom, none at the sides, 3.3 on average."""
     time = uneven()
     take = swung(silhouette_sheet(), time, time, seen_length=np.full(len(time), 29 / 30), noise=0.001)
-    outline = prepare(take).camera.outline
+    recording = prepare(take)
+    outline = recording.camera.outline
     assert outline.bottom == pytest.approx(0.01, abs=5e-4)
     assert outline.side == pytest.approx(0.0, abs=5e-4)
-    assert named_in(take)["eaten_border"].figure == pytest.approx(0.01 / 3, abs=5e-4)
+    assert named_of(recording)["eaten_border"].figure == pytest.approx(0.01 / 3, abs=5e-4)
     assert "eaten_border" not in named_in(swung(silhouette_sheet(), time, time, noise=0.001))
 
 
@@ -56,32 +61,36 @@ def hanging(time, lean=0.0):
     return take_of(garment, time, path(time), points, sd=1e-3)
 
 
-def test_a_lean_at_rest_is_named_with_its_angle_and_left_in():
-    time = uneven()
-    found = named_in(hanging(time, np.radians(2.0)))["lean"]
+@pytest.fixture(scope="module")
+def straight():
+    """The recording of the sheet that hangs in the vertical."""
+    return prepare(hanging(uneven()))
+
+
+def test_a_lean_at_rest_is_named_with_its_angle_and_left_in(straight):
+    found = named_in(hanging(uneven(), np.radians(2.0)))["lean"]
     assert np.degrees(found.figure) == pytest.approx(2.0, abs=0.1)
     assert found.is_left
     assert "degrees [" in found.sentence
-    assert "lean" not in named_in(hanging(time))
+    assert "lean" not in named_of(straight)
 
 
-def test_depths_that_are_read_too_long_show_in_the_way_of_the_held_row():
-    time = uneven()
-    take = hanging(time)
+def test_depths_that_are_read_too_long_show_in_the_way_of_the_held_row(straight):
+    take = hanging(uneven())
     deep = dataclasses.replace(take, points=1.03 * take.points)
     found = named_in(deep)["depth_scale"]
     assert found.figure == pytest.approx(0.03, abs=0.006)
     assert "travels 3." in found.sentence or "travels 2." in found.sentence
-    assert "depth_scale" not in named_in(take)
+    assert "depth_scale" not in named_of(straight)
 
 
-def test_the_held_row_of_a_silhouette_says_how_far_all_its_points_are_off():
+def test_the_held_row_of_a_silhouette_says_how_far_all_its_points_are_off(straight):
     """A frame's own error across the cloth of 6 mm while the hanger rests, where no shift in time explains it."""
     time = uneven()
     take = hanging(time)
     off = 6e-3 * np.random.default_rng(1).standard_normal(len(time))
     shaken = dataclasses.replace(take, points=take.points + off[:, None, None] * np.array([0.0, 1.0, 0.0]))
-    assert prepare(take).camera.row_off < 1e-3
+    assert straight.camera.row_off < 1e-3
     assert 2e-3 < prepare(shaken).camera.row_off < 8e-3
     material = replace(take.garment, points_are="material")
     assert prepare(dataclasses.replace(shaken, garment=material)).camera.row_off == 0.0

@@ -12,7 +12,7 @@ from fit.blind.cases import Look
 from fit.blind.classifier import RIDGE, leave_one_out
 from fit.blind.engine import Cloth
 from fit.blind.judging import bin_of, conditions_of, judge
-from fit.blind.making import make_set, open_labels, read_manifest
+from fit.blind.making import open_labels, read_manifest
 from fit.blind.page import check_page_name, figure, write_page
 from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
@@ -20,15 +20,8 @@ from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
 from fit.errors import FitError
 from formats.diagnosis_records import Cost
 from formats.results import save_diagnosis
-from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis, finding
+from tests.fit.blind.blind_answers import answer_rightly, diagnosis, finding
 from tests.fit.here import hangtime_here
-
-
-@pytest.fixture(scope="module")
-def a_set(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("blind") / "set"
-    make_set(folder, NUMBERS, PLANTED, 5, side=COARSE)
-    return folder
 
 
 def test_right_answers_get_full_marks(a_set, tmp_path):

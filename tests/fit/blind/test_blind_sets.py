@@ -26,13 +26,6 @@ from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_right
 from tests.fit.here import hangtime_here
 
 
-@pytest.fixture(scope="module")
-def a_set(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("blind") / "set"
-    make_set(folder, NUMBERS, PLANTED, 5, side=COARSE)
-    return folder
-
-
 def test_a_set_is_public_files_hashes_and_a_seal(a_set):
     manifest = read_manifest(a_set)
     assert manifest.complete
@@ -76,7 +69,7 @@ def test_making_again_makes_only_what_is_missing_or_changed(a_set, tmp_path, mon
 
 
 def test_an_interrupted_set_goes_on(tmp_path, monkeypatch):
-    inner, made = making.write_case, []
+    inner, made, few = making.write_case, [], {"single": 2, "null": 1, "pair": 0, "unknown": 0}
 
     def interrupted(path, *a, **k):
         if len(made) == 2:
@@ -86,13 +79,13 @@ def test_an_interrupted_set_goes_on(tmp_path, monkeypatch):
 
     monkeypatch.setattr(making, "write_case", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        make_set(tmp_path, NUMBERS, PLANTED, 5, side=COARSE)
+        make_set(tmp_path, few, PLANTED, 5, side=COARSE)
     assert not read_manifest(tmp_path).complete
     with pytest.raises(FitError, match="not complete"):
         run_set(tmp_path, tmp_path / "answers")
     sealed = (tmp_path / LABELS).read_bytes()
     monkeypatch.setattr(making, "write_case", inner)
-    assert make_set(tmp_path, NUMBERS, PLANTED, 5, side=COARSE).complete
+    assert make_set(tmp_path, few, PLANTED, 5, side=COARSE).complete
     assert (tmp_path / LABELS).read_bytes() == sealed
 
 

@@ -28,10 +28,9 @@ here, out = pathlib.Path(__file__).parent, pathlib.Path(words[words.index("--out
 
 
 @pytest.fixture(scope="module")
-def scored(tmp_path_factory):
-    """A set of hem and time offset, alone and together, both three times as large as can be seen, and its answers."""
-    folder = tmp_path_factory.mktemp("struck")
-    make_set(folder / "set", NUMBERS, PLANTED, 5, side=COARSE)
+def scored(a_set):
+    """The set of hem and time offset, both three times as large as can be seen, and its answers."""
+    folder = a_set.parent
     answer_rightly(folder / "set", folder / "answers")
     (late,) = (t for t in open_labels(folder / "set").truths if [p.id for p in t.planted] == ["time_offset"])
     size = late.planted[0].amplitude
@@ -87,7 +86,7 @@ def test_only_large_effects_of_scored_answers_of_this_set_are_struck(scored, tmp
         strike_set(folder, answers, answers)
     with pytest.raises(FitError, match="the answers are not scored"):
         strike_set(folder, tmp_path, tmp_path / "out")
-    make_set(tmp_path / "other", NUMBERS, PLANTED, 6, side=COARSE)
+    make_set(tmp_path / "other", {"single": 0, "null": 1, "pair": 0, "unknown": 0}, PLANTED, 6, side=COARSE)
     with pytest.raises(FitError, match="the answers are of another set"):
         strike_set(tmp_path / "other", answers, tmp_path / "out")
 

@@ -76,8 +76,15 @@ def test_effects_of_every_kind_do_not_mind_other_recordings_in_their_lanes(effec
         assert np.array_equal(found.points, simulator.run(rows, sizes, observer_hz=1.0).points)
 
 
-@pytest.mark.parametrize("observer_hz", [0.0, 1.0])
-@pytest.mark.parametrize("second", [sheet(), sheet(width=0.3)], ids=["one garment", "two garments"])
+@pytest.mark.parametrize(
+    ("second", "observer_hz"),
+    [
+        pytest.param(sheet(), 0.0, id="one garment-0.0"),
+        pytest.param(sheet(), 1.0, id="one garment-1.0", marks=pytest.mark.slow),
+        pytest.param(sheet(width=0.3), 0.0, id="two garments-0.0", marks=pytest.mark.slow),
+        pytest.param(sheet(width=0.3), 1.0, id="two garments-1.0"),
+    ],
+)
 def test_recordings_side_by_side_are_what_each_is_alone(second, observer_hz):
     """Of other lengths, paths, rates, steps and targets, with effects and without, in lanes that they share."""
     simulators, candidates, amplitudes = [], [], []

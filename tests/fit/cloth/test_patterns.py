@@ -95,7 +95,7 @@ def test_seams_join_the_layers_and_nothing_else_does():
     assert tube.bulge.min() == pytest.approx(-tube.bulge.max())
 
 
-@pytest.mark.parametrize("side", [0.3, 0.15, 0.06])
+@pytest.mark.parametrize("side", [0.3, 0.15, pytest.param(0.06, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("loops", [(STAR,), (shirt().outline_m,), (sheet().outline_m, HOLE)])
 def test_quadrilaterals_are_convex_clockwise_and_inside(loops, side):
     loops = [np.array(loop) for loop in loops]

@@ -1,0 +1,93 @@
+"""Takes that hold frames of one recording, whatever was done to them, and those that are alike by chance alone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.recordings.copies import are_copies
+from fit.recordings.intact import FRAME_FIELDS
+from formats.archive import read_take, write_take
+from formats.exporters.marker_files import write_csv
+from formats.importers.swatch_mocap import import_marker_take
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+TIME = np.arange(0, 5, 1 / 30)
+
+
+def recorded(hz=0.7, noise=1e-3, seed=0, *, start=0.5, amplitude=0.08, garment=None):
+    """A take whose points follow the hanger, the lower ones behind it, with white noise [m]."""
+    garment = garment or sheet()
+    points = hung(garment, TIME)
+    for at, point in enumerate(garment.points):
+        points[:, at] += swing(TIME + 0.4 * min(point.at_m[1], 0.0), hz=hz, start=start, amplitude=amplitude)
+    points += np.random.default_rng(seed).normal(0, noise, points.shape)
+    return take_of(garment, TIME, swing(TIME, hz=hz, start=start, amplitude=amplitude), points)
+
+
+def part(take, kept):
+    arrays = {name: array[kept] for name in FRAME_FIELDS if (array := getattr(take, name)) is not None}
+    return dataclasses.replace(take, **arrays)
+
+
+def with_lost(take, share, seed):
+    """The take without a share of its points, drawn by the seed."""
+    lost = np.random.default_rng(seed).random(take.points_valid.shape) < share
+    points = np.where(lost[..., None], np.nan, take.points)
+    return dataclasses.replace(take, points=points, points_valid=take.points_valid & ~lost)
+
+
+COPIES = {
+    "rounded to 0.1 mm": lambda take: (take, dataclasses.replace(take, points=take.points.round(4))),
+    "40 % in common": lambda take: (part(take, slice(0, 100)), part(take, slice(60, 150))),
+    "every fourth frame": lambda take: (take, part(take, slice(0, None, 4))),
+    "each frame twice": lambda take: (take, part(take, np.repeat(np.arange(150), 2))),
+    "twice in one take": lambda take: (take, part(take, np.tile(np.arange(150), 2))),
+    "other points lost": lambda take: (with_lost(take, 0.3, 1), with_lost(take, 0.3, 2)),
+}
+
+
+@pytest.mark.parametrize("change", COPIES)
+def test_takes_that_hold_frames_of_one_recording_are_copies(change):
+    one, other = COPIES[change](recorded())
+    assert are_copies(one, other)
+    assert are_copies(other, one)
+
+
+def test_a_take_that_went_through_the_archive_an_export_and_an_import_is_a_copy(tmp_path):
+    take = read_take(write_take(tmp_path / "a.mcap", recorded()))
+    write_csv(tmp_path / "a.csv", take)
+    back = import_marker_take(tmp_path / "a.csv", take.garment)
+    again = read_take(write_take(tmp_path / "b.mcap", back))
+    shown = again.points_valid & take.points_valid
+    assert 0 < np.abs(again.points - take.points)[shown].max() <= 6e-5  # m: not one place need be the same
+    assert are_copies(take, again)
+    assert not are_copies(read_take(write_take(tmp_path / "c.mcap", recorded(seed=1))), again)
+
+
+@pytest.mark.parametrize("noise", [2e-5, 1e-4, 1e-3])
+def test_other_recordings_are_no_copies(noise):
+    take = recorded(noise=noise)
+    others = [recorded(hz, noise, seed) for hz, seed in ((0.9, 0), (0.71, 0), (0.75, 3))]
+    if noise >= 1e-4:
+        others.append(recorded(noise=noise, seed=5))  # a machine that repeats its motion
+    for other in others:
+        assert not are_copies(take, other)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-5, 1e-4, 5e-4])
+def test_takes_at_rest_are_no_copies(noise):
+    """One free point of cloth at rest comes near its places of another recording in most frames, in no order."""
+    corners = sheet()
+    one_free = msgspec.structs.replace(corners, points=corners.points[:3])
+    for garment in (corners, one_free):
+        still = [recorded(noise=noise, seed=seed, amplitude=0.0, garment=garment) for seed in (1, 2)]
+        assert not are_copies(*still)
+
+
+def test_takes_without_a_common_point_are_no_copies():
+    take = recorded()
+    assert not are_copies(take, with_lost(take, 1.0, 0))

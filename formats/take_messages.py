@@ -16,6 +16,7 @@ MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; t
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
 FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
+NO_HEADER = b"none"  # stands for the hash of a header that has not come
 # Of all that a reader looks at in blocks, scans and ends of both versions. Others would take twenty times their bytes.
 FIELDS = {
     "take", "first", "frames", "start", "steps", "table", "surface", "grid_size", "contour_size", "grid", "contour",
@@ -99,47 +100,73 @@ _NOTHING = Parts()
 class _Nameless:
     """The take to which a message of version 1 belongs, which names none.
 
+    - `contents`: of the file, to which messages and the header that they waited for are added
     - `first`, `last`: hashes of the first and of the last header of version 1 so far
-    - `current`: of the take whose blocks go on
+    - `current`: of the take whose blocks go on; `NO_HEADER` while they wait for theirs
     - `follows`: number of the frame with which its next block begins
+    - `has_ended`: an end has come since the last header
+    - `scans`: scans that wait for the block of their second
     """
 
+    contents: Contents
     first: bytes | None = None
     last: bytes | None = None
     current: bytes | None = None
     follows: int = -1
+    has_ended: bool = False
+    scans: list[Message] = field(default_factory=list)
 
     def meet(self, header: bytes) -> None:
-        self.first, self.last = self.first or header, header
+        """Take a header: that of the blocks that waited for it."""
+        parts = self.contents.parts
+        if header != self.last and not self.has_ended:
+            self.place_scans()
+        self.first, self.last, self.has_ended = self.first or header, header, False
+        if NO_HEADER in parts:
+            parts[header] += parts.pop(NO_HEADER)
+        if self.current == NO_HEADER:
+            self.current = header
 
     def take_of(self, content: dict[str, Any]) -> bytes | None:
         """Return the hash of a message's header, None before the first one."""
         begin, frames = content.get("first"), content.get("frames")
         if type(begin) is not int:  # an end
-            found, self.current, self.follows = self.current or self.last, None, -1
-            return found
-        if self.current is None or begin != self.follows:
-            self.current = self.last
-        self.follows = begin + frames if type(frames) is int else -1
-        return self.current
+            found = self.last if self.current is None else self.current
+            self.has_ended = True
+        else:
+            if self.current is None or begin != self.follows:
+                self.current = NO_HEADER if self.has_ended else self.last
+            self.follows = begin + frames if type(frames) is int else -1
+            found = self.current
+        self.place_scans(found)
+        return found
+
+    def place_scans(self, take: bytes | None = None) -> None:
+        """Give the scans that wait to a take, or else to the one whose blocks go on."""
+        if self.scans:
+            going_on = self.last if self.current is None else self.current
+            self.contents.parts[going_on if take is None else take].scans += self.scans
+            self.scans = []
 
 
 def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callable[[int], None]) -> Contents:
     """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
 
     Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
-    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other. A scan is
-    written before the block of its second, and belongs to the take of that block.
+    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other. Others
+    behind an end belong to the next header, as theirs is lost. A scan is written before the block of its second, and
+    belongs to the take of that block, or to the take before where another header comes first.
 
     - messages: the data of each, and its share of the file [bytes]
     - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
-    header, nameless = b"", _Nameless()
-    waiting: list[Message] = []  # scans of version 1
+    header, binding, nameless = b"", b"", _Nameless(contents)
     for data, own in messages:
         if data == header:
             take_for_copy(len(data))
+            if FORMAT_1 in data:
+                nameless.meet(binding)
             continue
         content = _unpacked(data, FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST)
         if content is None and len(data) <= MOST_HEADER_BYTES and FORMAT_KEY in data:
@@ -155,12 +182,10 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
         if "take" in content:
             take = content["take"]
         elif "surface" in content:
-            waiting.append(Message(content, own))
+            nameless.scans.append(Message(content, own))
             continue
         else:
             take = nameless.take_of(content)
-            contents.parts[take].scans += waiting
-            waiting = []
         if take is None or type(take) is bytes:
             parts = contents.parts[take]
             if "surface" in content:
@@ -173,8 +198,7 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
                 parts.ends.append(Message(content, own))
                 continue
         contents.damaged += 1
-    if waiting:
-        contents.parts[nameless.current or nameless.last].scans += waiting
+    nameless.place_scans()
     if nameless.first is not None and None in contents.parts:
         contents.parts[nameless.first] = contents.parts.pop(None) + contents.of(nameless.first)
     return contents

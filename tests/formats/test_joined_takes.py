@@ -11,6 +11,7 @@ import pytest
 
 from formats.archive import read_take, take_of, verify_take, write_take
 from formats.missing import doubts_of
+from formats.take_reader import read_every_take
 from tests.fit.here import hangtime_here
 from tests.formats.bombs import BOMBS
 from tests.formats.damage import chunk_of, chunks_of, without_end
@@ -229,3 +230,54 @@ def test_a_scan_of_version_1_belongs_to_the_take_of_the_next_block(ends):
     assert len(take_of(raw, "two").scans) == 1
     alone = b"".join([chunk_of(one), *of_one, chunk_of(scan)])
     assert len(take_of(alone, "one").scans) == 1
+
+
+def end_of_version_1(blocks):
+    chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
+    frames = next(content for content in chunks if "first" in content)["frames"]
+    return chunk_of({"frames": frames * blocks, "blocks": blocks})
+
+
+def takes_in(raw, folder):
+    (folder / "c.mcap").write_bytes(b"".join(raw))
+    return {take.take_id: (take, report) for take, report in read_every_take(folder / "c.mcap").each}
+
+
+@pytest.mark.parametrize("has_later_header", [True, False])
+def test_blocks_behind_an_end_belong_to_no_take_of_version_1_that_has_ended(has_later_header, tmp_path):
+    """The first header of the second take is lost; the writer put another one before its end."""
+    first = [*raw_of(4), raw_of(4)[0], end_of_version_1(4)]
+    (two, of_two) = of_version_1(6, "two")
+    later = [chunk_of(two)] if has_later_header else []
+    alone, alone_report = takes_in(first, tmp_path)["one"]
+    found = takes_in([*first, *of_two, *later, end_of_version_1(6)], tmp_path)
+    take, report = found["one"]
+    np.testing.assert_array_equal(take.points, alone.points)
+    assert (report.blocks, report.missing_frames, report.is_sound) == (4, 0, False)
+    if has_later_header:
+        assert (found["two"][1].blocks, found["two"][0].is_complete) == (6, True)
+        assert report.damaged_blocks == alone_report.damaged_blocks
+    else:
+        assert set(found) == {"one"}
+        assert report.damaged_blocks == alone_report.damaged_blocks + 7
+
+
+def raw_of(count):
+    header, blocks = of_version_1(count)
+    return [chunk_of(header), *blocks]
+
+
+def test_a_stray_end_takes_no_block_of_version_1_from_the_take_that_goes_on():
+    header, *blocks = raw_of(5)
+    found = take_of(b"".join([header, *blocks[:2], end_of_version_1(40), *blocks[2:], header]), "one")
+    assert len(found.time) == len(take_of(b"".join([header, *blocks]), "one").time)
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_scan_of_version_1_whose_block_is_lost_stays_with_the_take_before_the_next_header(goes_on, tmp_path):
+    chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
+    scan = chunk_of(next(content for content in chunks if "surface" in content))
+    (one, of_one), (two, of_two) = of_version_1(4), of_version_1(3, "two")
+    rest = of_one[2:] if goes_on else of_two  # the other header is a stray one, or that of the next take
+    found = takes_in([chunk_of(one), *of_one[:2], scan, chunk_of(two), *rest], tmp_path)
+    assert len(found["one"][0].scans) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -49,7 +50,7 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     Raises:
         OutputError: it is there.
     """
-    if path.exists() and not (text is not None and _holds(path, text.encode())):
+    if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
         raise already_there(path)
     partial = unfinished_name(path)
     if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses

@@ -19,7 +19,7 @@ TO_WRITE = {
     errno.ENAMETOOLONG: "choose a shorter name: the system allows no longer one",
     errno.EISDIR: "give another name: a folder has this one",
     errno.ENOTDIR: "give another path: a part of this one is a file",
-    errno.EEXIST: "give another name: a file has this one",
+    errno.EEXIST: "give another name: a file or a broken link has this one",
     errno.ENOENT: "make its folder first, or give another path",
     errno.ELOOP: "give another path: a link of this one leads to itself",
     errno.EIO: "choose another disk: this one fails",
@@ -31,6 +31,7 @@ TO_READ = {
     errno.EISDIR: "give a file: this is a folder",
     errno.ENOTDIR: "check the path: a part of it is a file",
     errno.ELOOP: "check the path: a link of it leads to itself",
+    errno.ENAMETOOLONG: "check the path: it is longer than the system allows",
     errno.EIO: "copy the file from elsewhere: its disk fails",
 }
 

@@ -11,6 +11,7 @@ from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_size
 from formats.errors import TakeError
 from formats.plain_text import counted
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
+from formats.system_causes import step_to_read
 from formats.table_memory import TableMemory
 from formats.take import Take
 from formats.take_end import Held, contradictions, is_end, missing_spans
@@ -103,7 +104,7 @@ def _bytes_of(path: Path) -> bytes:
             file.seek(0)
             return file.read()
     except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
 
 
 def _is_ours(profile: str) -> bool:

@@ -187,7 +187,7 @@ def recover_takes(
             all_read = False
             continue
         free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
-        for one in free:
+        for one in free[1:]:
             _refuse_a_target(one, paths, overwrite=overwrite)
         free.reverse()
         for number, found in enumerate(takes.each):

@@ -24,8 +24,13 @@ def unfinished_name(path: Path) -> Path:
 
 
 def already_there(path: Path) -> OutputError:
-    """Return the error of a file that would replace another."""
-    return OutputError("is already there", where=path, advice="give another name, or --overwrite to replace it")
+    """Return the error of a file that would replace another, or a link, or that has the name of a folder."""
+    if path.is_dir():
+        return OutputError("is a folder", where=path, advice="give another name")
+    advice = "give another name, or --overwrite to replace it"
+    if not path.exists():
+        return OutputError("is a link that leads to nothing", where=path, advice=advice)
+    return OutputError("is already there", where=path, advice=advice)
 
 
 def not_utf8(path: Path) -> OutputError:
@@ -86,7 +91,7 @@ class UnfinishedFile:
             OSError: the disk is full or fails.
         """
         self.sync()
-        if not self._may_replace and self.path.exists():
+        if not self._may_replace and os.path.lexists(self.path):
             raise already_there(self.path)
         self.partial.replace(self.path)
         self.file.close()
@@ -110,7 +115,7 @@ class UnfinishedFile:
 
     def _refuse_to_replace(self) -> None:
         is_left_over = os.fstat(self.file.fileno()).st_size > 0
-        if self.path.exists():
+        if os.path.lexists(self.path):
             if not is_left_over:
                 self.partial.unlink(missing_ok=True)
             raise already_there(self.path)

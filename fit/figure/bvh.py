@@ -22,6 +22,7 @@ from fit.figure.gait import ARM_OUT, BETWEEN_INSTANTS, standing
 from fit.figure.skeleton import FOOT_RADIUS, SHANK, SIDES, THIGH, SkeletonMotion, unit
 from formats.arrays import Floats
 from formats.plain_text import encoding_of
+from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LEAD = 2.0  # s
@@ -95,7 +96,7 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
         raw = path.read_bytes()
         text = raw.decode(encoding_of(raw[:4]), errors="replace")
     except OSError as error:
-        raise FitError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+        raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     head, _, tail = text.partition("MOTION")
     joints = _hierarchy(path, head.split())
     found = re.match(r"\s*Frames:\s*(\d{1,9})\s*Frame Time:\s*(\S+)\s*(.*)", tail, re.DOTALL)

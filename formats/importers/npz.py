@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from formats.errors import TakeError
 from formats.plain_text import sized
+from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 
@@ -43,7 +44,9 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
         _refuse_too_many(8 * sum(array.size for array in found.values()), path, most_bytes)
         return found
     except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
+        raise TakeError(
+            f"cannot be read ({error.strerror or error})", where=path, advice=step_to_read(error)
+        ) from error
     except (
         ValueError, TypeError, EOFError, RuntimeError, MemoryError, SyntaxError, tokenize.TokenError,
         zipfile.BadZipFile, zlib.error,

@@ -41,7 +41,7 @@ def test_arrays_that_are_asked_for_are_read_and_no_others(tmp_path):
         (lambda path: None, "cannot be read (No such file or directory); check the path"),
         (lambda path: path.touch(), "is empty; give less"),
         (lambda path: path.write_bytes(b"x"), "is no .npz archive; give less"),
-        (lambda path: path.mkdir(), "cannot be read (Is a directory); check the path"),
+        (lambda path: path.mkdir(), "cannot be read (Is a directory); give a file: this is a folder"),
         (os.mkfifo, "cannot be read (it is a pipe or a device, and no file); check the path"),
         (lambda path: np.savez(path, t=np.zeros(3)), "has no array 'u'; give less"),
         (lambda path: np.savez(path, t=np.zeros(3), u=np.array([{}])),

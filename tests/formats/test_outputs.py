@@ -93,7 +93,7 @@ def test_a_file_that_is_there_stays_unless_it_holds_just_what_is_to_be_written(t
         assert refused(refuse_to_replace, path, text) == f"{path}: {THERE}"
     refuse_to_replace(path, "\u00e4b")
     (tmp_path / "folder").mkdir()
-    assert refused(refuse_to_replace, tmp_path / "folder", "") == f"{tmp_path}/folder: {THERE}"
+    assert refused(refuse_to_replace, tmp_path / "folder", "") == f"{tmp_path}/folder: is a folder; give another name"
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from formats.archive import write_take
 from formats.errors import HangtimeError, OutputError
 from formats.outputs import make_output_folder, make_parent, write_bytes
 from formats.system_causes import FULL, TO_READ, step_to_read, step_to_write
+from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 from tests.formats.unprivileged import hangtime_unprivileged
 from tests.repository import ROOT
@@ -72,11 +73,13 @@ def test_every_cause_has_its_own_step_and_a_disk_that_is_full_is_tried_again(mon
     [
         (LONG + "/" + LONG * 2, "choose a shorter name"),
         ("file/below", "give another path: a part of this one is a file"),
-        ("file", "give another name: a file has this one"),
+        ("file", "give another name: a file or a broken link has this one"),
+        ("link", "give another name: a file or a broken link has this one"),
     ],
 )
 def test_every_writer_of_a_folder_asks_for_the_same_step(tmp_path, path, step):
     (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to("nowhere")
     makers = (make_output_folder, make_folder, lambda folder: make_parent(folder / "a"))
     for make in makers:
         with pytest.raises(HangtimeError) as refused:
@@ -127,3 +130,50 @@ def test_a_real_disk_that_is_full_or_read_only_says_so(tmp_path, options, senten
 def test_a_reader_has_a_step_for_what_a_reader_meets():
     assert {step_to_read(OSError(number, "")) for number in TO_READ} == set(TO_READ.values())
     assert step_to_read(OSError(errno.ENOENT, "")) == "check the path"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("verify", "f"), ("show", "f"), ("recover", "f"), ("export", "f", "--to", "npz", "--out", "o"),
+    ],
+    ids=lambda words: words[0],
+)  # fmt: skip
+def test_a_take_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path, words):
+    (tmp_path / "f").mkdir()
+    command, _, *rest = words
+    for name, step in (
+        ("f", "(Is a directory); give a file: this is a folder"),
+        (LONG * 2, "(File name too long); check the path: it is longer than the system allows"),
+    ):
+        done = hangtime_here("takes", command, name, *rest, folder=tmp_path)
+        if (command, name) == ("recover", LONG * 2):  # its file would have a name that is longer still
+            step = "(File name too long); choose a shorter name"
+        assert (done.returncode, step in done.stdout + done.stderr) == (2, True)
+
+
+def test_a_recording_of_others_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path):
+    done = hangtime_here("import", f"{LONG * 2}.npz", folder=tmp_path)
+    assert done.returncode == 2
+    assert "check the path: it is longer than the system allows" in done.stderr
+
+
+def test_a_folder_or_a_link_with_the_name_of_a_file_to_be_written_is_told(tmp_path):
+    write_take(tmp_path / "a.mcap", a_take(20))
+    (tmp_path / "folder.png").mkdir()
+    for name in ("link.png", "a.recovered.mcap"):
+        (tmp_path / name).symlink_to("nowhere")
+    link = "is a link that leads to nothing; give another name, or --overwrite to replace it"
+    shown = [
+        hangtime_here("takes", "show", "a.mcap", "--plot", f"{name}.png", folder=tmp_path)
+        for name in ("folder", "link")
+    ]
+    recovered = hangtime_here("takes", "recover", "a.mcap", folder=tmp_path)
+    assert "folder.png: is a folder; give another name\n" in shown[0].stderr
+    assert f"link.png: {link}" in shown[1].stderr
+    assert f"a.recovered.mcap: {link}" in recovered.stdout + recovered.stderr
+    assert [one.returncode for one in (*shown, recovered)] == [2, 2, 2]
+    with pytest.raises(OutputError, match="is a link that leads to nothing"):
+        write_take(tmp_path / "a.recovered.mcap", a_take(20), overwrite=False)
+    assert (tmp_path / "link.png").is_symlink()
+    assert (tmp_path / "a.recovered.mcap").is_symlink()

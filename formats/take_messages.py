@@ -155,7 +155,7 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callab
     Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
     Blocks that go on with the frames of the block before stay with its take: a stray header begins no other. Others
     behind an end belong to the next header, as theirs is lost. A scan is written before the block of its second, and
-    belongs to the take of that block, or to the take before where another header comes first.
+    belongs to the take of that block. Where another header comes first, it belongs to the take before.
 
     - messages: the data of each, and its share of the file [bytes]
     - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken

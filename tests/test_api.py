@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import csv
 import dataclasses
 import io
@@ -19,9 +18,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import hangtime
-from fit.api.arguments import PlanOptions
 from fit.cli import fit_command
-from fit.identification.request import Plan
 from fit.recordings import recording, selection
 from formats.archive import write_take
 from formats.results import load_diagnosis, load_fit_result
@@ -306,10 +303,6 @@ def test_the_command_names_the_option_where_python_names_the_argument(takes, tmp
     assert "--bounds: there is no parameter named 'x'" in done.stderr
 
 
-def test_every_option_of_a_plan_is_an_argument():
-    assert list(PlanOptions.__annotations__) == [field.name for field in dataclasses.fields(Plan)]
-
-
 def test_a_fit_keeps_its_search_and_its_numbers_in_folders_that_it_makes(takes, fitted, tmp_path):
     """And a result is read again whatever its name is."""
     kept = tmp_path / "search/kept.json"
@@ -330,20 +323,6 @@ def test_a_file_that_is_no_result_is_named(tmp_path):
     (tmp_path / "other.json").write_text("{}")
     with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a FitResult"):
         hangtime.load(tmp_path / "other.json")
-
-
-def test_the_package_holds_names_only():
-    """Its statements are imports, a docstring and `__all__`."""
-    for node in ast.parse(Path(hangtime.__file__).read_text()).body:
-        assert isinstance(node, ast.ImportFrom | ast.Expr | ast.Assign)
-    assert sorted(hangtime.__all__) == [name for name in sorted(hangtime.__all__) if hasattr(hangtime, name)]
-
-
-def test_importing_it_loads_neither_taichi_nor_scipy():
-    """It starts as quickly as a script that only reads takes."""
-    code = "import sys, hangtime; print(sorted({'taichi', 'scipy'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert done.stdout.strip() == "[]"
 
 
 def blocks(*, diagnosis):

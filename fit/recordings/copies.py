@@ -1,8 +1,10 @@
 """Know takes that hold frames of one recording: to judge on frames that were fitted to would flatter the fit.
 
 A copy may have another name, clock and number of frames, lost or edited points, and rounded places. It keeps most
-places of a frame's points, and the order of its frames. Two recordings of a garment have places in common by chance,
-each in about (r / s)^3 / 5.6 of the frames, for noise s of a coordinate and places that are the same within r.
+places of a frame's points, and the order of its frames.
+
+Two recordings of a garment at rest have single places in common by chance. With noise s of a coordinate, a place lies
+within r of one of the other's in about (r / s)^3 / 5.6 of the frames. Such frames have no order.
 """
 
 from __future__ import annotations
@@ -16,13 +18,13 @@ from fit.recordings.held_edge import is_held
 from formats.arrays import Booleans, Floats, Integers
 from formats.take import Take
 
-# m in each axis: half a step of 0.1 mm, to which exports round, half a step of each archive, 0.02 mm, and rounding of
-# numbers. No two of sixteen recordings of one cloth share ten frames in order within 5 mm.
+# m in each axis. Exports round to 0.1 mm and each archive to 0.02 mm: half a step of each, and 0.03 mm more.
+# No two of sixteen recordings of one cloth share ten frames in order within 5 mm.
 SAME_PLACE = 1.0e-4
 AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
 MOST_POINTS = 12  # that are compared: more cost time and tell little more
 MOST_STEP = 10  # frames from one shared frame to the next: a copy may keep one frame in ten
-FEWEST_FRAMES = 10  # shared ones, in order: fewer do not flatter a fit
+FEWEST_SHARED = 10  # shared ones, in order: fewer do not flatter a fit
 MOST_SHARED = 0.1  # of the frames that tell something: chance leaves none in order, a copied piece more
 
 
@@ -69,7 +71,7 @@ def _share(one: _Frames, other: _Frames) -> float:
     steps = np.diff(found[met])
     follows = (steps > 0) & (steps <= MOST_STEP) & (np.diff(met) <= MOST_STEP)
     shared = int(np.count_nonzero(np.append(follows, False) | np.append(False, follows)))
-    return shared / len(telling) if shared >= FEWEST_FRAMES else 0.0
+    return shared / len(telling) if shared >= FEWEST_SHARED else 0.0
 
 
 def _partners(one: _Frames, other: _Frames, *, is_one_take: bool = False) -> Integers:

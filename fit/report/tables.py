@@ -112,7 +112,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     between = effect.amplitude_interval
     is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # nothing says that it is there
     spread, meaning = interval(between), meaning_of(effect.id, None if is_open else effect.amplitude)
-    size, spread = (spread, "") if is_open and spread else (number(effect.amplitude), spread)
+    size, spread = (spread, "") if is_open else (number(effect.amplitude), spread)
     closed = percent(closure.value) if closure is not None else MISSING
     ends = interval(closure.interval, 100, 2) if closure is not None else ""
     return Row(

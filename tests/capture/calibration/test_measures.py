@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -253,3 +254,49 @@ def test_what_moves_on_is_still_for_as_long_as_it_stays_within_the_limit():
     """0.3 px a frame: three frames are within 0.6 px, a fourth is not."""
     run = StillRun()
     assert [run.add(corners_at((100.0 + 0.3 * k, 50.0))) for k in range(5)] == [1, 2, 3, 3, 3]
+
+
+def test_the_longest_still_part_is_found_between_two_motions():
+    """Ten moving, twenty still, ten moving: frames 10 to 29, and up to 0.7 px of the motion beside them."""
+    place = np.concatenate([np.arange(10) * 2.0, np.full(20, 30.0), 32 + np.arange(10) * 2.0])
+    corners = np.tile(place[:, None, None, None], (1, 1, 4, 2))
+    lengths = [1] * 10 + list(range(1, 21)) + [1] * 10
+    run = StillRun()
+    assert [run.add(frame) for frame in corners] == lengths
+    corners[15] = np.nan  # once not found: nothing is known to have moved
+    run = StillRun()
+    assert [run.add(frame) for frame in corners] == lengths
+
+
+def test_gravity_of_a_plumb_line_by_hand():
+    """0.5 m long, 1 mm each: (1 + 1 + 2) mm^2 under the root over 500 mm are 4 mrad."""
+    sd = np.full(3, 1e-3)
+    upper, lower = Estimate(np.array([0.0, -0.2, 1.5]), sd), Estimate(np.array([0.0, 0.2, 1.8]), sd)
+    gravity = gravity_of_plumb_line(upper, lower)
+    assert gravity.value == pytest.approx([0.0, 0.8, 0.6])
+    assert float(gravity.sd) == pytest.approx(4e-3)
+
+
+def test_depth_scale_by_hand():
+    """303 mm for 300, level, 2 mm of depth each at 1.6 m: 303 / 1600 * sqrt(8) / 2 = 0.268 mm; with 0.5 mm of ruler."""
+    sd = np.array([0.0, 0.0, 2e-3])
+    scale = depth_scale(Estimate(np.array([-0.1515, 0, 1.6]), sd), Estimate(np.array([0.1515, 0, 1.6]), sd), 0.3)
+    assert float(scale.value) == pytest.approx(1.01)
+    assert float(scale.sd) == pytest.approx(1.01 * np.hypot(0.268 / 303, 0.5 / 300), rel=2e-3)
+
+
+def test_offsets_of_two_plates_are_averaged_with_what_cutting_leaves():
+    """0.7 mm at f = 575.8 px and 1.6 m are 0.252 px; of two plates 0.178 px."""
+    one, two = (Estimate(np.array([value, np.nan]), np.zeros(2)) for value in (1.0, 2.0))
+    offset = mean_offset([one, two], [1.6, 1.6], msgspec.structs.replace(CAMERA, fx=575.8))
+    assert offset.value[0] == 1.5
+    assert offset.sd[0] == pytest.approx(0.178, abs=1e-3)
+    assert np.isnan(offset.value[1])
+
+
+def test_the_deviation_of_a_median_is_that_of_many_medians():
+    """Of 400 medians of 60 normal values each; sqrt(pi / 2 / 60) = 0.162 within the 5 % that 400 leave open twice."""
+    values = np.random.default_rng(5).standard_normal((400, 60))
+    found = [median_of_frames(row) for row in values]
+    assert np.std([float(one.value) for one in found]) == pytest.approx(0.162, rel=0.1)
+    assert np.median([float(one.sd) for one in found]) == pytest.approx(0.162, rel=0.2)

@@ -33,7 +33,7 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
     """Check that takes can be fitted to, and judged on, together, and return their contents, in their order.
 
     Raises:
-        FitError: no take, takes of different garments, or one that is given twice.
+        FitError: no take, takes of different garments, or two that hold frames of one recording.
     """
     if not training:
         raise FitError("no take was given", advice="name at least one take archive")
@@ -48,14 +48,19 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
     contents = [content_of(take) for take in every]
     for place, take in enumerate(every):
         for before in range(place):
-            if contents[before] != contents[place] and not are_copies(every[before], take):
+            is_same = contents[before] == contents[place]
+            if not is_same and not are_copies(every[before], take):
                 continue
             is_shared = before < len(training) <= place
+            if is_same:
+                what = "this take is both fitted to and held out" if is_shared else "this take is given twice"
+            else:
+                what = f"this take holds frames of the recording that {every[before].take_id!r} holds"
+                what += ", which is fitted to" if is_shared else ""
             raise FitError(
-                "this take is both fitted to and held out" if is_shared else "this take is given twice",
-                where=take.take_id,
-                advice="judge on takes that are not fitted to" if is_shared else "name every take once",
-            )
+                what, where=take.take_id,
+                advice="judge on takes that are not fitted to" if is_shared else "give every recording once",
+            )  # fmt: skip
     return contents
 
 

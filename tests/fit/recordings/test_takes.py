@@ -83,7 +83,9 @@ def test_a_cut_or_damaged_copy_is_the_same_recording(kept):
     take = a_take("a")
     arrays = {name: array[kept] for name in FRAME_FIELDS if (array := getattr(take, name)) is not None}
     copy = dataclasses.replace(take, take_id="copy", is_complete=False, **arrays)
-    with pytest.raises(FitError, match=r"^copy: this take is both fitted to and held out"):
+    with pytest.raises(
+        FitError, match=r"^copy: this take holds frames of the recording that 'a' holds, which is fitted to; judge"
+    ):
         check_together([take, a_take("b", hz=0.9)], [copy])
 
 
@@ -93,7 +95,9 @@ def test_two_pieces_of_one_recording_that_share_most_frames_are_the_same_recordi
     for kept in (slice(0, 42), slice(12, 54)):
         arrays = {name: array[kept] for name in FRAME_FIELDS if (array := getattr(take, name)) is not None}
         pieces.append(dataclasses.replace(take, take_id=str(kept.start), **arrays))
-    with pytest.raises(FitError, match=r"^12: this take is both fitted to and held out"):
+    with pytest.raises(
+        FitError, match=r"^12: this take holds frames of the recording that '0' holds, which is fitted to; judge"
+    ):
         check_together(pieces[:1], pieces[1:])
 
 
@@ -110,8 +114,10 @@ def test_a_copy_whose_clock_or_some_points_changed_is_the_same_recording(change)
         arrays = {name: array[30:] for name in FRAME_FIELDS if (array := getattr(copy, name)) is not None}
         copy = dataclasses.replace(copy, **arrays)
     for given in ([take, copy], [copy, take]):
-        with pytest.raises(FitError, match="this take is both fitted to and held out"):
+        with pytest.raises(FitError, match="this take holds frames of the recording that .* holds, which is fitted to"):
             check_together(given[:1], given[1:])
+        with pytest.raises(FitError, match="that '.*' holds; give every recording once"):
+            check_together(given, [])
 
 
 def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from formats.errors import TakeError
 from formats.outputs import write_bytes
 from formats.take import Take
 
@@ -48,11 +49,18 @@ def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) 
 
     Raises:
         ModuleNotFoundError: PyArrow is not installed.
+        TakeError: two takes have one id, by which alone their rows can be told apart.
         OutputError: it is there and may not be replaced, or cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    ids = [take.take_id for take in takes]
+    twice = sorted({one for one in ids if ids.count(one) > 1})
+    if twice:
+        raise TakeError(
+            f"two takes have the id {twice[0]!r}", where=path, advice="write one of them to a file of its own"
+        )
     table = pa.concat_tables([pa.table(_rows(take, pa)) for take in takes])
     stream = io.BytesIO()
     pq.write_table(table, stream, compression="zstd")

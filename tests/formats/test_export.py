@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -286,3 +287,15 @@ def test_parquet_has_each_place_of_each_frame_whole(tmp_path):
         assert [row["sd_x_m"], row["sd_y_m"], row["sd_z_m"]] == sd.tolist()
         assert row["is_hidden"] == (at >= 2 and bool(take.points_hidden[frame, at - 2]))
         assert row["time_s"] == take.time[frame]
+
+
+def test_rows_of_two_takes_of_one_id_are_not_put_into_one_table(tmp_path):
+    pytest.importorskip("pyarrow")
+    for name, frames in (("a", 20), ("b", 30)):
+        write_take(tmp_path / f"{name}.mcap", a_take(frames))
+    words = ("--to", "parquet", "--out", "all.parquet")
+    done = hangtime_here("takes", "export", "a.mcap", "b.mcap", *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert re.search(r"all\.parquet: two takes have the id '.+'; write one of them to a file of its own", done.stderr)
+    assert not (tmp_path / "all.parquet").exists()
+    assert hangtime_here("takes", "export", "a.mcap", *words, folder=tmp_path).returncode == 0

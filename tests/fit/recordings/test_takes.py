@@ -114,9 +114,11 @@ def test_a_copy_whose_clock_or_some_points_changed_is_the_same_recording(change)
         arrays = {name: array[30:] for name in FRAME_FIELDS if (array := getattr(copy, name)) is not None}
         copy = dataclasses.replace(copy, **arrays)
     for given in ([take, copy], [copy, take]):
-        with pytest.raises(FitError, match="this take holds frames of the recording that .* holds, which is fitted to"):
+        with pytest.raises(
+            FitError, match=r"this take holds frames of the recording that .* holds, which is fitted to"
+        ):
             check_together(given[:1], given[1:])
-        with pytest.raises(FitError, match="that '.*' holds; give every recording once"):
+        with pytest.raises(FitError, match=r"that '.*' holds; give every recording once"):
             check_together(given, [])
 
 

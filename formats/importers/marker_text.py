@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.marker_lines import (
     CAN_BE_READ,
@@ -24,8 +25,9 @@ from formats.importers.marker_lines import (
     Rows,
     read_lines,
 )
-from formats.importers.marker_numbers import LONGEST_SHOWN, number_of, read_frames
+from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.number_cells import LONGEST_SHOWN, number_of
 from formats.importers.units import METRES, axes_of, metres_of
 from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
@@ -100,6 +102,11 @@ def _doubt_of_count(found: int, stated: int, path: Path) -> str:
     return ""
 
 
+def _both(first: str, second: str) -> str:
+    """Return two doubts as one text; either may be ''."""
+    return "; ".join(filter(None, [first, second]))
+
+
 def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
     if head[0].strip(f"{COMMENT} ") != "time_s":
@@ -119,8 +126,9 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
     metres, names = metres_of(stated, unit, path), _names(labels, path)
-    first, places = read_frames(rows[1:], len(head), range(1, len(head), 3), metres, path, is_exact=True)
-    return MarkerTracks(names, first[:, 0], places)
+    table = Table(len(head), range(1, len(head), 3), metres, lambda first: first[:, 0], is_exact=True)
+    frames = read_frames(rows[1:], table, path)
+    return MarkerTracks(names, frames.time, frames.places, None, frames.doubt)
 
 
 def _as_named(cell: str) -> str:
@@ -141,9 +149,11 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
     doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
-    first, places = read_frames(body, 2 + 3 * count, range(2, 2 + 3 * count, 3), metres, path)
+    frames = read_frames(
+        body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), metres, lambda first: first[:, 1]), path
+    )
     rate = _rate_beside_times(stated.get("datarate", ""))
-    return MarkerTracks(_names(names, path), first[:, 1], places, rate, doubt)
+    return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -182,8 +192,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
-    first, places = read_frames(body, len(kinds), at, metres, path)
-    return MarkerTracks(_names(labels, path), first[:, 0] / rate, places)
+    frames = read_frames(body, Table(len(kinds), at, metres, lambda first: first[:, 0] / rate), path)
+    return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt)
 
 
 def _goes_on(rows: Rows) -> bool:
@@ -219,10 +229,10 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     total = stated.get("total exported frames", "")
     doubt = _doubt_of_count(len(body), _whole(total, "number of frames", path), path) if total.strip() else ""
     metres = metres_of(stated.get("length units", ""), unit, path)
-    first, places = read_frames(body, len(axes), at, metres, path)
+    frames = read_frames(body, Table(len(axes), at, metres, lambda first: first[:, 1]), path)
     labels = [names[k] if k < len(names) else "" for k in at]
     rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return MarkerTracks(_names(labels, path), first[:, 1], places, rate, doubt)
+    return MarkerTracks(_names(labels, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
 
 
 def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -247,6 +257,9 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     body = body[:end]
     doubt = _doubt_of_count(end, count_of_frames, path)
     begin, width = 2 * has_clock, 2 * has_clock + 3 * count
-    first, places = read_frames(body, width, range(begin, width, 3), metres_of("mm", unit, path), path)
-    time = first[:, 1] if has_clock else np.arange(len(first)) / rate
-    return MarkerTracks(_names(names, path), time, places, rate, doubt)
+
+    def clock(first: Floats) -> Floats:
+        return first[:, 1] if has_clock else np.arange(end) / rate
+
+    frames = read_frames(body, Table(width, range(begin, width, 3), metres_of("mm", unit, path), clock), path)
+    return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))

@@ -50,7 +50,7 @@ def test_a_line_in_the_middle_that_is_cut_within_a_number_is_named(tmp_path, nam
     cells = lines[-2].split(separator)
     cut = separator.join([*cells[:6], cells[6][:3]])
     path.write_text("\n".join([*lines[:-2], cut, lines[-1], ""]))
-    with pytest.raises(TakeError, match=rf"line {len(lines) - 1} (ends within a number|has 7 columns)"):
+    with pytest.raises(TakeError, match=rf"line {len(lines) - 1} (ends within a marker|has 7 columns)"):
         read_marker_tracks(path)
 
 

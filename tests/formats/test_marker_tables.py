@@ -7,9 +7,9 @@ import pytest
 
 from formats.errors import TakeError
 from formats.exporters.marker_files import at_one_rate
-from formats.importers.marker_numbers import number_of
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks, as_seen
+from formats.importers.number_cells import number_of
 from formats.importers.units import metres_of, other_unit
 
 

@@ -1,0 +1,60 @@
+"""The cells of text files of marker paths: a number as programs write it, or a word for a place that was not seen."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+LONGEST_SHOWN = 40  # characters of a cell in a message
+# Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
+GAP_WORDS = {
+    "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a number is written: digits behind its point, and letters behind its `e`."""
+
+    digits: int
+    power: int
+
+
+def number_of(cell: str) -> float:
+    """Return the number of a cell, NaN where it says that nothing was seen.
+
+    Raises:
+        ValueError: it holds anything else; says so.
+    """
+    word = cell.strip().lower()
+    plain = word.replace(",", ".")
+    # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
+    if NUMBER.fullmatch(plain) and np.isfinite(number := float(plain)):
+        return number
+    if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS:
+        return np.nan
+    raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, which a decimal comma may part."""
+    return NUMBER.fullmatch(cell.strip().replace(",", ".")) is not None
+
+
+def is_seen(cell: str) -> bool:
+    """Return whether a cell is a number that stands for a place: 0 stands for a marker that was not seen."""
+    return is_number(cell) and float(cell.strip().replace(",", ".")) != 0
+
+
+def magnitude_of(cell: str) -> int:
+    """Return the power of ten of the first digit of a number that is not 0."""
+    return int(np.floor(np.log10(abs(number_of(cell)))))
+
+
+def form_of(cell: str) -> Form:
+    """Return how the number of a cell is written."""
+    number, _, power = cell.strip().lower().replace(",", ".").partition("e")
+    return Form(len(number.partition(".")[2]), len(power))

@@ -6,11 +6,12 @@ import os
 import platform
 import re
 import sys
+from copy import copy
 from importlib.metadata import entry_points, requires, version
 from typing import Any, NoReturn
 
 import typer
-from typer.main import get_command
+from typer.main import get_command, get_command_name
 
 from formats import help_pages, telling
 from formats.completion import choose_shell
@@ -30,6 +31,7 @@ PACKAGES = {
     "pxr": "usd-core",
     "rerun": "rerun-sdk",
 }  # those that are not named as what they bring
+WORDS_ASKED = "_HANGTIME_COMPLETE"  # variable by which a shell asks for all that a word may become
 PANIC = "PanicException"  # of libraries written in Rust: no Exception, and its class cannot be imported
 
 app = typer.Typer(
@@ -65,13 +67,27 @@ def gather_commands() -> None:
         entry.load()(app)
 
 
-def whole() -> Any:
-    """Return the `hangtime` command, with the commands of every installed package and the options that all have."""
+def whole(name: str | None = None) -> Any:
+    """Return the `hangtime` command, with the commands of every installed package and the options that all have.
+
+    - `name`: of the only command or group that is wanted; the others take as long to make as Python to start
+    """
     gather_commands()
     help_pages.add_pages(app)
-    made = get_command(app)
+    made = get_command(_with_only(name))
     help_pages.finish(made)
     return made
+
+
+def _with_only(name: str | None) -> typer.Typer:
+    """Return the app with the command or group of this name alone, the whole one where none has it."""
+    part = copy(app)
+    part.registered_groups = [group for group in app.registered_groups if group.name == name]
+    part.registered_commands = [
+        command for command in app.registered_commands
+        if command.callback is not None and name == (command.name or get_command_name(command.callback.__name__))
+    ]  # fmt: skip
+    return part if part.registered_groups or part.registered_commands else app
 
 
 def main() -> None:
@@ -81,7 +97,7 @@ def main() -> None:
         take_streams()
         remember_interruptions()
         telling.begin()
-        command = whole()
+        command = whole(next(iter(sys.argv[1:]), None) if WORDS_ASKED not in os.environ else None)
         choose_shell()
         try:
             command(prog_name="hangtime")  # also as `python -m hangtime`, of which no shell completes anything

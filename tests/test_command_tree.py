@@ -15,6 +15,7 @@ import pytest
 import typer
 
 from docs.generator.commands import every_command, whole_command
+from formats import command as program
 from formats import help_pages
 from formats.archive import write_take
 from formats.command_groups import OTHER, PANELS
@@ -193,3 +194,32 @@ def test_a_terminal_gets_boxes_and_colours_unless_it_wants_none(tmp_path):
     plain = hangtime_here("compare", "-h", folder=tmp_path).stdout  # not a terminal
     assert "╭─" not in plain
     assert "\x1b" not in plain
+
+
+def parts_of(root):
+    return {part: [sorted(p.opts) for p in one.params] for part, one in every_command(root, "")}
+
+
+def test_a_command_that_is_made_alone_is_the_same_as_among_all():
+    """Programs make the one that the command line names, as all of them take a tenth of a second."""
+    among = whole_command().commands
+    for name in among:
+        alone = program.whole(name)
+        assert list(alone.commands) == [name]
+        assert parts_of(alone.commands[name]) == parts_of(among[name])
+    for other in (None, "--help", "nothing", ""):
+        assert list(program.whole(other).commands) == list(among)
+
+
+def test_a_program_makes_only_the_command_that_it_is_asked_for_and_all_to_complete_words(tmp_path, monkeypatch):
+    asked, made = [], whole_command()
+    monkeypatch.setattr(program, "whole", lambda name=None: asked.append(name) or made)
+    assert "Usage: hangtime takes show" in hangtime_here("takes", "show", "--help", folder=tmp_path).stdout
+    for variable, value in (
+        ("_HANGTIME_COMPLETE", "complete_bash"),
+        ("COMP_WORDS", "hangtime ta"),
+        ("COMP_CWORD", "1"),
+    ):
+        monkeypatch.setenv(variable, value)
+    assert hangtime_here("ta", folder=tmp_path).stdout.split() == ["takes"]
+    assert asked == ["takes", None]

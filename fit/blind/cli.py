@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from fit.blind.scoring import Score
 
 blind = typer.Typer(
-    name="blind",
     help="Check the diagnosis on cases whose truth is sealed.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -40,7 +39,7 @@ Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side b
 
 def add_commands(app: typer.Typer) -> None:
     """Add the group `blind` to the `hangtime` command."""
-    app.add_typer(blind, rich_help_panel=CHECK)
+    app.add_typer(blind, name="blind", rich_help_panel=CHECK)
 
 
 @blind.command("make", short_help="Simulate cases with withheld effects and seal their labels.")

@@ -297,7 +297,7 @@ def _fails_with(error):
     ],
 )  # fmt: skip
 def test_what_only_the_system_says_becomes_one_sentence(monkeypatch, tmp_path, error, sentence):
-    monkeypatch.setattr(command, "whole", lambda: _fails_with(error))
+    monkeypatch.setattr(command, "whole", lambda name: _fails_with(error))
     done = hangtime_here("takes", folder=tmp_path)
     assert (done.returncode, done.stderr) == (2, f"hangtime: {sentence}\n")
 
@@ -306,6 +306,6 @@ def test_what_only_the_system_says_becomes_one_sentence(monkeypatch, tmp_path, e
     "error", [ModuleNotFoundError(name="formats.gone"), ModuleNotFoundError(), OSError(errno.EBADF, "Bad descriptor")]
 )
 def test_a_fault_of_the_program_stays_one(monkeypatch, tmp_path, error):
-    monkeypatch.setattr(command, "whole", lambda: _fails_with(error))
+    monkeypatch.setattr(command, "whole", lambda name: _fails_with(error))
     with pytest.raises(type(error)):
         hangtime_here("takes", folder=tmp_path)

@@ -148,7 +148,7 @@ def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):
     """The real one, which `open_bucket` keeps from happening."""
     obstore = pytest.importorskip("obstore")
     store = pytest.importorskip("obstore.store").S3Store("b", endpoint="http://", region="r", skip_signature=True)
-    monkeypatch.setattr(command, "whole", lambda: lambda **_: list(obstore.list(store)))
+    monkeypatch.setattr(command, "whole", lambda name: lambda **_: list(obstore.list(store)))
     done = hangtime_here("batch", folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("hangtime: a library failed (request ")

@@ -5,73 +5,47 @@ Every finding is a sentence and a next action. A grave one says that nothing can
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.garment import Garment
-from formats.hanger import held_ends
+from formats.findings import (
+    FEWEST_SEEN,
+    HARDLY_EVER,
+    HARDLY_MOVED,
+    SHORTEST_DIAGNOSED,
+    Finding,
+    camera_of,
+    ends_of,
+)
+from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
+from formats.sights import Sights, exchanged, first_jump, reach, sights_of
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
-SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
-HARDLY_EVER = 0.1  # of the frames
-HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
-SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
-RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
-HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: the synthetic motions have below 1
-MOST_NAMES = 5  # of points in one sentence
-ENOUGH = 10  # frames that both points of a distance must be seen in
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """Something about a take that a person can mend by recording again.
-
-    name: for programs; is_grave: nothing can be fitted to the take
-    """
-
-    name: str
-    words: str
-    advice: str
-    is_grave: bool = False
-
-    def as_fact(self) -> dict[str, str | bool]:
-        """Return it for a file of facts."""
-        return {"name": self.name, "words": self.words, "advice": self.advice, "is_grave": self.is_grave}
 
 
 def judge(take: Take) -> tuple[Finding, ...]:
     """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
     if len(take.time) < FEWEST_HANGERS:
         return (_too_short(f"the take has {counted(len(take.time), 'frame')}", is_grave=True),)
-    has_hanger = np.asarray(np.isfinite(take.markers).all((1, 2)))
+    sights = sights_of(take)
+    has_hanger = sights.held
     frames = int(shows_hanger(take).sum())
     if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * frames):
         return (
             Finding(
                 name="hanger_hardly_seen", is_grave=True,
-                words=f"both {_ends(take)} were seen together in {has_hanger.sum()} of {counted(frames, 'frame')}",
-                advice=f"turn both {_ends(take)} to the {_camera(take)} and record again",
+                words=f"both {ends_of(take)} were seen together in {has_hanger.sum()} of {counted(frames, 'frame')}",
+                advice=f"turn both {ends_of(take)} to the {camera_of(take)} and record again",
             ),
         )  # fmt: skip
-    found = [*_hanger_gaps(take, has_hanger), *_length(take, has_hanger), *_markers(take, has_hanger)]
-    found += [*_motion(take, has_hanger), *_points(take), *_size(take), *_hang(take, has_hanger)]
+    found = [*_hanger_gaps(take, has_hanger), *_length(take, sights), *_markers(take, has_hanger)]
+    found += [*_path(take, has_hanger), *_motion(take, has_hanger), *cloth_findings(take, sights)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
-
-
-def _ends(take: Take) -> str:
-    """Return the plural of that by which the hanger was followed."""
-    return "ends of the held edge" if take.rig.hanger is None else "hanger markers"
-
-
-def _camera(take: Take) -> str:
-    return "cameras" if take.rig.sensor is None else "sensor"
 
 
 def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
@@ -84,21 +58,28 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
     spell = f"for {steps.max():.1f} s from {begins:.1f} s on{others}"
     return [
         Finding(
-            name="hanger_lost", is_grave=True, words=f"the two {_ends(take)} were not seen together {spell}",
-            advice=f"record again with both {_ends(take)} in view from beginning to end",
+            name="hanger_lost", is_grave=True, words=f"the two {ends_of(take)} were not seen together {spell}",
+            advice=f"record again with both {ends_of(take)} in view from beginning to end",
         )
     ]  # fmt: skip
 
 
-def _length(take: Take, has_hanger: Booleans) -> list[Finding]:
+def _length(take: Take, sights: Sights) -> list[Finding]:
     of_both = [take.time[shows(take)] for shows in (shows_points, shows_hanger)]
-    seconds, seen = min(map(_span, of_both)), _span(take.time[has_hanger])
-    if min(seconds, seen) >= SHORTEST_DIAGNOSED:
-        return []
+    seconds, seen = min(map(_span, of_both)), _span(take.time[sights.held])
+    cloth = take.time[sights.within & sights.cloth]
+    together = _span(cloth) if len(cloth) >= FEWEST_SEEN else np.inf  # else other findings tell that
+    count = int(sights.held.sum())
+    if min(seconds, seen, together) >= SHORTEST_DIAGNOSED:
+        words = f"the two {ends_of(take)} were seen together in {count} frames, and a fit needs {FEWEST_SEEN}"
+        return [_too_short(words)] if count < FEWEST_SEEN else []
     if seconds < SHORTEST_DIAGNOSED:
         return [_too_short(f"the take lasts {_below(seconds)} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
-    over = f"the two {_ends(take)} were seen together over {_below(seen)} s"
-    return [_too_short(f"{over}, and no motion below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
+    none = f"and no motion below {SHORTEST_DIAGNOSED:g} s is diagnosed"
+    if seen < SHORTEST_DIAGNOSED:
+        over = f"the two {ends_of(take)} were seen together over {_below(seen)} s"
+        return [_too_short(f"{over}, {none}")]
+    return [_too_short(f"garment and hanger were seen together over {_below(together)} s, {none}")]
 
 
 def _span(times: Floats) -> float:
@@ -143,125 +124,44 @@ def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
     return found
 
 
+def _path(take: Take, has_hanger: Booleans) -> list[Finding]:
+    """Tell of held ends that are exchanged in some frames, and of jumps of another kind."""
+    time, ends = take.time[has_hanger], take.held[has_hanger]
+    found, swapped = [], exchanged(time, ends)
+    if swapped.any():
+        begins = float(time[int(np.argmax(swapped))]) - origin_of(take)
+        frames = f"{swapped.sum()} of {counted(len(time), 'frame')}"
+        found.append(
+            Finding(
+                name="ends_exchanged", is_grave=True,
+                words=f"left and right {_end(take)} are exchanged in {frames}, first at {begins:.2f} s",
+                advice="check which is which there, then correct the labels or record again",
+            )
+        )  # fmt: skip
+    jump = first_jump(time, np.where(swapped[:, None, None], ends[:, ::-1], ends))
+    if jump is not None:
+        found.append(
+            Finding(
+                name="hanger_jumps", is_grave=True,
+                words=f"the hanger jumps at {time[jump] - origin_of(take):.2f} s, as no hand moves it",
+                advice=f"check the {ends_of(take)} there, then record again",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _end(take: Take) -> str:
+    return "end of the held edge" if take.rig.hanger is None else "hanger marker"
+
+
 def _motion(take: Take, has_hanger: Booleans) -> list[Finding]:
-    low, high = np.percentile(take.markers[has_hanger], [1, 99], axis=0)  # noise of single frames is no motion
-    reach = float(np.linalg.norm(high - low, axis=1).max())  # of either end: a twist leaves the middle where it is
-    if reach >= HARDLY_MOVED:
+    moved = reach(take.markers[has_hanger])
+    if moved >= HARDLY_MOVED:
         return []
     return [
         Finding(
             name="hardly_moved",
-            words=f"the hanger moved by {1e3 * reach:.0f} mm at most, which tells next to nothing of the cloth",
+            words=f"the hanger moved by {1e3 * moved:.0f} mm at most, which tells next to nothing of the cloth",
             advice="swing it to and fro by the width of a hand or more",
         )
     ]  # fmt: skip
-
-
-def _points(take: Take) -> list[Finding]:
-    names = take.garment.point_names
-    never = [name for name, valid in zip(names, np.asarray(take.points_valid.any(0)), strict=True) if not valid]
-    if not never:
-        return []
-    if set(names) - set(_held_points(take)) <= set(never):
-        which = "of the garment" if len(never) == len(names) else "below the held edge"
-        return [
-            Finding(
-                name="garment_never_seen", words=f"no point {which} was ever seen", is_grave=True,
-                advice="let it hang free below the hanger, 8 cm or more before any wall",
-            )
-        ]  # fmt: skip
-    advice = "bring the whole garment into view, with nothing before it"
-    if take.rig.hanger is not None and set(_held_points(take)) <= set(never):
-        (left, *_), (right, *_) = take.rig.hanger.held_m
-        advice = f"measure hanger.held_m again: it says that the held edge is {100 * (right - left):.0f} cm wide"
-    return [
-        Finding(
-            name="points_never_seen",
-            words=f"{_names(never)} {'was' if len(never) == 1 else 'were'} never seen", advice=advice,
-        )
-    ]  # fmt: skip
-
-
-def _names(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
-
-
-def _held_points(take: Take) -> list[str]:
-    """Return the names of the points at the ends of the held edge; both or none."""
-    ends = take.garment.outline_m[:2]
-    names = [
-        point.name
-        for end in ends
-        for point in take.garment.points
-        if np.linalg.norm(np.subtract(point.at_m, end)) < 1e-6
-    ]
-    return names if len(names) == len(ends) else ["none"]
-
-
-def _hang(take: Take, has_hanger: Booleans) -> list[Finding]:
-    """Compare gravity with the mean direction from the held edge to the points: swings to both sides cancel."""
-    if take.rig.hanger is None or take.rig.sensor is None:
-        return []
-    flat = np.array([point.at_m for point in take.garment.points])
-    free = flat[:, 1] < min(corner[1] for corner in take.garment.outline_m[:2]) - 0.1  # m: held points hang nowhere
-    shown = has_hanger & np.asarray(take.points_valid[:, free].all(1)) if free.any() else has_hanger & False
-    if shown.sum() < ENOUGH:
-        return []
-    held = held_ends(take.markers[shown], take.rig).mean(1)
-    hang = (take.points[shown][:, free].mean(1) - held).mean(0)
-    gravity = np.array(take.rig.gravity)
-    angle = float(
-        np.degrees(np.arccos(np.clip(hang @ gravity / np.linalg.norm(hang) / np.linalg.norm(gravity), -1, 1)))
-    )
-    if angle <= HANGS_WITHIN:
-        return []
-    down = ", ".join(f"{round(part, 2) + 0.0:.2f}" for part in hang / np.linalg.norm(hang))
-    return [
-        Finding(
-            name="gravity_off", words=f"the garment hangs {angle:.0f} degrees off the rig's gravity, along [{down}]",
-            advice="measure gravity with `hangtime calibrate`; x is to the right, y down, z away from the sensor",
-        )
-    ]  # fmt: skip
-
-
-def _size(take: Take) -> list[Finding]:
-    """Compare the largest distances between points with those on the flat garment.
-
-    Cloth that hangs is nearly as long as on the table, and in a swing it is never longer by much.
-    """
-    flat = np.array([point.at_m for point in take.garment.points])
-    worst: tuple[float, float, str, str] | None = None
-    for first, second in _pairs(flat, take.garment):
-        both = take.points_valid[:, first] & take.points_valid[:, second]
-        if both.sum() < ENOUGH:
-            continue
-        apart = np.linalg.norm(take.points[both, first] - take.points[both, second], axis=1)
-        told, seen = float(np.linalg.norm(flat[first] - flat[second])), float(np.percentile(apart, RIGHT_MOST))
-        if worst is None or abs(seen / told - 1) > abs(worst[0] / worst[1] - 1):
-            worst = seen, told, take.garment.point_names[first], take.garment.point_names[second]
-    if worst is None or SMALLER <= worst[0] / worst[1] <= LARGER:
-        return []
-    seen, told, one, other = worst
-    size = "smaller" if seen < told else "larger"
-    return [
-        Finding(
-            name=f"garment_{size}",
-            words=f"the garment is {size} than described: {one} and {other} are at most {100 * seen:.0f} cm apart, "
-            f"{100 * told:.0f} cm in its file",
-            advice="measure it again, or choose the file of the garment that hangs there",
-        )
-    ]
-
-
-def _pairs(flat: Floats, garment: Garment) -> list[tuple[int, int]]:
-    """Return the pairs of points that are neighbours along the outline: straight cloth lies between them.
-
-    Between two held corners it may sag.
-    """
-    outline = garment.outline_m
-    corners = [int(np.argmin(np.linalg.norm(flat - corner, axis=1))) for corner in outline]
-    if any(np.linalg.norm(flat[at] - corner) >= 1e-6 for at, corner in zip(corners, outline, strict=True)):
-        return []
-    pairs = list(zip(corners, corners[1:] + corners[:1], strict=True))
-    return pairs[1:] if garment.held == "corners" else pairs

@@ -22,8 +22,9 @@ from capture.appliance.spool import KeptTake, RunningTake, Spool
 from capture.recording.frame_reader import Seen
 from formats.archive import TakeWriter, read_take
 from formats.errors import HangtimeError, OutputError
+from formats.findings import Finding
 from formats.garment import Garment
-from formats.judgement import Finding, judge
+from formats.judgement import judge
 from formats.rig import Rig
 from formats.whole_files import make_writable
 

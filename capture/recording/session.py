@@ -25,8 +25,9 @@ from firmware_host.errors import SensorError
 from formats.archive import TakeWriter, read_take
 from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
+from formats.findings import Finding
 from formats.garment import Garment
-from formats.judgement import FEWEST_HANGERS, Finding, judge
+from formats.judgement import FEWEST_HANGERS, judge
 from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
 from formats.system_causes import step_to_write

@@ -1,0 +1,173 @@
+"""Find when hanger and garment of a take were seen as a fit needs them, and motion that neither hand nor cloth makes.
+
+A fit knows the hanger's path between sights at most `LONGEST_GAP` apart. After a longer gap it counts no cloth for
+`SETTLING`. So these rules are those of `fit.recordings`: a take that a fit refuses is told where it is recorded.
+
+The line from one held end to the other, b, turns by an angle a in the step dt between two sights. The ends are
+exchanged from one sight to the other where
+
+    a > 90 degrees   and   a / dt > FASTEST_TURN
+
+A held end jumps where it is faster than `FASTEST_END`, or is accelerated harder than
+
+    sqrt(HARDEST_PULL^2 + (10 sd)^2)
+
+with sd the median of that which noise makes of a second difference, as in `fit.recordings.hanger_path`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formats.arrays import Booleans, Floats
+from formats.garment import Garment
+from formats.motion import HARDEST_PULL
+from formats.take import LONGEST_GAP, Take
+from formats.two_clocks import at_times, shows_hanger, shows_points
+
+SETTLING = 2.5  # s after a gap of the hanger: 4 % are left of a swing that decays with 1.25 /s, as a real cloth's did
+ON_EDGE = 0.02  # of the garment's height, within which of the held edge, or of a clip, a point moves with the hanger
+FASTEST_END = 8.0  # m/s of a held end, twice what a hand can do with a hanger
+FASTEST_TURN = 10.0  # rad/s of the held edge: a twist by 45 degrees to each side at 2 Hz has as much at its middle
+NOISIER = 10.0  # times the median noise of a path that a single place may be off
+SAME_PLACE = 1e-5  # m: an archive's steps are 1e-4 m, and the noise of markers is as large or larger
+CLOCKS_APART = np.arange(-0.5, 0.51, 0.02)  # s that a clock of the hanger's own is led to the points' by, in a fit
+
+
+@dataclass(frozen=True)
+class Sights:
+    """When hanger and garment were seen.
+
+    - `held`, (frames,): both held ends were seen
+    - `within`, (frames,): points could be seen then, from the first to the last sight of the hanger
+    - `is_known`, (frames,): and the hanger's path is known there
+    - `free`, (points,): the points that do not move with the hanger
+    - `cloth`, (frames,): a free point was seen
+    """
+
+    held: Booleans
+    within: Booleans
+    is_known: Booleans
+    free: Booleans
+    cloth: Booleans
+
+
+def sights_of(take: Take) -> Sights:
+    """Return when hanger and garment of a take were seen."""
+    held = np.asarray(
+        np.isfinite(take.markers).all((1, 2)) & take.held_valid.all(1) & np.isfinite(take.held).all((1, 2))
+    )
+    seen, within = take.time[held], shows_points(take)
+    within &= (take.time >= seen[0]) & (take.time <= seen[-1]) if len(seen) else np.zeros(len(within), bool)
+    known = within.copy()
+    for k in np.flatnonzero(np.diff(seen) > LONGEST_GAP):
+        known &= (take.time <= seen[k]) | (take.time >= seen[k + 1] + SETTLING)
+    free = ~_moves_with_hanger(take.garment)
+    return Sights(held, within, known, free, np.asarray(take.points_valid[:, free].any(1)))
+
+
+def _moves_with_hanger(garment: Garment) -> Booleans:
+    """Return the points, (points,), on a clamped edge, or those at clips."""
+    places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
+    left, right = np.asarray(garment.outline_m[:2], float)
+    share = np.clip((places - left) @ (right - left) / ((right - left) @ (right - left)), 0.0, 1.0)
+    share = share if garment.held == "edge" else np.round(share)
+    apart = np.linalg.norm(places - left - share[:, None] * (right - left), axis=1)
+    return np.asarray(apart < ON_EDGE * float(np.ptp(np.asarray(garment.outline_m)[:, 1])))
+
+
+def exchanged(time: Floats, ends: Floats) -> Booleans:
+    """Return the sights, (sights,), in which the held ends are exchanged: those that are fewer.
+
+    time [s], (sights,); ends [m], (sights, 2, 3)
+    """
+    bar = ends[:, 1] - ends[:, 0]
+    bar = bar / np.maximum(np.linalg.norm(bar, axis=1, keepdims=True), 1e-9)
+    turned = np.arccos(np.clip((bar[1:] * bar[:-1]).sum(1), -1.0, 1.0))
+    is_exchange = (turned > np.pi / 2) & (turned > FASTEST_TURN * np.diff(time))
+    found = np.concatenate([[0], np.cumsum(is_exchange)]) % 2 == 1
+    return np.asarray(found if 2 * found.sum() <= len(found) else ~found)
+
+
+def first_jump(time: Floats, ends: Floats) -> int | None:
+    """Return the first sight to which a held end jumps, or from which it does; None where no end jumps.
+
+    time [s], (sights,); ends [m], (sights, 2, 3)
+    """
+    if len(time) < 3:
+        return None
+    before, after = np.diff(time)[:-1, None], np.diff(time)[1:, None]
+    slopes = np.diff(ends, axis=0) / np.diff(time)[:, None, None]
+    pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
+    gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
+    is_jump = np.zeros(len(time), bool)
+    is_jump[1:-1] = (pull > np.hypot(HARDEST_PULL, NOISIER * gain * np.median(pull / gain, axis=0))).any(1)
+    is_jump[1:] |= (np.linalg.norm(slopes, axis=2) > FASTEST_END).any(1)
+    return int(np.argmax(is_jump)) if is_jump.any() else None
+
+
+def reach(places: Floats) -> float:
+    """Return how far one of several places goes at most [m], corner to corner, of places [m], (sights, n, 3).
+
+    Each place is the median of three sights, so that a single bad one is no motion.
+    """
+    if len(places) > 2:
+        places = np.median(np.stack([places[:-2], places[1:-1], places[2:]]), axis=0)
+    return float(np.linalg.norm(np.ptp(places, axis=0), axis=1).max())
+
+
+def standing(take: Take, sights: Sights, moved: float) -> list[tuple[int, float, float]]:
+    """Return the points that keep their very place while the hanger moves, and the longest spell of each [s].
+
+    moved [m]: how far the middle of the held ends moves then at least, for a point may lie on the axis of a twist
+
+    Spells below `LONGEST_GAP` are not looked at.
+    """
+    held, middle, found = np.flatnonzero(sights.held), take.held.mean(1, keepdims=True), []
+    for point in range(take.points.shape[1]):
+        rows = np.flatnonzero(take.points_valid[:, point])
+        stays = (np.abs(np.diff(take.points[rows, point], axis=0)) < SAME_PLACE).all(1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], stays, [False]]).astype(int)))
+        spells = []
+        for first, last in zip(rows[edges[::2]], rows[edges[1::2]], strict=True):
+            within = held[(held >= first) & (held <= last)]
+            if take.time[last] - take.time[first] > LONGEST_GAP and len(within) and reach(middle[within]) > moved:
+                spells.append((point, float(take.time[first]), float(take.time[last])))
+        found += sorted(spells, key=lambda spell: spell[1] - spell[2])[:1]
+    return found
+
+
+def away_from_held(take: Take, sights: Sights) -> Floats:
+    """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
+
+    Where the hanger has a clock of its own, they are those at the shift of the clock that brings them nearest.
+    """
+    frames = np.flatnonzero(sights.is_known)
+    seen, places = take.points_valid[frames], take.points[frames]
+    has_two_clocks = not (shows_hanger(take) & shows_points(take)).all()
+    found = []
+    for shift in CLOCKS_APART if has_two_clocks else np.zeros(1):
+        ends = at_times(take.time[frames] + shift, take.time[sights.held], take.held[sights.held])
+        apart = np.linalg.norm(places[:, :, None] - ends[:, None], axis=3)
+        found.append(_medians(np.where(seen[..., None], apart, np.nan)))
+    return np.asarray(np.fmin.reduce(found))
+
+
+def _medians(apart: Floats) -> Floats:
+    """Return the medians over the frames, (points, 2), of those that are numbers."""
+    whole = np.full(apart.shape[1:], np.nan)
+    is_there = np.isfinite(apart).any(0)
+    whole[is_there] = np.nanmedian(apart[:, is_there], axis=0)
+    return whole
+
+
+def longest_without_cloth(take: Take, sights: Sights) -> tuple[float, float]:
+    """Return begin and end [s] of the longest time without a free point while the hanger was seen; 0 and 0 of none."""
+    rows, held = np.flatnonzero(sights.within & sights.cloth), np.cumsum(sights.held)
+    begins, ends = rows[:-1], rows[1:]
+    with_hanger = held[np.maximum(ends - 1, 0)] > held[begins]
+    spans = np.where(with_hanger, take.time[ends] - take.time[begins], 0.0)
+    longest = int(np.argmax(spans)) if len(spans) else 0
+    return (float(take.time[begins[longest]]), float(take.time[ends[longest]])) if spans.any() else (0.0, 0.0)

@@ -1,0 +1,86 @@
+"""What a fit refuses of a take, the judgement tells where the take is recorded or imported, and by the same numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.recordings import geometry, hanger_path, held_edge, impossible_points, intact, recording, timing
+from formats import findings, judged_cloth, sights
+from formats.judgement import judge
+from tests.formats.test_judged_cloth import exchanged, of_markers, turned
+from tests.formats.test_judgement import swung, with_points, without_hanger
+from tests.formats.test_judgement_sentences import imported, unseen
+
+SECOND_HALF = slice(150, None)
+
+
+def short_edge():
+    points = swung(10.0).points.copy()
+    points[:, :2, 0] = points[:, :2, 0].mean(1, keepdims=True) + np.array([-0.04, 0.04])
+    return imported(with_points(swung(10.0), points))
+
+
+def jumping():
+    points = swung(10.0).points.copy()
+    points[90:95, 0] += [0.0, 0.3, 0.0]
+    return imported(with_points(swung(10.0), points))
+
+
+def without_held(take, frames):
+    """Both markers and ends are not seen."""
+    held = take.held.copy()
+    held[frames] = np.nan
+    return dataclasses.replace(without_hanger(take, frames), held=held, held_valid=np.isfinite(held).all(2))
+
+
+REFUSED = {
+    "cloth once": lambda: unseen(swung(10.0), slice(None), np.arange(300) != 150),
+    "cloth and hanger apart": lambda: unseen(without_held(swung(10.0), SECOND_HALF), slice(None), slice(0, 150)),
+    "cloth only after a gap": lambda: unseen(
+        without_held(swung(10.0), slice(90, 150)), slice(None), np.r_[0:90, 215:300]
+    ),
+    "ends exchanged": lambda: exchanged(swung(10.0), slice(90, 95)),
+    "a jump": jumping,
+    "a short edge": short_edge,
+    "left is right": lambda: exchanged(swung(10.0), slice(None)),
+    "oblique markers": lambda: of_markers(swung(10.0), turned(swung(10.0).markers, 30)),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_take_that_a_fit_refuses_has_a_grave_finding(name):
+    take = REFUSED[name]()
+    with pytest.raises(FitError):
+        geometry.check_geometry(recording.prepare(take))
+    assert any(one.is_grave for one in judge(take))
+
+
+def test_a_take_of_nineteen_frames_which_a_fit_refuses_is_told_as_too_short():
+    """It is not grave: `hangtime record` keeps a take that somebody stopped after ten frames without an error."""
+    take = swung(19 / 30)
+    with pytest.raises(FitError, match="19 frames"):
+        recording.prepare(take)
+    assert [one.name for one in judge(take)] == ["too_short"]
+
+
+@pytest.mark.parametrize("seconds", [0.7, 10.0])
+def test_a_take_that_a_fit_takes_has_no_grave_finding(seconds):
+    take = swung(seconds)
+    geometry.check_geometry(recording.prepare(take))
+    assert not any(one.is_grave for one in judge(take))
+
+
+def test_both_have_the_same_bounds():
+    assert sights.FASTEST_END == hanger_path.FASTEST_HANGER
+    assert sights.NOISIER == hanger_path.NOISIER_THAN_STATED
+    assert sights.SETTLING == intact.SETTLING_TIME
+    assert sights.ON_EDGE == held_edge.ON_EDGE
+    assert findings.FEWEST_SEEN == held_edge.FEWEST_FRAMES
+    assert judged_cloth.SHORTEST_EDGE == geometry.SHORTEST_EDGE
+    assert judged_cloth.MOST_STRETCHED == impossible_points.LONGEST_STRETCH
+    assert judged_cloth.MEASURED_APART == geometry.LENGTH_TOLERANCE
+    assert np.abs(sights.CLOCKS_APART).max() == pytest.approx(timing.LARGEST_SHIFT)

@@ -1,0 +1,220 @@
+"""A take that a fit refuses, or that misleads one, is told at the door with its true cause; an honest take is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from firmware_host.synthetic.scene import RIG
+from formats.hanger import held_ends
+from formats.judgement import judge
+from tests.formats.test_judgement import named, swung, with_points, without_hanger
+from tests.formats.test_judgement_sentences import imported, unseen
+
+FLAT = np.array([point.at_m for point in swung().garment.points])
+
+
+def told(take):
+    return [(one.name, one.is_grave, one.words) for one in judge(take)]
+
+
+def turned(places, degrees):
+    """Places [m], (..., 3), turned in the picture about their middle."""
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    middle = places.mean(-2, keepdims=True)
+    return middle + (places - middle) @ turn.T
+
+
+def of_markers(take, markers):
+    """The take whose held ends follow from the markers, 10 cm above the held edge."""
+    rig = msgspec.structs.replace(
+        RIG, hanger=msgspec.structs.replace(RIG.hanger, held_m=((-0.2, 0.1, 0.0), (0.2, 0.1, 0.0)))
+    )
+    return dataclasses.replace(take, rig=rig, markers=markers, held=held_ends(markers, rig))
+
+
+def exchanged(take, frames):
+    points = take.points.copy()
+    points[frames, :2] = points[frames, 1::-1]
+    return imported(dataclasses.replace(with_points(take, points), markers=points[:, :2]))
+
+
+def test_cloth_that_is_seen_in_one_of_600_frames_cannot_be_fitted():
+    take = swung(20.0)
+    once = unseen(take, slice(None), np.arange(600) != 300)
+    assert told(once) == [
+        ("garment_hardly_seen", True, "points below the held edge were seen in 1 of 600 frames")
+    ]  # fmt: skip
+
+
+def test_cloth_that_is_seen_in_less_than_a_tenth_of_the_frames_is_told():
+    take = swung(20.0)
+    seldom, enough = (unseen(take, slice(None), np.arange(600) % step != 0) for step in (11, 10))
+    assert told(seldom) == [
+        ("garment_hardly_seen", False, "points below the held edge were seen in 55 of 600 frames")
+    ]  # fmt: skip
+    assert told(enough) == []
+
+
+def test_a_single_point_that_is_hardly_ever_seen_is_named():
+    seldom = unseen(swung(), [2], np.arange(180) >= 17)
+    assert told(seldom) == [("points_hardly_seen", False, "bottom_right was seen in 17 of 180 frames")]
+    assert told(unseen(swung(), [2], np.arange(180) >= 18)) == []
+
+
+def test_cloth_that_is_seen_only_while_the_hanger_is_not_cannot_be_fitted():
+    take = unseen(without_hanger(swung(20.0), slice(300, None)), slice(None), slice(0, 300))
+    words = (
+        "points below the held edge were seen in 300 of 600 frames, and in 0 of them while the hanger's path is known"
+    )
+    assert told(take) == [("garment_hardly_seen", True, words)]
+
+
+def test_hanger_and_cloth_in_turn_frame_by_frame_are_no_fault():
+    """The hanger's path is led across its gaps of 1/15 s."""
+    odd = np.arange(180) % 2 == 1
+    assert named(unseen(without_hanger(swung(), odd), slice(None), ~odd)) == []
+
+
+def test_hanger_and_cloth_that_are_seen_together_for_one_second_are_too_short():
+    take = unseen(without_hanger(swung(20.0), slice(330, None)), slice(None), slice(0, 300))
+    assert [words for name, _, words in told(take) if name == "too_short"] == [
+        "garment and hanger were seen together over 1.0 s, and no motion below 2.5 s is diagnosed"
+    ]
+
+
+@pytest.mark.parametrize(("frames", "names"), [(slice(60, 240), ["garment_lost"]), (slice(60, 130), [])])
+def test_cloth_that_is_gone_for_long_in_between_is_told(frames, names):
+    found = judge(unseen(swung(10.0), slice(None), frames))
+    assert [one.name for one in found] == names
+    for one in found:
+        assert one.words == "no point below the held edge was seen for 6.0 s from 2.0 s on"
+
+
+def frozen(take, points, frames):
+    places = take.points.copy()
+    places[frames, points] = places[frames.start, points]
+    return dataclasses.replace(take, points=places)
+
+
+def test_points_that_keep_their_place_while_the_hanger_swings_are_told():
+    both = frozen(swung(10.0), slice(2, 4), slice(60, 151))
+    words = "bottom_right, bottom_left kept their very place while the hanger moved, for 3.0 s from 2.0 s on at most"
+    assert told(both) == [("points_stand", False, words)]
+    one = frozen(swung(10.0), 2, slice(60, 76))
+    assert told(one) == []  # 0.5 s
+    (finding,) = told(frozen(swung(10.0), 2, slice(60, 80)))
+    assert finding[2] == "bottom_right kept its very place while the hanger moved, for 0.6 s from 2.0 s on"
+
+
+def test_cloth_may_keep_its_place_under_a_hanger_that_rests():
+    """In takes without noise, and where a body of its own holds the hanger."""
+    take = swung(10.0)
+    rests = take.time > 4.0
+    for places in (take.points, take.markers):
+        places[rests] = places[120]
+    assert named(take) == []
+
+
+def test_a_swing_of_one_second_in_a_minute_is_no_hanger_that_hardly_moves():
+    """It goes 20 cm, in 1 of 60 s; percentiles 1 and 99 of all places see next to nothing of it."""
+    take = swung(60.0)
+    rests = (take.time < 30) | (take.time > 31)
+    for places in (take.points, take.markers):
+        places[rests] = places[0]
+    assert named(take) == []
+
+
+def test_a_single_bad_sight_of_the_hanger_is_no_motion():
+    take = swung(reach=0.0)
+    take.markers[90] += [0.1, 0, 0]
+    assert [words for name, _, words in told(take) if name == "hardly_moved"] == [
+        "the hanger moved by 0 mm at most, which tells next to nothing of the cloth"
+    ]
+
+
+@pytest.mark.parametrize("bottom", [0.15, 0.2])
+def test_hands_that_are_nearer_together_than_the_cloth_is_wide_fold_the_held_edge(bottom):
+    """The sides are as long as on the table, hence the garment is not smaller."""
+    take = swung()
+    points = take.points.copy()
+    middle = points.mean(1)[:, 0]
+    for point, half in ((0, -0.15), (1, 0.15), (2, bottom), (3, -bottom)):
+        points[:, point, 0] = middle + half
+    (finding,) = told(imported(with_points(take, points)))
+    words = "the held edge folds or sags: its ends are at most 30 cm apart, 40 cm in the garment's file"
+    assert finding == ("held_edge_folds", False, words)
+    corners = msgspec.structs.replace(take.garment, held="corners")
+    assert named(imported(dataclasses.replace(with_points(take, points), garment=corners))) == []  # it may sag there
+
+
+def test_held_ends_that_are_exchanged_in_some_frames_are_told_with_number_and_second():
+    take = swung(800 / 30)
+    frames = np.zeros(800, bool)
+    frames[200:215] = frames[500:515] = True
+    words = "left and right end of the held edge are exchanged in 30 of 800 frames, first at 6.67 s"
+    assert told(exchanged(take, frames)) == [("ends_exchanged", True, words)]
+
+
+def test_held_ends_are_exchanged_at_nine_frames_a_second_too():
+    """Nothing is faster than 4 m/s there: ends 40 cm apart change places in 0.11 s."""
+    take = swung(10.0)
+    slow = dataclasses.replace(exchanged(take, slice(150, 155)), time=take.time * 30 / 9)
+    assert told(slow)[0][2].startswith("left and right end of the held edge are exchanged in 5 of 300 frames")
+
+
+def test_a_hanger_that_is_twisted_by_hand_is_not_exchanged():
+    """By 60 degrees to each side at 1 Hz, seen at 9 frames a second: 42 degrees from frame to frame at most."""
+    take = swung(10.0, reach=0.0)
+    angle = np.radians(60) * np.sin(2 * np.pi * take.time * 30 / 9)
+    turn = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], -1)
+    points = [0, 0, 1.6] + FLAT[:, :1] * turn[:, None] - FLAT[:, 1:] * [0, 1, 0]
+    twisted = imported(dataclasses.replace(with_points(take, points), markers=points[:, :2]))
+    assert named(dataclasses.replace(twisted, time=take.time * 30 / 9)) == []
+
+
+def test_a_hanger_that_jumps_is_told_with_its_second():
+    take = swung()
+    points = take.points.copy()
+    points[90:95, 0] += [0.0, 0.3, 0.0]
+    (finding, *_) = told(imported(dataclasses.replace(with_points(take, points), markers=points[:, :2])))
+    assert finding == ("hanger_jumps", True, "the hanger jumps at 2.97 s, as no hand moves it")
+
+
+@pytest.mark.parametrize("degrees", [20, 45, 90])
+def test_markers_that_lie_oblique_on_the_hanger_put_the_held_ends_elsewhere(degrees):
+    """The held edge is level, and its corners are seen where they are."""
+    found = told(of_markers(swung(), turned(swung().markers, degrees)))
+    assert [(name, is_grave) for name, is_grave, _ in found if name == "point_far_off"] == [("point_far_off", True)]
+
+
+@pytest.mark.parametrize("degrees", [-45, -20, 20, 45])
+def test_a_hanger_that_is_held_oblique_is_no_fault(degrees):
+    """The sides of the cloth hang plumb below the held ends."""
+    take = swung()
+    markers = turned(take.markers, degrees)
+    tilted = of_markers(take, markers)
+    bar = (tilted.held[:, 1:] - tilted.held[:, :1]) / 0.4
+    points = tilted.held.mean(1, keepdims=True) + FLAT[:, :1] * bar - FLAT[:, 1:] * [0, 1, 0]
+    assert named(dataclasses.replace(tilted, points=points)) == []
+
+
+def test_held_ends_that_are_far_too_near_or_apart_are_another_unit():
+    take = swung()
+    points = take.points.copy()
+    points[:, :2, 0] = points[:, :2, 0].mean(1, keepdims=True) + np.array([-0.04, 0.04])
+    (finding, *_) = told(imported(with_points(take, points)))
+    assert finding == ("held_ends_apart", True, "the held ends are 80 mm apart, the garment's held edge is 400 mm long")
+
+
+def test_a_hanger_of_nineteen_sights_is_too_little_for_a_fit_however_long_they_last():
+    take = swung(19 / 30)
+    slow = dataclasses.replace(take, time=take.time * 30 / 4)
+    words = "the two hanger markers were seen together in 19 frames, and a fit needs 20"
+    assert ("too_short", False, words) in told(slow)
+    more = swung(20 / 30)
+    assert "too_short" not in named(dataclasses.replace(more, time=more.time * 30 / 4))

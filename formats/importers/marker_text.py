@@ -27,7 +27,7 @@ from formats.importers.marker_lines import (
 )
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks
-from formats.importers.number_cells import LONGEST_SHOWN, number_of
+from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
 from formats.importers.units import METRES, axes_of, metres_of
 from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
@@ -159,7 +159,8 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number.
 
-    A row of units that holds none, or that is not there, leaves the unit to be given.
+    A row of units that holds none, or that is not there, leaves the unit to be given. Spreadsheets and scripts take out
+    the column of sub frames.
     """
     section = rows[1:]
     if len(section) < 4:
@@ -168,7 +169,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     names, kinds = section[1], section[2]
     has_units = not section[3][0].strip().isdigit()  # lines that hold nothing are left out
     units, section = (section[3], section[4:]) if has_units else ([], section[3:])
-    at = [k for k in range(2, len(kinds) - 2) if [cell.strip().upper() for cell in kinds[k : k + 3]] == ["X", "Y", "Z"]]
+    at = [k for k in range(1, len(kinds) - 2) if [cell.strip().upper() for cell in kinds[k : k + 3]] == ["X", "Y", "Z"]]
+    has_sub_frames = at[:1] != [1]
     labels = [names[k].strip() if k < len(names) else "" for k in at]
     stated = {units[k].strip() for k in at if k < len(units)}
     if len(stated) > 1:
@@ -176,12 +178,12 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     metres = metres_of(next(iter(stated), ""), unit, path)
     count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section))
     body, behind = section[:count], next(iter(section[count : count + 1]), None)
-    if behind and _cell(behind, 1).isdigit():
-        raise TakeError(  # the number of a sub frame: this is a frame, and no title of the next section
+    if behind and _has_numbers(behind, has_sub_frames=has_sub_frames):
+        raise TakeError(  # this is a frame, and no title of the next section
             f"line {section.numbers[count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
             where=path, advice="mend that line",
         )  # fmt: skip
-    if behind and _goes_on(section[count + 1 : count + 1 + LINES_OF_VICON_HEAD]):
+    if behind and _goes_on(section[count + 1 : count + 1 + LINES_OF_VICON_HEAD], has_sub_frames=has_sub_frames):
         raise TakeError(
             f"line {section.numbers[count]} begins with {behind[0].strip()[:LONGEST_SHOWN]!r}, and frames follow it",
             where=path,
@@ -196,13 +198,19 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt)
 
 
-def _goes_on(rows: Rows) -> bool:
+def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
     """Return whether frames follow a line that is none. The title of another section has its frame rate below it.
 
-    A unit may stand beside that rate; a frame has the number of its sub frame there.
+    A unit may stand beside that rate; a frame has numbers there.
     """
-    is_section = bool(rows) and _rate_beside_times(_cell(rows[0], 0)) is not None and not _cell(rows[0], 1).isdigit()
-    return not is_section and any(row[0].strip().isdigit() and _cell(row, 1).isdigit() for row in rows)
+    frames = [_has_numbers(row, has_sub_frames=has_sub_frames) for row in rows]
+    is_section = bool(rows) and _rate_beside_times(_cell(rows[0], 0)) is not None and not frames[0]
+    return not is_section and any(found and row[0].strip().isdigit() for found, row in zip(frames, rows, strict=True))
+
+
+def _has_numbers(row: list[str], *, has_sub_frames: bool) -> bool:
+    """Return whether a line has numbers where a frame has them: that of a sub frame, or places."""
+    return _cell(row, 1).isdigit() if has_sub_frames else any(map(is_number, row[1:]))
 
 
 def _second_trajectories(rows: Rows) -> int | None:

@@ -131,6 +131,20 @@ def test_empty_cells_behind_whole_numbers_are_no_decimal_commas(tmp_path):
     assert len(read(tmp_path, one + "".join(lines), None, "v.csv").time) == 30
 
 
+def test_vicon_without_its_column_of_sub_frames_keeps_its_first_marker(tmp_path):
+    text = re.sub(r"(?m)^(Frame|\d+|),(Sub Frame|0|),", r"\1,", VICON + "".join(FRAMES))
+    assert "Frame,X,Y,Z,X,Y,Z\n" in text
+    found, whole = (read(tmp_path, one, None, "v.csv") for one in (text, VICON + "".join(FRAMES)))
+    assert found.labels == whole.labels == ("a", "b")
+    assert np.array_equal(found.positions, whole.positions)
+    lines = text.splitlines(keepends=True)
+    for line, words in (("# a note\n", "begins with '# a note', and frames follow"), ("x,1.5,2,3\n", "holds 'x'")):
+        with pytest.raises(TakeError, match=f"line 16 {words}"):
+            read(tmp_path, "".join([*lines[:15], line, *lines[15:]]), None, "v.csv")
+    other = "\nModel Outputs\n100,Hz\n,c\nFrame,X,Y,Z\n,mm,mm,mm\n1,2.5,3,4\n"
+    assert len(read(tmp_path, text + other, None, "v.csv").time) == 30
+
+
 def test_a_minute_of_devices_may_stand_above_the_trajectories_of_vicon(tmp_path):
     devices = "Devices\n2000\n" + "1,0,0.5\n" * 120_000
     assert len(read(tmp_path, devices + "\n" + VICON + "".join(FRAMES), None, "v.csv").time) == 30

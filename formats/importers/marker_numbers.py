@@ -14,9 +14,10 @@ import numpy as np
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
 from formats.importers.cut_numbers import Ending, ending_of, lacks_digits, leaps, lines_around
+from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
-from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
+from formats.importers.number_cells import is_number, number_of
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
@@ -69,22 +70,37 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
     columns = np.add.outer(np.asarray(table.markers, int), np.arange(3))
+    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns())
+    time = table.clock(first)
+    if signs.may_part_thousands:
+        first, large = _numbers(rows, table, columns, path, DecimalSigns(comma_parts_thousands=True))
+        if may_be_motion(table.clock(first), large):
+            raise TakeError(
+                f"commas may part decimals or thousands: {signs.comma!r} is {signs.comma.replace(',', '.')} or "
+                f"{signs.comma.replace(',', '')}", where=path,
+                advice="export with decimal points, and with no sign between thousands",
+            )  # fmt: skip
+    return Frames(time, places, _doubt_of_the_last(rows, columns, width, time, places, path))
+
+
+def _numbers(rows: Rows, table: Table, columns: Integers, path: Path, signs: DecimalSigns) -> tuple[Floats, Floats]:
+    """Return the first two numbers of each line, (rows, 2), and places [m], (rows, markers, 3)."""
+    width = table.width
     first, places = np.empty((len(rows), 2)), np.empty((len(rows), len(columns), 3))
-    numbers, decimals = np.empty((LINES_AT_ONCE, max(width, 2))), _Decimals()
+    numbers = np.empty((LINES_AT_ONCE, max(width, 2)))
     for begin in range(0, len(rows), LINES_AT_ONCE):
         some = rows[begin : begin + LINES_AT_ONCE]
         for k, row in enumerate(some):
             _refuse_a_wrong_line(rows, begin + k, row, table, path)
             cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
             try:
-                numbers[k, :width] = _row(cells, decimals)
+                numbers[k, :width] = _row(cells, signs)
             except ValueError as error:
                 raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice="mend that line") from error
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]
         places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
-    time = table.clock(first)
-    return Frames(time, places, _doubt_of_the_last(rows, columns, table.width, time, places, path))
+    return first, places
 
 
 def _doubt_of_the_last(rows: Rows, columns: Integers, width: int, time: Floats, places: Floats, path: Path) -> str:
@@ -162,45 +178,21 @@ def _has_points_beside(rows: Rows, at: int, cells: int) -> bool:
     return any(len(line) == cells and any("." in cell for cell in line) for line in lines)
 
 
-@dataclass
-class _Decimals:
-    """The first number of a file with a decimal point, and the first one with a comma, '' without one."""
-
-    point: str = ""
-    comma: str = ""
-
-    def look(self, cells: list[str], text: str) -> None:
-        """Refuse a file in which some numbers have a point and some a comma: one of them parts thousands.
-
-        Raises:
-            ValueError: names one of each.
-        """
-        if "." in text and not self.point:
-            self.point = _first_with(".", cells)
-        if "," in text and not self.comma:
-            self.comma = _first_with(",", cells)
-        if self.point and self.comma:
-            raise ValueError(f"{self.comma!r} beside {self.point!r}: which of them parts decimals?")
-
-
-def _first_with(sign: str, cells: list[str]) -> str:
-    return next((cell.strip()[:LONGEST_SHOWN] for cell in cells if sign in cell and is_number(cell)), "")
-
-
-def _row(cells: list[str], decimals: _Decimals) -> Floats:
+def _row(cells: list[str], signs: DecimalSigns) -> Floats:
     """Return the numbers of cells, as `number_of` does, five times as quickly where all of them are plain.
 
     Raises:
-        ValueError: as `number_of` and `_Decimals.look`.
+        ValueError: as `number_of` and `DecimalSigns.look`.
     """
     text = "".join(cells)
-    decimals.look(cells, text)
+    signs.look(cells, text)
     plain = cells
     if "," in text:
-        text, plain = text.replace(",", "."), [cell.replace(",", ".") for cell in cells]
+        sign = "" if signs.comma_parts_thousands else "."
+        text, plain = text.replace(",", sign), [cell.replace(",", sign) for cell in cells]
     if text.isascii() and not text.encode().translate(None, PLAIN):
         with contextlib.suppress(ValueError):
             numbers = np.array([float(cell) if cell else np.nan for cell in plain])
             if not np.isinf(numbers).any():
                 return numbers
-    return np.array([number_of(cell) for cell in cells])
+    return np.array([number_of(cell) for cell in (plain if signs.comma_parts_thousands else cells)])

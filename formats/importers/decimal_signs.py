@@ -1,0 +1,75 @@
+"""Tell whether the commas of a file of marker paths part decimals or thousands.
+
+A point beside a comma shows that one of them parts thousands. Commas alone part decimals, unless each has one to three
+digits before it and three behind, as in 1,234. Then the file may hold whole numbers, of which commas part thousands.
+Such places are 1000 times as far away, and so is the noise of cameras: most places then leap as no cloth does.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.importers.number_cells import LONGEST_SHOWN, is_number
+from formats.importers.strays import MOST_STRAYS, NOISE
+from formats.motion import HARDEST_PULL
+from formats.plausible import SLOWEST
+
+OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.ASCII)
+
+
+@dataclass
+class DecimalSigns:
+    """The first number of a file with a decimal point, and the first one with a comma, '' without one.
+
+    - `comma_parts_thousands`: the file is read so
+    """
+
+    point: str = ""
+    comma: str = ""
+    comma_parts_thousands: bool = False
+    _all_of_thousands: bool = True
+
+    @property
+    def may_part_thousands(self) -> bool:
+        """Whether the commas that were seen may part thousands as well as decimals."""
+        return bool(self.comma) and self._all_of_thousands
+
+    def look(self, cells: list[str], text: str) -> None:
+        """Refuse a file in which some numbers have a point and some a comma: one of them parts thousands.
+
+        Raises:
+            ValueError: names one of each.
+        """
+        if "." in text and not self.point:
+            self.point = _first_with(".", cells)
+        if "," in text and not self.comma:
+            self.comma = _first_with(",", cells)
+        if self.point and self.comma:
+            raise ValueError(f"{self.comma!r} beside {self.point!r}: which of them parts decimals?")
+        if "," in text and self._all_of_thousands:
+            self._all_of_thousands = all(map(OF_THOUSANDS.fullmatch, (cell for cell in cells if "," in cell)))
+
+
+def _first_with(sign: str, cells: list[str]) -> str:
+    return next((cell.strip()[:LONGEST_SHOWN] for cell in cells if sign in cell and is_number(cell)), "")
+
+
+def may_be_motion(time: Floats, places: Floats) -> bool:
+    """Return whether places may be those of cloth that cameras saw: few leap, and there are enough frames a second.
+
+    - `time` [s], (frames,); `places` [m], (frames, markers, 3), NaN where not seen
+    """
+    if len(time) < 3:
+        return True
+    steps = np.diff(time)
+    if not (steps > 0).all() or float(np.median(steps)) > 1 / SLOWEST:
+        return False
+    before, after = steps[:-1, None, None], steps[1:, None, None]
+    beside = np.abs(np.diff(places[1:], axis=0) - np.diff(places[:-1], axis=0) * after / before)
+    seen = np.isfinite(beside)
+    leaping = seen & (beside > NOISE + HARDEST_PULL * after * (before + after) / 2)
+    return bool(leaping.sum() <= MOST_STRAYS * seen.sum())

@@ -1,0 +1,64 @@
+"""Commas of marker files part decimals, unless all of them may part thousands as well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.decimal_signs import may_be_motion
+from tests.formats.test_marker_tables import read
+
+HEAD = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDESCRIPTION\t--\nMARKER_NAMES\ta\tb\n"
+
+
+def table(write, *, noise=0.0, start=1200.0):
+    """A table of Qualisys, which has no column of times; places [mm] as `write` writes them."""
+    rng = np.random.default_rng(0)
+    places = start + np.arange(6) * 150 + 40 * np.sin(np.arange(30) / 8)[:, None] + rng.normal(0, noise, (30, 6))
+    return HEAD + "".join("\t".join(map(write, row)) + "\n" for row in places), places
+
+
+@pytest.mark.parametrize("start", [1200.0, 800.0])
+def test_thousands_that_commas_part_are_refused_with_both_readings(tmp_path, start):
+    """From 800 mm on some numbers are below 1000, and have no comma."""
+    text, _ = table(lambda value: f"{value:,.0f}", start=start)
+    assert "." not in text
+    with pytest.raises(TakeError) as refused:
+        read(tmp_path, text, None, "a.tsv")
+    first = next(cell for cell in text.split() if "," in cell)
+    assert str(refused.value) == (
+        f"{tmp_path}/a.tsv: commas may part decimals or thousands: {first!r} is {first.replace(',', '.')} or "
+        f"{first.replace(',', '')}; export with decimal points, and with no sign between thousands"
+    )
+
+
+def test_decimal_commas_of_moving_markers_are_read_though_each_number_has_three_digits(tmp_path):
+    """As thousands, the 0.1 mm of noise would be leaps of 100 mm from frame to frame."""
+    text, places = table(lambda value: f"{value:.3f}".replace(".", ","), noise=0.1, start=100.0)
+    found = read(tmp_path, text, None, "a.tsv")
+    assert found.positions.reshape(30, 6) == pytest.approx(places / 1000, abs=1e-6)
+
+
+@pytest.mark.parametrize("one", ["0,125", "1234,125", "1,25", "1,2345", "-0,125"])
+def test_one_number_that_no_comma_of_thousands_parts_decides(tmp_path, one):
+    text, _ = table(lambda value: f"{value:,.0f}")
+    cells = text.splitlines()[-1].split("\t")
+    found = read(tmp_path, text.replace(cells[0], one), None, "a.tsv")
+    assert found.positions[-1, 0, 0] == pytest.approx(float(one.replace(",", ".")) / 1000)
+
+
+def test_places_that_leap_in_one_frame_of_twenty_and_times_of_seconds_are_no_motion():
+    still = np.zeros((42, 1, 3))
+    time = np.arange(42) / 100
+    assert may_be_motion(time, still)
+    assert may_be_motion(time[:2], still[:2])
+    assert not may_be_motion(time * 30, still)
+    assert not may_be_motion(time[::-1], still)
+    leaping = still.copy()
+    leaping[[20], :] = 0.046 / 2  # leaps by 23, 46 and 23 mm, of which the bound is 45 mm
+    assert may_be_motion(time, leaping)
+    leaping[::2] = 0.046
+    assert not may_be_motion(time, leaping)
+    unseen = np.full_like(still, np.nan)
+    assert may_be_motion(time, unseen)

@@ -25,16 +25,16 @@ ENOUGH = 10  # frames that both points of a distance must be seen in
 
 def cloth_findings(take: Take, sights: Sights) -> list[Finding]:
     """Return the findings on the garment of a take in which the hanger was seen."""
-    found = [*_points(take), *_cloth(take, sights), *_standing(take, sights)]
+    found = [*_points(take, sights), *_cloth(take, sights), *_standing(take, sights)]
     return [*found, *_far_off(take, sights), *_size(take), *_hang(take, sights.held)]
 
 
-def _points(take: Take) -> list[Finding]:
+def _points(take: Take, sights: Sights) -> list[Finding]:
     names = take.garment.point_names
     never = [name for name, valid in zip(names, np.asarray(take.points_valid.any(0)), strict=True) if not valid]
     if not never:
         return []
-    if set(names) - set(_held_points(take)) <= set(never):
+    if len(never) == len(names) or (sights.free.any() and not sights.cloth.any()):
         which = "of the garment" if len(never) == len(names) else "below the held edge"
         return [
             Finding(

@@ -11,6 +11,7 @@ import pytest
 from firmware_host.synthetic.scene import RIG
 from formats.hanger import held_ends
 from formats.judgement import judge
+from formats.two_clocks import at_times, with_hanger
 from tests.formats.test_judgement import named, swung, with_points, without_hanger
 from tests.formats.test_judgement_sentences import imported, unseen
 
@@ -78,6 +79,36 @@ def test_hanger_and_cloth_in_turn_frame_by_frame_are_no_fault():
     """The hanger's path is led across its gaps of 1/15 s."""
     odd = np.arange(180) % 2 == 1
     assert named(unseen(without_hanger(swung(), odd), slice(None), ~odd)) == []
+
+
+def test_cloth_that_is_seen_only_soon_after_a_gap_of_the_hanger_is_not_counted():
+    """The gap ends at 4 s; the cloth has forgotten the motion in it at 6.5 s, and is seen until 6 s."""
+    gap = unseen(without_hanger(swung(10.0), slice(60, 120)), slice(None), np.r_[0:60, 180:300])
+    (finding,) = [one for one in told(gap) if one[0] != "hanger_lost"]
+    words = (
+        "points below the held edge were seen in 120 of 300 frames, and in 0 of them while the hanger's path is known"
+    )
+    assert finding == ("garment_hardly_seen", True, words)
+
+
+def test_cloth_that_is_lost_together_with_the_hanger_is_told_once():
+    both = unseen(without_hanger(swung(10.0), slice(60, 150)), slice(None), slice(60, 150))
+    assert named(both) == ["hanger_lost"]
+
+
+@pytest.mark.parametrize(
+    ("held", "name", "is_grave"), [("edge", "garment_never_seen", True), ("corners", "points_never_seen", False)]
+)
+def test_a_point_within_a_clamped_edge_moves_with_the_hanger_and_one_between_two_clips_is_cloth(held, name, is_grave):
+    """The fifth point is moved to the middle of the held edge, and those below are never seen."""
+    take = unseen(swung(), [2, 3])
+    *corners, centre = take.garment.points
+    middle = msgspec.structs.replace(centre, at_m=(0.0, 0.0))
+    garment = msgspec.structs.replace(take.garment, held=held, points=(*corners, middle))
+    points = take.points.copy()
+    points[:, 4] = points[:, :2].mean(1)
+    (finding,) = told(dataclasses.replace(with_points(take, points), garment=garment))
+    assert finding[:2] == (name, is_grave)
 
 
 def test_hanger_and_cloth_that_are_seen_together_for_one_second_are_too_short():
@@ -158,6 +189,8 @@ def test_held_ends_that_are_exchanged_in_some_frames_are_told_with_number_and_se
     frames[200:215] = frames[500:515] = True
     words = "left and right end of the held edge are exchanged in 30 of 800 frames, first at 6.67 s"
     assert told(exchanged(take, frames)) == [("ends_exchanged", True, words)]
+    words = "left and right end of the held edge are exchanged in 30 of 800 frames, first at 0.00 s"
+    assert told(exchanged(take, slice(0, 30))) == [("ends_exchanged", True, words)]
 
 
 def test_held_ends_are_exchanged_at_nine_frames_a_second_too():
@@ -167,14 +200,34 @@ def test_held_ends_are_exchanged_at_nine_frames_a_second_too():
     assert told(slow)[0][2].startswith("left and right end of the held edge are exchanged in 5 of 300 frames")
 
 
-def test_a_hanger_that_is_twisted_by_hand_is_not_exchanged():
-    """By 60 degrees to each side at 1 Hz, seen at 9 frames a second: 42 degrees from frame to frame at most."""
-    take = swung(10.0, reach=0.0)
-    angle = np.radians(60) * np.sin(2 * np.pi * take.time * 30 / 9)
+def turning(time, angle):
+    """A hanger that turns about the vertical by an angle [rad], (frames,), with its cloth."""
     turn = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], -1)
     points = [0, 0, 1.6] + FLAT[:, :1] * turn[:, None] - FLAT[:, 1:] * [0, 1, 0]
-    twisted = imported(dataclasses.replace(with_points(take, points), markers=points[:, :2]))
-    assert named(dataclasses.replace(twisted, time=take.time * 30 / 9)) == []
+    take = swung(len(time) / 30)
+    return imported(dataclasses.replace(with_points(take, points), markers=points[:, :2], time=time))
+
+
+def test_a_hanger_that_is_twisted_by_hand_is_not_exchanged():
+    """By 60 degrees to each side at 1 Hz, seen at 9 frames a second: 42 degrees from frame to frame at most."""
+    time = np.arange(300) / 9
+    assert named(turning(time, np.radians(60) * np.sin(2 * np.pi * time))) == []
+
+
+def test_a_hanger_that_turns_while_it_is_not_seen_is_not_exchanged():
+    """By 4 rad/s, and 99 degrees in 0.43 s."""
+    time = np.arange(300) / 30
+    take = turning(time, np.clip(4 * (time - 4), 0, np.pi))
+    assert named(without_hanger(take, slice(125, 137))) == []
+
+
+def test_an_imported_hanger_of_a_late_clock_does_not_put_the_points_far_off():
+    """Up to 0.9 m/s and 0.3 s late: a fit takes up to 0.5 s out."""
+    take = imported(swung(10.0, reach=0.15))
+    arm = np.arange(1.0, 9.0, 0.05)
+    assert named(with_hanger(take, arm, at_times(arm - 0.3, take.time, take.held), 1e-3)) == []
+    wrong = with_hanger(take, arm, np.add(at_times(arm, take.time, take.held), [0.3, 0, 0]), 1e-3)
+    assert named(wrong) == ["point_far_off"]
 
 
 def test_a_hanger_that_jumps_is_told_with_its_second():

@@ -30,6 +30,13 @@ def jumping():
     return imported(with_points(swung(10.0), points))
 
 
+def rushing():
+    """At 9 m/s all the time, without any acceleration."""
+    way = (9.0 * swung(10.0).time)[:, None, None] * [1.0, 0, 0]
+    points = swung(10.0, reach=0.0).points + way
+    return imported(dataclasses.replace(with_points(swung(10.0), points), markers=points[:, :2]))
+
+
 def without_held(take, frames):
     """Both markers and ends are not seen."""
     held = take.held.copy()
@@ -45,6 +52,7 @@ REFUSED = {
     ),
     "ends exchanged": lambda: exchanged(swung(10.0), slice(90, 95)),
     "a jump": jumping,
+    "faster than a hand": rushing,
     "a short edge": short_edge,
     "left is right": lambda: exchanged(swung(10.0), slice(None)),
     "oblique markers": lambda: of_markers(swung(10.0), turned(swung(10.0).markers, 30)),

@@ -28,7 +28,7 @@ from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import at_times, shows_hanger, shows_points
 
 SETTLING = 2.5  # s after a gap of the hanger: 4 % are left of a swing that decays with 1.25 /s, as a real cloth's did
-ON_EDGE = 0.02  # of the garment's height, within which of the held edge, or of a clip, a point moves with the hanger
+ON_EDGE = 0.02  # of the garment's height, within which of the held edge a point is on it
 FASTEST_END = 8.0  # m/s of a held end, twice what a hand can do with a hanger
 FASTEST_TURN = 10.0  # rad/s of the held edge: a twist by 45 degrees to each side at 2 Hz has as much at its middle
 NOISIER = 10.0  # times the median noise of a path that a single place may be off
@@ -43,7 +43,7 @@ class Sights:
     - `held`, (frames,): both held ends were seen
     - `within`, (frames,): points could be seen then, from the first to the last sight of the hanger
     - `is_known`, (frames,): and the hanger's path is known there
-    - `free`, (points,): the points that do not move with the hanger
+    - `free`, (points,): the points below the held edge
     - `cloth`, (frames,): a free point was seen
     """
 
@@ -64,16 +64,15 @@ def sights_of(take: Take) -> Sights:
     known = within.copy()
     for k in np.flatnonzero(np.diff(seen) > LONGEST_GAP):
         known &= (take.time <= seen[k]) | (take.time >= seen[k + 1] + SETTLING)
-    free = ~_moves_with_hanger(take.garment)
+    free = ~_on_held_edge(take.garment)
     return Sights(held, within, known, free, np.asarray(take.points_valid[:, free].any(1)))
 
 
-def _moves_with_hanger(garment: Garment) -> Booleans:
-    """Return the points, (points,), on a clamped edge, or those at clips."""
+def _on_held_edge(garment: Garment) -> Booleans:
+    """Return the points, (points,), on the held edge: those between two clips tell next to nothing of the cloth."""
     places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
     left, right = np.asarray(garment.outline_m[:2], float)
     share = np.clip((places - left) @ (right - left) / ((right - left) @ (right - left)), 0.0, 1.0)
-    share = share if garment.held == "edge" else np.round(share)
     apart = np.linalg.norm(places - left - share[:, None] * (right - left), axis=1)
     return np.asarray(apart < ON_EDGE * float(np.ptp(np.asarray(garment.outline_m)[:, 1])))
 

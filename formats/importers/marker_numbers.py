@@ -151,7 +151,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
         )  # fmt: skip
     is_longer = any(cell.strip() for cell in row[width:])
     may_be_parted = len(row) > width and rows.separator == "," and all(map(WHOLE.fullmatch, row))
-    if may_be_parted and (is_longer or not _has_points_beside(rows, at, len(row))):
+    if may_be_parted and (is_longer or not _commas_part_cells(rows, at, len(row))):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
             advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
@@ -172,10 +172,13 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
         )  # fmt: skip
 
 
-def _has_points_beside(rows: Rows, at: int, cells: int) -> bool:
-    """Return whether lines around one have as many cells and decimal points, so that no comma parts decimals."""
-    lines = chain([rows[at]], lines_around(rows, at))
-    return any(len(line) == cells and any("." in cell for cell in line) for line in lines)
+def _commas_part_cells(rows: Rows, at: int, cells: int) -> bool:
+    """Return whether lines around one show, with as many cells, that no comma parts decimals.
+
+    One of them has decimal points, or fewer empty cells at its end than the three of a marker that was not seen.
+    """
+    lines = (line for line in chain([rows[at]], lines_around(rows, at)) if len(line) == cells)
+    return any(any(map(str.strip, line[-3:])) or any("." in cell for cell in line) for line in lines)
 
 
 def _row(cells: list[str], signs: DecimalSigns) -> Floats:

@@ -131,6 +131,15 @@ def test_empty_cells_behind_whole_numbers_are_no_decimal_commas(tmp_path):
     assert len(read(tmp_path, one + "".join(lines), None, "v.csv").time) == 30
 
 
+def test_whole_numbers_before_a_last_comma_are_no_decimals_unless_three_cells_are_empty(tmp_path):
+    """Of 1,5,2,5,3,5,, the last cells may be a marker that was not seen, and the others one at 1.5, 2.5, 3.5."""
+    one = VICON.replace(",,a,,,b,,", ",,a,,").replace("X,Y,Z,X,Y,Z", "X,Y,Z").replace("mm,mm,mm,mm,mm,mm", "mm,mm,mm")
+    lines = [f"{k + 1},0,1,2,{k + 3},\n" for k in range(29)] + ["30,0,,,,\n"]
+    assert read(tmp_path, one + "".join(lines), None, "v.csv").positions[28, 0, 2] == pytest.approx(0.031)
+    with pytest.raises(TakeError, match="line 6 has 9 cells, not 8, none with a decimal point"):
+        read(tmp_path, VICON + "1,0,1,5,2,,,,\n" * 30, None, "v.csv")
+
+
 def test_vicon_without_its_column_of_sub_frames_keeps_its_first_marker(tmp_path):
     text = re.sub(r"(?m)^(Frame|\d+|),(Sub Frame|0|),", r"\1,", VICON + "".join(FRAMES))
     assert "Frame,X,Y,Z,X,Y,Z\n" in text

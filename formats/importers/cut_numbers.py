@@ -94,7 +94,9 @@ def ending_of(rows: Rows, columns: Sequence[int], last: int, width: int) -> Endi
     if not is_number(cell):
         is_part = lacks_end and cell in ("", "-") and all(map(is_number, cells[:-1]))
         return Ending.CUT if is_part else Ending.WHOLE
-    if len(set(cells)) > 1 and len(beside.forms) == 1 and beside.forms != {Form(0, 0)}:
+    if len(set(cells)) == 1:
+        return Ending.DOUBTFUL if lacks_end else Ending.WHOLE
+    if len(beside.forms) == 1 and beside.forms != {Form(0, 0)}:
         return _beside_one_form(cell, beside, lacks_end=lacks_end)
     if lacks_end:
         return Ending.DOUBTFUL

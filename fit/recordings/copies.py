@@ -18,7 +18,7 @@ from fit.recordings.held_edge import is_held
 from formats.arrays import Booleans, Floats, Integers
 from formats.take import Take
 
-# m in each axis. Exports round to 0.1 mm and each archive to 0.02 mm: half a step of each, and 0.03 mm more.
+# m in each axis. Exports round to 0.1 mm, and archives to 0.1 mm at most: half a step of each.
 # No two of sixteen recordings of one cloth share ten frames in order within 5 mm.
 SAME_PLACE = 1.0e-4
 AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise

@@ -106,15 +106,15 @@ def _check_sensor(sensor: Sensor, refuse: Refuse) -> None:
 
 
 def _check_gravity(rig: Rig, refuse: Refuse) -> None:
-    down = float(rig.gravity[1] / np.linalg.norm(rig.gravity))
-    angle = float(np.degrees(np.arccos(np.clip(down, -1, 1))))
+    right, down, away = rig.gravity
+    angle = float(np.degrees(np.arctan2(np.hypot(right, away), down)))  # off straight down
     if angle <= STEEPEST_VIEW:
         return
     told = ", ".join(f"{part:g}" for part in rig.gravity)
     if angle > 180 - STEEPEST_VIEW:
         seems = "points up in the picture"
     else:
-        seems = "points along the view" if abs(rig.gravity[2]) > abs(rig.gravity[0]) else "points to a side"
+        seems = "points along the view" if abs(away) > abs(right) else "points to a side"
     refuse(
         f"gravity = [{told}] {seems}: x is to the right, y down and z away from the sensor",
         "give [0, 1, 0] for a level sensor; `hangtime calibrate` measures it",

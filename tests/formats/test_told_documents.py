@@ -38,7 +38,9 @@ def desk(tmp_path_factory):
     damaged, third = bytearray(raw), next(at for at, _, told in chunks_of(raw) if told.get("first") == 62)
     damaged[third + 200] ^= 1
     (folder / "takes/c.mcap").write_bytes(damaged)
-    scanned = write_take(folder / "takes/d.mcap", replace(a_take(), scans=(a_scan(0.4, 1), a_scan(0.6, 2))))
+    scanned = write_take(
+        folder / "takes/d.mcap", replace(a_take(), take_id="d", scans=(a_scan(0.4, 1), a_scan(0.6, 2)))
+    )
     damaged = bytearray(scanned.read_bytes())
     damaged[next(at for at, _, told in chunks_of(bytes(damaged)) if "surface" in told) + 200] ^= 1
     scanned.write_bytes(damaged)
@@ -95,7 +97,7 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
             {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN,
              "lost_scans": 0, "doubts": []},
-            {"file": "sound/d.recovered.mcap", "take_id": "a", "frames": 150, "missing": "",
+            {"file": "sound/d.recovered.mcap", "take_id": "d", "frames": 150, "missing": "",
              "lost_scans": 1, "doubts": []},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
@@ -106,8 +108,8 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
             {"file": "files/d.csv", "frames": 150, "is_complete": True,
              "missing": "", "missing_scans": 1, "doubts": [], "moved": None},
         ]}),
-        ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
-            "files": ["all.parquet"], "takes": 3, "incomplete": {
+        ("takes export takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
+            "files": ["all.parquet"], "takes": 2, "incomplete": {
                 "takes/c.mcap": f"is incomplete; missing: {WITHIN}", "takes/d.mcap": "lacks 1 scan of the surface"},
             "doubts": {},
         }),

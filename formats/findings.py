@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from formats.take import Take
 
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
-FEWEST_SEEN = 20  # frames with the hanger, and sights of free points with it: a fit refuses fewer
+FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: below, neither splines nor statistics make sense
 HARDLY_EVER = 0.1  # of the frames
 HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
 

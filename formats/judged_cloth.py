@@ -14,7 +14,8 @@ from formats.sights import Sights, away_from_held, longest_without_cloth, standi
 from formats.take import Take
 from formats.two_clocks import shows_points
 
-SHORTEST_EDGE, MOST_STRETCHED = 0.25, 1.25  # of a length on the flat garment: a fit refuses less and more
+SHORTEST_EDGE = 0.25  # of the flat held edge: held ends closer than that are a wrong unit, not slack
+MOST_STRETCHED = 1.25  # of a flat distance, more than apparel stretches under its own weight
 MEASURED_APART = 0.06  # m beside that: held ends and points are measured by different means, 26 mm apart on real takes
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
 RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %

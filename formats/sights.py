@@ -12,7 +12,7 @@ A held end jumps where it is faster than `FASTEST_END`, or is accelerated harder
 
     sqrt(HARDEST_PULL^2 + (10 sd)^2)
 
-with sd the median of that which noise makes of a second difference, as in `fit.recordings.hanger_path`.
+with sd the median of that which noise makes of a second difference (`accelerations`).
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ SETTLING = 2.5  # s after a gap of the hanger: 4 % are left of a swing that deca
 ON_EDGE = 0.02  # of the garment's height, within which of the held edge a point is on it
 FASTEST_END = 8.0  # m/s of a held end, twice what a hand can do with a hanger
 FASTEST_TURN = 10.0  # rad/s of the held edge: a twist by 45 degrees to each side at 2 Hz has as much at its middle
-NOISIER = 10.0  # times the median noise of a path that a single place may be off
+NOISIER = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 SAME_PLACE = 1e-5  # m: an archive's steps are 1e-4 m, and the noise of markers is as large or larger
-CLOCKS_APART = np.arange(-0.5, 0.51, 0.02)  # s that a clock of the hanger's own is led to the points' by, in a fit
+LARGEST_SHIFT = 0.5  # s either way that a clock of the hanger's own is off: live cameras are late by 0.05 to 0.35 s
+CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,27 @@ def first_jump(time: Floats, ends: Floats) -> int | None:
     """
     if len(time) < 3:
         return None
+    pull, most = accelerations(time, ends)
+    speed = np.linalg.norm(np.diff(ends, axis=0), axis=2) / np.diff(time)[:, None]
+    is_jump = np.zeros(len(time), bool)
+    is_jump[1:-1] = (pull > most).any(1)
+    is_jump[1:] |= (speed > FASTEST_END).any(1)
+    return int(np.argmax(is_jump)) if is_jump.any() else None
+
+
+def accelerations(time: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return how hard both ends are accelerated from sight to sight, and the most that can be, (n - 2, 2) [m/s^2].
+
+    time [s], (n,); ends [m], (n, 2, 3). Noise counts for more between close sights. A second difference of places over
+    h1 and h2 seconds has a multiple of their deviation:
+
+        2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
+    """
     before, after = np.diff(time)[:-1, None], np.diff(time)[1:, None]
     slopes = np.diff(ends, axis=0) / np.diff(time)[:, None, None]
     pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
     gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
-    is_jump = np.zeros(len(time), bool)
-    is_jump[1:-1] = (pull > np.hypot(HARDEST_PULL, NOISIER * gain * np.median(pull / gain, axis=0))).any(1)
-    is_jump[1:] |= (np.linalg.norm(slopes, axis=2) > FASTEST_END).any(1)
-    return int(np.argmax(is_jump)) if is_jump.any() else None
+    return pull, np.hypot(HARDEST_PULL, NOISIER * gain * np.median(pull / gain, axis=0))
 
 
 def reach(places: Floats) -> float:

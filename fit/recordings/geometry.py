@@ -10,14 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from fit.errors import FitError
-from fit.recordings.impossible_points import LONGEST_STRETCH
 from fit.recordings.recording import Recording
-from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED
-
-LENGTH_TOLERANCE = (
-    0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
-)
-SHORTEST_EDGE = 0.25  # of the held edge: held ends closer than that are a wrong unit, not slack
+from fit.recordings.timing import LEAST_EXPLAINED
+from formats.judged_cloth import MEASURED_APART, MOST_STRETCHED, SHORTEST_EDGE
+from formats.sights import LARGEST_SHIFT
 
 
 def _refuse_a_foreign_clock(recording: Recording) -> None:
@@ -47,7 +43,7 @@ def check_geometry(recording: Recording) -> None:
     held = recording.held(recording.time).reshape(-1, 2, 3)
     edge = float(np.linalg.norm(outline[1] - outline[0]))
     apart = float(np.median(np.linalg.norm(held[:, 1] - held[:, 0], axis=1)))
-    if not SHORTEST_EDGE * edge <= apart <= LONGEST_STRETCH * edge + LENGTH_TOLERANCE:
+    if not SHORTEST_EDGE * edge <= apart <= MOST_STRETCHED * edge + MEASURED_APART:
         raise FitError(
             f"the held ends are {1e3 * apart:.0f} mm apart, the garment's held edge is {1e3 * edge:.0f} mm long",
             where=recording.take_id,
@@ -58,7 +54,7 @@ def check_geometry(recording: Recording) -> None:
         for end in range(2):
             flat = float(np.linalg.norm(np.asarray(point.at_m) - outline[end]))
             away = np.linalg.norm(recording.points[seen, k] - held[seen, end], axis=1)
-            if seen.any() and np.median(away) > LONGEST_STRETCH * flat + LENGTH_TOLERANCE:
+            if seen.any() and np.median(away) > MOST_STRETCHED * flat + MEASURED_APART:
                 _refuse_a_foreign_clock(recording)
                 raise FitError(
                     f"the point {point.name!r} is {1e3 * np.median(away):.0f} mm from the {('left', 'right')[end]} "

@@ -14,17 +14,14 @@ from itertools import pairwise
 import numpy as np
 
 from fit.errors import DriveError
-from fit.recordings.held_edge import FEWEST_FRAMES
-from fit.recordings.intact import SETTLING_TIME
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
-from formats.motion import HARDEST_PULL
+from formats.findings import FEWEST_SEEN
+from formats.sights import FASTEST_END, SETTLING, accelerations
 from formats.take import LONGEST_GAP
 
 Curve = Callable[[Floats], Floats]
 
-FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-NOISIER_THAN_STATED = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 
 
@@ -90,7 +87,7 @@ def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
     """Return when the cloth's motion follows from a path that was seen, (n,): not in gaps, nor soon after them."""
     known = np.ones(len(instants), bool)
     for begin, end in gaps:
-        known &= ~((instants > begin) & (instants < end + SETTLING_TIME))
+        known &= ~((instants > begin) & (instants < end + SETTLING))
     return known
 
 
@@ -102,7 +99,7 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
     Raises:
         DriveError: they were seen in too few frames, are lost for too long where that counts, or jump.
     """
-    if len(seen) < FEWEST_FRAMES:
+    if len(seen) < FEWEST_SEEN:
         raise DriveError(
             f"the hanger was seen in {len(seen)} frames only",
             where=name,
@@ -117,32 +114,17 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
             advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
         )
     speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
-    if speed.max() > FASTEST_HANGER:
+    if speed.max() > FASTEST_END:
         at = seen[int(np.argmax(speed.max(1)))]
         raise DriveError(
             f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
             where=name,
             advice=NO_HAND,
         )
-    pull, most = _accelerations(seen, places.reshape(-1, 2, 3))
+    pull, most = accelerations(seen, places.reshape(-1, 2, 3))
     jumps = np.flatnonzero((pull > most).any(1))
     if len(jumps):
         first = int(jumps[0])
         raise DriveError(
             f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
         )
-
-
-def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
-
-    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more between close frames. A second difference of places
-    over h1 and h2 seconds has a multiple of their deviation:
-
-        2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
-    """
-    before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
-    slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]
-    pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
-    gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
-    return pull, np.hypot(HARDEST_PULL, NOISIER_THAN_STATED * gain * np.median(pull / gain, axis=0))

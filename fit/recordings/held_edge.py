@@ -21,12 +21,12 @@ import numpy as np
 
 from fit.recordings.smoothing import noise_of, smoothing_spline
 from formats.arrays import Booleans, Floats
+from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
+from formats.sights import ON_EDGE
 
 Curve = Callable[[Floats], Floats]
 
-ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
-FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second makes 5 to 6
 LEAST_EDGE_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
 OUTER = 0.6  # of the edge's length from the other end on: points that show what an end does
@@ -59,7 +59,7 @@ class HeldEdge:
         apart = seen * (arm - (seen * arm).sum(1, keepdims=True) / np.maximum(seen.sum(1, keepdims=True), 1))
         spread = (apart**2).sum(1)
         usable = spread > LEAST_EDGE_SPREAD * (arm**2).sum()
-        if usable.sum() < FEWEST_FRAMES:
+        if usable.sum() < FEWEST_SEEN:
             return lambda instants: np.zeros((len(instants), 2)), np.zeros(2)
         slopes = (np.nan_to_num(sides) * apart[..., None]).sum(1)[usable] / spread[usable, None]
         scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
@@ -99,7 +99,7 @@ class HeldEdge:
         """Return the largest step of some points' height in standard errors, and its instant [s]."""
         heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
-        if seen.sum() < FEWEST_FRAMES:
+        if seen.sum() < FEWEST_SEEN:
             return 0.0, 0.0
         height, time = np.nanmean(heights[seen], axis=1), self.time[seen]
         count = len(height)

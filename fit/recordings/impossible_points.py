@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.judged_cloth import MOST_STRETCHED
 
-LONGEST_STRETCH = 1.25  # of the flat distance, more than apparel stretches under its own weight
 GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them
 DEVIATIONS = 6.0  # of both points' noise
 PAIRS_AT_ONCE = 1 << 20  # of points, in as many frames as that takes
@@ -36,7 +36,7 @@ def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) 
         some = slice(begin, begin + each)
         at, noise = points[some], np.sqrt(np.mean(sd[some] ** 2, axis=2))
         apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
-        too_far = apart > LONGEST_STRETCH * flat + GLUE + DEVIATIONS * np.hypot(noise[:, :, None], noise[:, None])
+        too_far = apart > MOST_STRETCHED * flat + GLUE + DEVIATIONS * np.hypot(noise[:, :, None], noise[:, None])
         too_far &= seen[some, :, None] & seen[some, None]
         for frame in np.flatnonzero(too_far.any((1, 2))):
             beyond = np.where(seen[begin + frame] & seen[begin + frame, :, None], apart[frame] - flat, 0.0)

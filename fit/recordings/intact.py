@@ -1,7 +1,7 @@
 """Choose the used part of a damaged take: the stretches between its holes that are worth their simulation.
 
 The hanger's path is led across a hole of more than `LONGEST_GAP` seconds, as `fit.recordings.hanger_path` does where
-the hanger was not seen. The cloth is not judged there, nor in the `SETTLING_TIME` after it. Hence a hole is bridged
+the hanger was not seen. The cloth is not judged there, nor in the `SETTLING` after it. Hence a hole is bridged
 only where the stretch beyond it is judged for longer than the hole lasts.
 
 A take whose first frames are lost begins with cloth of unknown state, and so does one whose used part begins at a
@@ -20,9 +20,9 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.missing import doubts_of, listed, missing_words, origin_of, span_words
+from formats.sights import SETTLING
 from formats.take import LONGEST_GAP, Take
 
-SETTLING_TIME = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
 STILL_MOTION = (
     0.004  # m that the held ends move, root mean square, in a take that begins at rest: sensors' noise is 1 to 3 mm
 )
@@ -69,7 +69,7 @@ def _worth_their_holes(take: Take, found: list[slice]) -> list[slice]:
         end = float(take.time[part.stop - 1])
         alone = end - _judged_from(take, part)
         hole = float(take.time[part.start] - take.time[part.start - 1]) if k else 0.0
-        joined = here + max(end - float(take.time[part.start]) - SETTLING_TIME, 0.0) - hole
+        joined = here + max(end - float(take.time[part.start]) - SETTLING, 0.0) - hole
         if k and joined > alone:
             here = joined
         else:
@@ -82,7 +82,7 @@ def _worth_their_holes(take: Take, found: list[slice]) -> list[slice]:
 def _judged_from(take: Take, part: slice) -> float:
     """Return from when on [s of the sensor's clock] the cloth is judged in a used part that begins with a stretch."""
     begin = float(take.time[part.start])
-    return begin + SETTLING_TIME if _is_unknown(take, part) and not _begins_at_rest(take, part) else begin
+    return begin + SETTLING if _is_unknown(take, part) and not _begins_at_rest(take, part) else begin
 
 
 def _is_unknown(take: Take, part: slice) -> bool:
@@ -122,9 +122,9 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
             spans = [span_words(used.time[p.start] - origin, used.time[p.stop - 1] - origin) for p in parts]
             note += f"; used: {listed(spans)}"
         if np.count_nonzero(used.points_valid) < np.count_nonzero(take.points_valid[_rows_of(used, take)]):
-            note += f"; its first {SETTLING_TIME:g} s are not judged, as how the cloth hung there is lost"
+            note += f"; its first {SETTLING:g} s are not judged, as how the cloth hung there is lost"
         if len(parts) > 1:
-            note += f"; {SETTLING_TIME:g} s after a hole are not judged, as how the hanger moved there is lost"
+            note += f"; {SETTLING:g} s after a hole are not judged, as how the hanger moved there is lost"
         found.append(note + ".")
     return found
 

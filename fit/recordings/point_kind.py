@@ -21,9 +21,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fit.recordings.held_edge import FEWEST_FRAMES
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
+from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 
 LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and more
@@ -61,7 +61,7 @@ def common_change(points: Floats, valid: Booleans, places: Floats, sd: float) ->
         length = np.linalg.norm(points[:, pairs[:, 1]] - points[:, pairs[:, 0]], axis=2) / flat
         length[~seen] = np.nan
         usable = seen.sum(1) >= FEWEST_PAIRS
-        if usable.sum() < FEWEST_FRAMES:
+        if usable.sum() < FEWEST_SEEN:
             continue
         together = np.nanmedian(length[usable], axis=1)
         spread = 1.4826 * float(np.median(np.abs(together - np.median(together))))

@@ -31,11 +31,12 @@ from fit.recordings.camera import (
 )
 from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
-from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, is_held
+from fit.recordings.held_edge import HeldEdge, is_held
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
 from formats.arrays import Booleans, Floats
+from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.missing import origin_of
 from formats.rig import Rig, Vector
@@ -214,9 +215,9 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     """
     origin = origin_of(take)
     take = intact_part(take)
-    if len(take.time) < FEWEST_FRAMES:
+    if len(take.time) < FEWEST_SEEN:
         raise FitError(
-            f"the take has {len(take.time)} frames, at least {FEWEST_FRAMES} are needed",
+            f"the take has {len(take.time)} frames, at least {FEWEST_SEEN} are needed",
             where=take.take_id,
             advice="record a longer take",
         )
@@ -268,7 +269,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     seen = frames.points if at_place is None else at_place
     seen = np.where(is_known(time, gaps)[:, None, None], seen, np.nan)
     valid = np.asarray(np.isfinite(seen).all(2))
-    if valid[:, judged].sum() < FEWEST_FRAMES:
+    if valid[:, judged].sum() < FEWEST_SEEN:
         raise FitError(
             "hardly any point of the garment below the held edge was seen",
             where=take.take_id,

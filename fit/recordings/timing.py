@@ -37,8 +37,8 @@ import numpy as np
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import interval_of, robust_line
 from formats.arrays import Booleans, Floats, Integers
+from formats.sights import LARGEST_SHIFT
 
-LARGEST_SHIFT = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
 SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
 INTERVAL_SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
 UNEVEN = 0.1  # of the median interval, the spread from which shares of it show

@@ -19,11 +19,13 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
+from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
+from formats.judged_cloth import MOST_STRETCHED
 from formats.plain_text import counted
 from formats.plausible import check_plausible_times, check_stated_rate
 from formats.rig import Rig, Vector
@@ -31,8 +33,6 @@ from formats.take import FrameState, Take
 
 MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
-FEWEST_FRAMES = 20  # as for any fit
-LONGEST_STRETCH = 1.25  # of the flat distance
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: so far are neighbours
 LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: swung by 70 degrees throughout
@@ -69,10 +69,10 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     """
     options = options or MarkerOptions()
     up, frames = options.up, options.frames
-    if frames is not None and frames < FEWEST_FRAMES:
+    if frames is not None and frames < FEWEST_SEEN:
         raise TakeError(
-            f"a fit needs {FEWEST_FRAMES} frames or more, not {frames}", where="--frames",
-            advice=f"give {FEWEST_FRAMES} or more, or leave it out",
+            f"a fit needs {FEWEST_SEEN} frames or more, not {frames}", where="--frames",
+            advice=f"give {FEWEST_SEEN} or more, or leave it out",
         )  # fmt: skip
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
@@ -144,9 +144,9 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
                 else "rename one and export again",
             )  # fmt: skip
     time = tracks.time[:frames]
-    if len(time) < FEWEST_FRAMES:
+    if len(time) < FEWEST_SEEN:
         raise TakeError(
-            f"has {counted(len(time), 'frame')}, {FEWEST_FRAMES} are needed", where=path, advice="record for longer"
+            f"has {counted(len(time), 'frame')}, {FEWEST_SEEN} are needed", where=path, advice="record for longer"
         )
     if frames is not None and len(time) < frames:
         raise TakeError(
@@ -210,7 +210,7 @@ def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int],
             continue
         found, distance = float(np.median(apart[both])), float(np.linalg.norm(places[first] - places[second]))
         widths[first, second] = found / distance
-        if found > LONGEST_STRETCH * distance:
+        if found > MOST_STRETCHED * distance:
             names = garment.points[first].name, garment.points[second].name
             raise TakeError(
                 f"markers {names[0]!r} and {names[1]!r} are {1e3 * found:.0f} mm apart, "

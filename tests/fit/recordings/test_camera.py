@@ -12,11 +12,12 @@ from msgspec.structs import replace
 from firmware_host.synthetic.silhouette import CameraFaults, make_silhouette_take
 from fit.errors import DriveError
 from fit.recordings.camera_findings import camera_clause, describe_camera
-from fit.recordings.intact import SETTLING_TIME, describe_missing
+from fit.recordings.intact import describe_missing
 from fit.recordings.point_kind import kind_shown
 from fit.recordings.recording import prepare, prepare_together
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.rig import Hanger
+from formats.sights import SETTLING
 from formats.take import FrameState
 from tests.fit.here import hangtime_here
 from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, uneven
@@ -169,8 +170,8 @@ def test_a_take_with_a_gap_is_used_on_both_sides_of_it(lost):
         judged = recording.valid.any(1)
         assert recording.duration == pytest.approx(13.95, abs=0.06)
         assert judged[recording.time < 4.9].all()
-        assert judged[recording.time > 5.1 + lost + SETTLING_TIME].all()
-        assert not judged[(recording.time > 5.05) & (recording.time < 4.9 + lost + SETTLING_TIME)].any()
+        assert judged[recording.time > 5.1 + lost + SETTLING].all()
+        assert not judged[(recording.time > 5.05) & (recording.time < 4.9 + lost + SETTLING)].any()
         across = recording.held(np.linspace(5.0, 5.0 + lost, 400))[:, 1]
         ends = path(time)[[np.flatnonzero(gap)[0] - 1, np.flatnonzero(gap)[-1] + 1], 1]
         assert min(ends) - 0.01 < across.min() <= across.max() < max(ends) + 0.01

@@ -9,8 +9,9 @@ from time import process_time
 import numpy as np
 import pytest
 
-from fit.recordings.intact import FRAME_FIELDS, SETTLING_TIME, describe_missing, intact_part
+from fit.recordings.intact import FRAME_FIELDS, describe_missing, intact_part
 from fit.recordings.recording import prepare
+from formats.sights import SETTLING
 from tests.fit.recordings.silhouettes import silhouette_sheet, swung
 from tests.formats.test_archive import a_take
 
@@ -57,7 +58,7 @@ def test_a_hole_is_bridged_only_where_both_sides_are_judged_for_longer_than_it_l
     used = intact_part(take)
     assert used.time.tolist() == take.time[left].tolist()
     if left.start:
-        assert not used.points_valid[: round(30 * SETTLING_TIME)].any()
+        assert not used.points_valid[: round(30 * SETTLING)].any()
         assert used.points_valid[80:].mean() > 0.9
 
 
@@ -93,9 +94,9 @@ def test_frames_that_were_recorded_are_simulated_on_both_sides_of_a_hole():
     recording = prepare(replace(whole, **arrays, missing=((5.0, 6.5),), is_complete=False))
     judged = recording.time[recording.valid.any(1)]
     assert recording.duration == pytest.approx(11.95, abs=0.06)
-    assert ((judged < 5.05) | (judged > 6.45 + SETTLING_TIME)).all()
+    assert ((judged < 5.05) | (judged > 6.45 + SETTLING)).all()
     assert (judged < 5.05).sum() > 95
-    assert (judged > 6.45 + SETTLING_TIME).sum() > 55
+    assert (judged > 6.45 + SETTLING).sum() > 55
 
 
 def test_a_take_whose_first_frames_are_lost_begins_with_cloth_of_unknown_state():

@@ -11,7 +11,6 @@ from fit.recordings.timing import (
     FEWEST_BLOCKS,
     FEWEST_NOISE_FRAMES,
     HALF_SWING,
-    LARGEST_SHIFT,
     LEAST_EXPLAINED,
     LEAST_NOISE,
     SCAN_STEP,
@@ -23,6 +22,7 @@ from fit.recordings.timing import (
     row_middle,
     uneven_intervals,
 )
+from formats.sights import LARGEST_SHIFT
 
 SPEED = 0.4  # m/s, across the cloth
 

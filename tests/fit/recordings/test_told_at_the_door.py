@@ -1,4 +1,4 @@
-"""What a fit refuses of a take, the judgement tells where the take is recorded or imported, and by the same numbers."""
+"""The judgement tells at the door what a fit refuses of a take, as both look at the same numbers."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.recordings import geometry, hanger_path, held_edge, impossible_points, intact, recording, timing
-from formats import findings, judged_cloth, sights
+from fit.recordings import geometry, recording
 from formats.judgement import judge
 from tests.formats.test_judged_cloth import exchanged, of_markers, turned
 from tests.formats.test_judgement import swung, with_points, without_hanger
@@ -80,15 +79,3 @@ def test_a_take_that_a_fit_takes_has_no_grave_finding(seconds):
     take = swung(seconds)
     geometry.check_geometry(recording.prepare(take))
     assert not any(one.is_grave for one in judge(take))
-
-
-def test_both_have_the_same_bounds():
-    assert sights.FASTEST_END == hanger_path.FASTEST_HANGER
-    assert sights.NOISIER == hanger_path.NOISIER_THAN_STATED
-    assert sights.SETTLING == intact.SETTLING_TIME
-    assert sights.ON_EDGE == held_edge.ON_EDGE
-    assert findings.FEWEST_SEEN == held_edge.FEWEST_FRAMES
-    assert judged_cloth.SHORTEST_EDGE == geometry.SHORTEST_EDGE
-    assert judged_cloth.MOST_STRETCHED == impossible_points.LONGEST_STRETCH
-    assert judged_cloth.MEASURED_APART == geometry.LENGTH_TOLERANCE
-    assert np.abs(sights.CLOCKS_APART).max() == pytest.approx(timing.LARGEST_SHIFT)

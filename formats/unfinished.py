@@ -77,6 +77,7 @@ class UnfinishedFile:
                 _put_aside(self.partial, path)
                 self.file = _locked(self.partial)
                 left.close()
+            self.file.seek(0)  # whoever looked into it has read on
             self.file.truncate(0)
             sync_folder(self.partial.parent)
         except BaseException:

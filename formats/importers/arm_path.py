@@ -30,6 +30,7 @@ from formats.importers.clock_shift import LEAST_NEARER, SHIFT_STEP, find_clock_s
 from formats.importers.npz import load_arrays
 from formats.missing import span_words
 from formats.plausible import check_plausible_times
+from formats.sights import LARGEST_SHIFT
 from formats.two_clocks import at_times
 
 ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
@@ -38,7 +39,6 @@ FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' 
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
 LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
 WHILE = 9  # pictures: a second of the public recordings
-LARGEST_SHIFT = 0.5  # s between both clocks: what a fit looks for
 SMALLEST_SHOWN = 1e-3  # s of a standard error
 MOST_OTHERS = 2  # shifts that are as good, in one sentence
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes

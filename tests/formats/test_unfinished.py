@@ -88,6 +88,21 @@ def test_what_is_too_large_to_look_through_is_put_aside_unread(tmp_path):
     assert (tmp_path / "t.left-1.mcap.partial").stat().st_size == 300 << 30
 
 
+@pytest.mark.parametrize("left", [b"mine", bytes(9000), None], ids=["words", "zeros", "a take without a block"])
+def test_what_holds_nothing_is_replaced_from_its_first_byte_on(tmp_path, left):
+    """Whoever looks whether it holds a block reads to its end."""
+    if left is None:
+        a_writer(tmp_path).keep()
+    else:
+        (tmp_path / "t.mcap.partial").write_bytes(left)
+    with a_writer(tmp_path, overwrite=True) as writer:
+        add(writer, 20)
+    alone = write_take(tmp_path / "alone.mcap", read_take(tmp_path / "t.mcap"))
+    assert verify_take(tmp_path / "t.mcap").is_sound
+    assert (tmp_path / "t.mcap").stat().st_size == alone.stat().st_size
+    assert names(tmp_path) == ["alone.mcap", "t.mcap"]
+
+
 def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_path):
     for count in (40, 50):
         writer = a_writer(tmp_path)

@@ -30,6 +30,8 @@ def faults(take: Take, report: TakeReport) -> list[str]:
     found += report.doubts
     if report.earlier:
         found.append(f"an earlier file had lost {missing_words(take, report.earlier)}")
+    if report.earlier_doubts:
+        found.append(f"said of an earlier file: {report.earlier_doubts}")
     return found
 
 

@@ -16,7 +16,8 @@ MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; t
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
 FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
-NO_HEADER = b"none"  # stands for the hash of a header that has not come
+# They stand for the hash of a header that has not come yet, and of one that cannot come any more.
+NO_HEADER, LOST_HEADER = b"none", b"lost"
 # Of all that a reader looks at in blocks, scans and ends of both versions. Others would take twenty times their bytes.
 FIELDS = {
     "take", "first", "frames", "start", "steps", "table", "surface", "grid_size", "contour_size", "grid", "contour",
@@ -130,15 +131,25 @@ class _Nameless:
     def take_of(self, content: dict[str, Any]) -> bytes | None:
         """Return the hash of a message's header, None before the first one."""
         begin, frames = content.get("first"), content.get("frames")
-        if type(begin) is not int:  # an end
-            found = self.last if self.current is None else self.current
-            self.has_ended = True
+        if type(begin) is not int:
+            found = self._ended(content.get("blocks"))
         else:
             if self.current is None or begin != self.follows:
                 self.current = NO_HEADER if self.has_ended else self.last
             self.follows = begin + frames if type(frames) is int else -1
             found = self.current
         self.place_scans(found)
+        return found
+
+    def _ended(self, blocks: Any) -> bytes | None:
+        """Return the take that ends here. One of as many blocks as its end counts does not go on."""
+        parts, found = self.contents.parts, self.last if self.current is None else self.current
+        if found == NO_HEADER:  # a writer puts the header before the end
+            parts[LOST_HEADER] += parts.pop(NO_HEADER, _NOTHING)
+            found = LOST_HEADER
+        if blocks == len(parts[found].blocks):
+            self.follows = -1
+        self.has_ended = True
         return found
 
     def place_scans(self, take: bytes | None = None) -> None:

@@ -200,8 +200,8 @@ class _Archive:
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
         doubts += [MIXED] * is_mixed
         notes = dict(words.notes)
-        if is_mixed:  # an import may have doubted the file before
-            notes["file"] = "; ".join(filter(None, [notes.get("file"), MIXED]))
+        if doubts:  # a file that is written of this take keeps them, beside those of an import
+            notes["file"] = "; ".join(filter(None, [notes.get("file"), *doubts]))
         take = Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
             notes=notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
@@ -212,6 +212,7 @@ class _Archive:
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
             earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
+            earlier_doubts=words.notes.get("file", ""),
         )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ class TakeReport:
     - `other_takes`: to which these belong
     - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
+    - `earlier_doubts`: those that its notes keep, of an earlier file of this take; '' without any
     """
 
     frames: int
@@ -35,6 +36,7 @@ class TakeReport:
     other_takes: int
     unread_blocks: int
     doubts: tuple[str, ...]
+    earlier_doubts: str
 
     @property
     def is_sound(self) -> bool:

@@ -232,10 +232,13 @@ def test_a_scan_of_version_1_belongs_to_the_take_of_the_next_block(ends):
     assert len(take_of(alone, "one").scans) == 1
 
 
-def end_of_version_1(blocks):
+def frames_of_a_block():
     chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
-    frames = next(content for content in chunks if "first" in content)["frames"]
-    return chunk_of({"frames": frames * blocks, "blocks": blocks})
+    return next(content for content in chunks if "first" in content)["frames"]
+
+
+def end_of_version_1(blocks):
+    return chunk_of({"frames": frames_of_a_block() * blocks, "blocks": blocks})
 
 
 def takes_in(raw, folder):
@@ -260,6 +263,33 @@ def test_blocks_behind_an_end_belong_to_no_take_of_version_1_that_has_ended(has_
     else:
         assert set(found) == {"one"}
         assert report.damaged_blocks == alone_report.damaged_blocks + 7
+
+
+def test_blocks_behind_an_end_that_counts_its_take_whole_do_not_go_on_with_it(tmp_path):
+    """The second take has lost its header and as many blocks as the first one has."""
+    first, (two, of_two) = [*raw_of(3), raw_of(3)[0], end_of_version_1(3)], of_version_1(8, "two")
+    found = takes_in([*first, *of_two[3:], chunk_of(two), end_of_version_1(8)], tmp_path)
+    assert (found["one"][1].blocks, found["one"][0].is_complete, found["one"][1].doubts) == (3, True, ())
+    assert (found["two"][1].blocks, found["two"][1].missing_frames) == (5, 3 * frames_of_a_block())
+
+
+def test_blocks_whose_headers_are_lost_go_into_no_take_behind_their_end(tmp_path):
+    one, three = [*raw_of(4), raw_of(4)[0], end_of_version_1(4)], of_version_1(5, "three")
+    ends = [end_of_version_1(6), end_of_version_1(7)]  # the second one of a take that has lost all else
+    raw = [*one, *of_version_1(6)[1], *ends, chunk_of(three[0]), *three[1], end_of_version_1(5)]
+    found = takes_in(raw, tmp_path)
+    assert {name: report.blocks for name, (_, report) in found.items()} == {"one": 4, "three": 5}
+    assert not any(take.missing or report.is_sound or report.doubts for take, report in found.values())
+
+
+def test_a_recovered_take_keeps_the_doubts_of_its_file(tmp_path):
+    raw = b"".join([*raw_of(3), end_of_version_1(3), end_of_version_1(9)])
+    _, lines = recovered(tmp_path, raw)
+    doubt = "it has several ends that differ"
+    assert lines == [f"c.recovered.mcap: 93 frames, missing: from 21.00 s on; {doubt}"]
+    assert doubts_of(read_take(tmp_path / "c.recovered.mcap")) == [doubt]
+    told = hangtime_here("takes", "verify", "c.recovered.mcap", folder=tmp_path).stdout
+    assert told.count(doubt) == 1
 
 
 def raw_of(count):

@@ -3,6 +3,8 @@
 A copy may have another name, clock and number of frames, lost or edited points, and rounded places. It keeps most
 places of a frame's points, and the order of its frames.
 
+Recordings of a motion that a machine repeats with less noise than `SAME_PLACE` count as copies.
+
 Two recordings of a garment at rest have single places in common by chance. With noise s of a coordinate, a place lies
 within r of one of the other's in about (r / s)^3 / 5.6 of the frames. Such frames have no order.
 """
@@ -10,6 +12,7 @@ within r of one of the other's in about (r / s)^3 / 5.6 of the frames. Such fram
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -24,80 +27,110 @@ SAME_PLACE = 1.0e-4
 AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
 MOST_POINTS = 12  # that are compared: more cost time and tell little more
 MOST_STEP = 10  # frames from one shared frame to the next: a copy may keep one frame in ten
-FEWEST_SHARED = 10  # shared ones, in order: fewer do not flatter a fit
-MOST_SHARED = 0.1  # of the frames that tell something: chance leaves none in order, a copied piece more
+FEWEST_SHARED = 10  # frames in order: fewer do not flatter a fit
+MOST_SHARED = 0.2  # of the frames that tell something: chance leaves none in order, a copied piece more
+MOST_ASKED, RUN = 2000, 20  # frames of a long take, in runs of so many: as many tell a fifth of them to one per cent
 
 
 @dataclass(frozen=True)
-class _Frames:
-    """The free points of a take.
+class _Tree:
+    """The different places of one point: the tree of them, and the first and the last frame of each."""
 
-    places: (frames, points, 3), m; seen: (frames, points), of at least one point in each frame
-    """
-
-    places: Floats
-    seen: Booleans
+    tree: KDTree
+    first: Integers
+    last: Integers
 
 
-def are_copies(one: Take, other: Take) -> bool:
+class Track:
+    """The places of a take's free points, to be compared with those of another take of the garment."""
+
+    def __init__(self, take: Take) -> None:
+        flat = np.array([point.at_m for point in take.garment.points]).reshape(-1, 2)
+        self.free = np.flatnonzero(~is_held(take.garment, flat)) if len(flat) else np.zeros(0, int)
+        self.places = take.points
+        self.seen = np.asarray(take.points_valid & np.isfinite(take.points).all(2))
+        self.counts: Integers = self.seen.sum(0)
+        self._trees: dict[int, _Tree] = {}
+
+    def tree(self, point: int) -> _Tree:
+        """Return the different places of a point that was seen."""
+        if point not in self._trees:
+            rows = np.flatnonzero(self.seen[:, point])
+            different, at = np.unique(self.places[rows, point], axis=0, return_inverse=True)
+            first, last = np.full(len(different), len(self.seen)), np.zeros(len(different), int)
+            np.minimum.at(first, at.ravel(), rows)
+            np.maximum.at(last, at.ravel(), rows)
+            self._trees[point] = _Tree(KDTree(different), first, last)
+        return self._trees[point]
+
+    @cached_property
+    def telling(self) -> Integers:
+        """The frames, of a long take some, in which the cloth has moved and that do not come again in the take."""
+        points = _best_seen(self.free, self.counts)
+        if not len(points):
+            return np.zeros(0, int)
+        first = self.places[np.argmax(self.seen[:, points], 0), points]
+        away = np.linalg.norm(self.places[:, points] - first, axis=2)
+        moved = np.flatnonzero((self.seen[:, points] & (away > AT_REST)).any(1))
+        if len(moved) > MOST_ASKED:
+            begins = np.linspace(0, len(moved) - RUN, MOST_ASKED // RUN).astype(int)
+            moved = moved[np.unique(begins[:, None] + np.arange(RUN))]
+        return moved[_partners(self, self, moved, points) < 0]
+
+
+def are_copies(one: Track, other: Track) -> bool:
     """Whether two takes of a garment hold frames of one recording."""
-    flat = np.array([point.at_m for point in one.garment.points]).reshape(-1, 2)
-    free = np.flatnonzero(~is_held(one.garment, flat))
-    both_seen = [int(min(one.points_valid[:, at].sum(), other.points_valid[:, at].sum())) for at in free]
-    chosen = free[np.argsort(both_seen, kind="stable")[::-1][:MOST_POINTS]]
-    first, second = _frames(one, chosen), _frames(other, chosen)
-    return max(_share(first, second), _share(second, first)) >= MOST_SHARED
+    points = _best_seen(one.free, np.minimum(one.counts, other.counts))
+    return max(_share(one, other, points), _share(other, one, points)) >= MOST_SHARED
 
 
-def _frames(take: Take, chosen: Integers) -> _Frames:
-    places = take.points[:, chosen]
-    seen = np.asarray(take.points_valid[:, chosen] & np.isfinite(places).all(2))
-    shown = seen.any(1)
-    return _Frames(places[shown], seen[shown])
+def _best_seen(free: Integers, counts: Integers) -> Integers:
+    """Return the free points that were seen in most frames, at most `MOST_POINTS`."""
+    best = free[np.argsort(counts[free], kind="stable")[::-1][:MOST_POINTS]]
+    return np.asarray(best[counts[best] > 0])
 
 
-def _share(one: _Frames, other: _Frames) -> float:
-    """Return the share of the frames of a take that tell something which the other has in its order.
-
-    Frames that come again in the take, and those of cloth that has not moved yet, tell nothing.
-    """
-    if not len(one.seen) or not len(other.seen):
-        return 0.0
-    first = one.places[np.argmax(one.seen, 0), np.arange(one.seen.shape[1])]
-    moved = (one.seen & (np.linalg.norm(one.places - first, axis=2) > AT_REST)).any(1)
-    telling = np.flatnonzero(moved & (_partners(one, one, is_one_take=True) < 0))
-    found = _partners(one, other)[telling]
-    met = np.flatnonzero(found >= 0)
-    steps = np.diff(found[met])
+def _share(one: Track, other: Track, points: Integers) -> float:
+    """Return the share of the frames of a take that tell something which the other has in its order."""
+    found = _partners(one, other, one.telling, points)
+    met = one.telling[found >= 0]
+    steps = np.diff(found[found >= 0])
     follows = (steps > 0) & (steps <= MOST_STEP) & (np.diff(met) <= MOST_STEP)
     shared = int(np.count_nonzero(np.append(follows, False) | np.append(False, follows)))
-    return shared / len(telling) if shared >= FEWEST_SHARED else 0.0
+    return shared / len(one.telling) if shared >= FEWEST_SHARED else 0.0
 
 
-def _partners(one: _Frames, other: _Frames, *, is_one_take: bool = False) -> Integers:
-    """Return for each frame of a take the frame of the other, or another of its own, with its places; -1 for none.
+def _partners(one: Track, other: Track, rows: Integers, points: Integers) -> Integers:
+    """Return for frames of a take, (rows,), a frame of the other, or another of its own, with its places; -1 for none.
 
     Each point proposes the frame in which it was nearest. A frame is the same where most of the points that both show
     are at their places.
     """
-    count = len(one.seen)
-    best, most = np.full(count, -1), np.zeros(count, int)
-    for at in range(one.seen.shape[1]):
-        asked, there = np.flatnonzero(one.seen[:, at]), np.flatnonzero(other.seen[:, at])
-        if len(there) < 1 + is_one_take:
-            continue
-        tree = KDTree(other.places[there, at])
-        reach, near = tree.query(one.places[asked, at], k=1 + is_one_take, p=np.inf, distance_upper_bound=SAME_PLACE)
-        if is_one_take:
-            own = there[np.minimum(near, len(there) - 1)] == asked[:, None]
-            column = own[:, 0].astype(int)  # of two that are equally near, either may come first
-            rows = np.arange(len(asked))
-            reach, near = reach[rows, column], near[rows, column]
-        near_enough = np.isfinite(reach)
-        asked, proposed = asked[near_enough], there[near[near_enough]]
-        both = one.seen[asked] & other.seen[proposed]
-        same = both & (np.abs(one.places[asked] - other.places[proposed]) <= SAME_PLACE).all(2)
-        points = same.sum(1)
-        better = (2 * points > both.sum(1)) & (points > most[asked])
-        best[asked[better]], most[asked[better]] = proposed[better], points[better]
+    best, most = np.full(len(rows), -1), np.zeros(len(rows), int)
+    for point in points:
+        asked, known = np.flatnonzero(one.seen[rows, point]), other.tree(int(point))
+        near, proposed = _nearest(known, one.places[rows[asked], point], rows[asked] if one is other else None)
+        asked, proposed = asked[near], proposed[near]
+        both: Booleans = one.seen[rows[asked]][:, points] & other.seen[proposed][:, points]
+        apart = np.abs(one.places[rows[asked]][:, points] - other.places[proposed][:, points])
+        count = (both & (apart <= SAME_PLACE).all(2)).sum(1)
+        better = (2 * count > both.sum(1)) & (count > most[asked])
+        best[asked[better]], most[asked[better]] = proposed[better], count[better]
     return best
+
+
+def _nearest(known: _Tree, places: Floats, own: Integers | None) -> tuple[Booleans, Integers]:
+    """Return which places, (n, 3) [m], have one of the same among those that are known, and the frame of the nearest.
+
+    own: the frames of the places themselves where they are among the known ones, (n,): others are wanted
+    """
+    if own is None:
+        reach, at = known.tree.query(places, p=np.inf, distance_upper_bound=SAME_PLACE)
+        near = np.isfinite(reach)
+        return near, known.first[np.where(near, at, 0)]
+    reach, at = known.tree.query(places, k=2, p=np.inf, distance_upper_bound=SAME_PLACE)
+    at = np.where(np.isfinite(reach), at, at[:, :1])
+    same, next_one = at.T  # the place itself is its nearest
+    again = np.where(known.first[same] != own, known.first[same], known.last[same])
+    comes_again = again != own
+    return comes_again | np.isfinite(reach[:, 1]), np.where(comes_again, again, known.first[next_one])

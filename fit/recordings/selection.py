@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
-from fit.recordings.copies import are_copies
+from fit.recordings.copies import Track, are_copies
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
@@ -46,10 +46,11 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
                 advice="fit and diagnose one garment at a time",
             )
     contents = [content_of(take) for take in every]
+    tracks = [Track(take) for take in every]
     for place, take in enumerate(every):
         for before in range(place):
             is_same = contents[before] == contents[place]
-            if not is_same and not are_copies(every[before], take):
+            if not is_same and not are_copies(tracks[before], tracks[place]):
                 continue
             is_shared = before < len(training) <= place
             if is_same:

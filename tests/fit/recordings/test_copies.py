@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from time import process_time
 
 import msgspec
 import numpy as np
 import pytest
 
-from fit.recordings.copies import are_copies
+from fit.recordings.copies import Track, are_copies
 from fit.recordings.intact import FRAME_FIELDS
 from formats.archive import read_take, write_take
 from formats.exporters.marker_files import write_csv
@@ -40,6 +41,10 @@ def with_lost(take, share, seed):
     return dataclasses.replace(take, points=points, points_valid=take.points_valid & ~lost)
 
 
+def copies(one, other):
+    return are_copies(Track(one), Track(other))
+
+
 COPIES = {
     "rounded to 0.1 mm": lambda take: (take, dataclasses.replace(take, points=take.points.round(4))),
     "40 % in common": lambda take: (part(take, slice(0, 100)), part(take, slice(60, 150))),
@@ -53,8 +58,8 @@ COPIES = {
 @pytest.mark.parametrize("change", COPIES)
 def test_takes_that_hold_frames_of_one_recording_are_copies(change):
     one, other = COPIES[change](recorded())
-    assert are_copies(one, other)
-    assert are_copies(other, one)
+    assert copies(one, other)
+    assert copies(other, one)
 
 
 def test_a_take_that_went_through_the_archive_an_export_and_an_import_is_a_copy(tmp_path):
@@ -64,8 +69,8 @@ def test_a_take_that_went_through_the_archive_an_export_and_an_import_is_a_copy(
     again = read_take(write_take(tmp_path / "b.mcap", back))
     shown = again.points_valid & take.points_valid
     assert 0 < np.abs(again.points - take.points)[shown].max() <= 6e-5  # m: not one place need be the same
-    assert are_copies(take, again)
-    assert not are_copies(read_take(write_take(tmp_path / "c.mcap", recorded(seed=1))), again)
+    assert copies(take, again)
+    assert not copies(read_take(write_take(tmp_path / "c.mcap", recorded(seed=1))), again)
 
 
 @pytest.mark.parametrize("noise", [2e-5, 1e-4, 1e-3])
@@ -75,7 +80,7 @@ def test_other_recordings_are_no_copies(noise):
     if noise >= 1e-4:
         others.append(recorded(noise=noise, seed=5))  # a machine that repeats its motion
     for other in others:
-        assert not are_copies(take, other)
+        assert not copies(take, other)
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-5, 1e-4, 5e-4])
@@ -85,9 +90,29 @@ def test_takes_at_rest_are_no_copies(noise):
     one_free = msgspec.structs.replace(corners, points=corners.points[:3])
     for garment in (corners, one_free):
         still = [recorded(noise=noise, seed=seed, amplitude=0.0, garment=garment) for seed in (1, 2)]
-        assert not are_copies(*still)
+        assert not copies(*still)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_long_takes_of_many_equal_places_are_compared_in_a_second(noise, monkeypatch):
+    """Ten minutes at rest or with a tracker that stands: all places are one, or some hundreds."""
+    monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 600, 1 / 30))
+    takes = [recorded(hz, noise, seed, start=590.0) for hz, seed in ((0.7, 1), (0.9, 2))]
+    takes = [dataclasses.replace(take, points=take.points.round(5)) for take in takes]
+    begin = process_time()
+    assert not copies(*takes)
+    assert process_time() - begin < 5.0  # s: without a look at equal places it takes minutes
+
+
+def test_a_long_take_is_looked_at_in_parts_and_its_copy_is_known(monkeypatch):
+    monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 100, 1 / 30))
+    monkeypatch.setattr("fit.recordings.copies.MOST_ASKED", 400)
+    take = recorded()
+    assert len(Track(take).telling) <= 400
+    assert copies(take, part(recorded(), slice(1000, None)))
+    assert not copies(take, recorded(seed=1))
 
 
 def test_takes_without_a_common_point_are_no_copies():
     take = recorded()
-    assert not are_copies(take, with_lost(take, 1.0, 0))
+    assert not copies(take, with_lost(take, 1.0, 0))

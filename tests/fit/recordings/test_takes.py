@@ -16,7 +16,7 @@ from fit.gap.diagnosis import diagnose
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import SI
-from fit.recordings.copies import are_copies
+from fit.recordings.copies import Track, are_copies
 from fit.recordings.intact import FRAME_FIELDS
 from fit.recordings.ready import ready
 from fit.recordings.selection import check_together, content_of
@@ -125,7 +125,7 @@ def test_a_copy_whose_clock_or_some_points_changed_is_the_same_recording(change)
 def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
     take, garment = a_take("a"), sheet()
     moved = dataclasses.replace(take, points=take.points + 0.001)
-    assert not are_copies(take, moved)
+    assert not are_copies(Track(take), Track(moved))
     rest = np.tile(take.points[:1], (len(take.time), 1, 1))
     still = [dataclasses.replace(take, take_id=str(hz), points=rest + swing(take.time, hz=hz, start=1.0)[:, None])
              for hz in (0.7, 0.9)]  # fmt: skip

@@ -56,7 +56,9 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
             if is_same:
                 what = "this take is both fitted to and held out" if is_shared else "this take is given twice"
             else:
-                what = f"this take holds frames of the recording that {every[before].take_id!r} holds"
+                other = every[before].take_id
+                other = "another take of its name" if other == take.take_id else repr(other)
+                what = f"this take holds frames of the recording that {other} holds"
                 what += ", which is fitted to" if is_shared else ""
             raise FitError(
                 what, where=take.take_id,

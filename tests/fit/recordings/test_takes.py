@@ -139,6 +139,13 @@ def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
     check_together(alike, [])
 
 
+def test_two_takes_of_one_name_that_hold_one_recording_are_told_apart():
+    take = a_take("a")
+    copy = dataclasses.replace(take, time=take.time - 3.0)
+    with pytest.raises(FitError, match=r"^a: this take holds frames of the recording that another take of its name h"):
+        check_together([take, copy], [])
+
+
 def test_two_recordings_of_one_name_may_stand_together():
     check_together([a_take("a"), a_take("a", hz=0.9)], [])
 

@@ -20,7 +20,7 @@ from formats.findings import (
 from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
-from formats.sights import Sights, exchanged, first_jump, reach, sights_of
+from formats.sights import SETTLING, Sights, exchanged, first_jump, reach, sights_of
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
@@ -43,25 +43,24 @@ def judge(take: Take) -> tuple[Finding, ...]:
                 advice=f"turn both {ends_of(take)} to the {camera_of(take)} and record again",
             ),
         )  # fmt: skip
-    found = [*_hanger_gaps(take, has_hanger), *_length(take, sights), *_markers(take, has_hanger)]
+    found = [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, has_hanger)]
     found += [*_path(take, has_hanger), *_motion(take, has_hanger), *cloth_findings(take, sights)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
 
 
-def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
-    times = take.time[has_hanger]
+def _hanger_gaps(take: Take, sights: Sights) -> list[Finding]:
+    times = take.time[sights.held]
     steps = np.diff(times)
     if not len(steps) or steps.max() <= LONGEST_GAP:
         return []
     begins, count = times[int(np.argmax(steps))] - origin_of(take), int((steps > LONGEST_GAP).sum())
     others = f", in all {count} times for over {LONGEST_GAP:g} s" if count > 1 else ""
-    spell = f"for {steps.max():.1f} s from {begins:.1f} s on{others}"
-    return [
-        Finding(
-            name="hanger_lost", is_grave=True, words=f"the two {ends_of(take)} were not seen together {spell}",
-            advice=f"record again with both {ends_of(take)} in view from beginning to end",
-        )
-    ]  # fmt: skip
+    words = f"the two {ends_of(take)} were not seen together for {steps.max():.1f} s from {begins:.1f} s on{others}"
+    is_grave = int(sights.is_known.sum()) < FEWEST_SEEN
+    if not is_grave:
+        words += f"; a fit leaves out that time and {SETTLING:g} s after it"
+    advice = f"record again with both {ends_of(take)} in view from beginning to end"
+    return [Finding(name="hanger_lost", is_grave=is_grave, words=words, advice=advice)]
 
 
 def _length(take: Take, sights: Sights) -> list[Finding]:

@@ -143,6 +143,7 @@ def test_an_imported_recording_is_judged_as_one_of_our_own(tmp_path):
     words = ("import", "whole.csv", "lost.csv", "--garment", "swatch.toml")
     assert [line for line in hangtime_here(*words, folder=tmp_path).stdout.splitlines() if "Warning" in line] == [
         "Warning: the two ends of the held edge were not seen together for 1.0 s from 1.0 s on; "
+        "a fit leaves out that time and 2.5 s after it; "
         "record again with both ends of the held edge in view from beginning to end"
     ]
 

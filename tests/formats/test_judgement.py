@@ -49,13 +49,21 @@ def test_a_whole_take_has_no_finding():
     assert judge(swung()) == ()
 
 
-def test_a_hanger_that_was_lost_in_between_is_grave_and_told_with_its_place():
+def test_a_hanger_that_was_lost_in_between_is_told_with_its_place():
     """Frames 30 to 59 at 30 a second: from the sight at 0.97 s to that at 2.00 s are 1.03 s."""
     (finding,) = judge(without_hanger(swung(), slice(30, 60)))
-    assert (finding.name, finding.is_grave) == ("hanger_lost", True)
-    assert "for 1.0 s from 1.0 s on" in finding.words
+    assert (finding.name, finding.is_grave) == ("hanger_lost", False)
+    assert "for 1.0 s from 1.0 s on; a fit leaves out that time and 2.5 s after it" in finding.words
     assert named(without_hanger(swung(), slice(30, 44))) == []  # 0.5 s from sight to sight can be led across
     assert named(without_hanger(swung(), slice(0, 60))) == []  # comes late
+
+
+@pytest.mark.parametrize(("first", "is_grave"), [(18, True), (19, True), (20, False)])
+def test_a_hanger_that_was_lost_is_grave_where_fewer_than_20_frames_count(first, is_grave):
+    """At 30 a second the frames from the sight behind the gap on, 2.5 s long, do not count: here all that are left."""
+    take = swung(first / 30 + 3.4)
+    found = {one.name: one.is_grave for one in judge(without_hanger(take, slice(first, first + 27)))}
+    assert found["hanger_lost"] == is_grave
 
 
 @pytest.mark.parametrize("lost", [slice(36, None), slice(0, -36)])

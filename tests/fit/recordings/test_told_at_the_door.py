@@ -74,8 +74,11 @@ def test_a_take_of_nineteen_frames_which_a_fit_refuses_is_told_as_too_short():
     assert [one.name for one in judge(take)] == ["too_short"]
 
 
-@pytest.mark.parametrize("seconds", [0.7, 10.0])
-def test_a_take_that_a_fit_takes_has_no_grave_finding(seconds):
-    take = swung(seconds)
+@pytest.mark.parametrize(
+    "take",
+    [swung(0.7), swung(10.0), without_held(swung(10.0), slice(30, 60)), without_held(swung(10.0), slice(60, 170))],
+    ids=["short", "whole", "hanger lost for a second", "hanger lost for long"],
+)
+def test_a_take_that_a_fit_takes_has_no_grave_finding(take):
     geometry.check_geometry(recording.prepare(take))
     assert not any(one.is_grave for one in judge(take))

@@ -43,7 +43,7 @@ def check_stem(name: str) -> None:
 
 
 def refuse_to_replace(path: Path, text: str | None = None) -> None:
-    """Do nothing unless a file of this name is there, or the beginning of one that was never finished.
+    """Do nothing unless a file of this name is there, or the beginning of a take that was never finished.
 
     text: the content to write, where a file that holds just this may stay.
 
@@ -53,7 +53,8 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
         raise already_there(path)
     partial = unfinished_name(path)
-    if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
+    # Takes alone are written under this name. An empty one lost nothing, or its writer's lock refuses.
+    if path.suffix == ".mcap" and partial.exists() and partial.stat().st_size > 0:
         raise left_unfinished(partial)
 
 

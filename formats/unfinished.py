@@ -40,11 +40,10 @@ def not_utf8(path: Path) -> OutputError:
 
 def left_unfinished(partial: Path) -> OutputError:
     """Return the error of a recording that would replace one that was never finished."""
-    is_take = partial.name.endswith(".mcap.partial")  # nothing else can be read before it is finished
-    look = "look at it with `hangtime takes show`; " if is_take else ""
+    look = "look at it with `hangtime takes show`"
     return OutputError(
         "is what an interrupted recording left under this name, or one that is still running", where=partial,
-        advice=f"{look}give another name, or --overwrite to put it aside and begin anew",
+        advice=f"{look}; give another name, or --overwrite to put it aside and begin anew",
     )  # fmt: skip
 
 

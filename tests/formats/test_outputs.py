@@ -96,18 +96,22 @@ def test_a_file_that_is_there_stays_unless_it_holds_just_what_is_to_be_written(t
     assert refused(refuse_to_replace, tmp_path / "folder", "") == f"{tmp_path}/folder: is a folder; give another name"
 
 
-@pytest.mark.parametrize(
-    ("name", "look"), [("a.mcap", "look at it with `hangtime takes show`; give"), ("a.csv", "give")]
-)
-def test_what_was_never_finished_stays_where_it_holds_something(tmp_path, name, look):
-    partial = tmp_path / f"{name}.partial"
+def test_a_take_that_was_never_finished_stays_where_it_holds_something(tmp_path):
+    partial = tmp_path / "a.mcap.partial"
     partial.touch()
-    refuse_to_replace(tmp_path / name)
+    refuse_to_replace(tmp_path / "a.mcap")
     partial.write_bytes(b"x")
-    assert refused(refuse_to_replace, tmp_path / name) == (
-        f"{partial}: is what an interrupted recording left under this name, or one that is still running; {look} "
-        "another name, or --overwrite to put it aside and begin anew"
+    assert refused(refuse_to_replace, tmp_path / "a.mcap") == (
+        f"{partial}: is what an interrupted recording left under this name, or one that is still running; look at it "
+        "with `hangtime takes show`; give another name, or --overwrite to put it aside and begin anew"
     )
+
+
+def test_no_other_file_is_written_under_an_unfinished_name_so_that_one_is_left_alone(tmp_path):
+    (tmp_path / "a.csv.partial").write_text("mine")
+    refuse_to_replace(tmp_path / "a.csv")
+    write_text(tmp_path / "a.csv", "text", overwrite=False)
+    assert (tmp_path / "a.csv.partial").read_text() == "mine"
 
 
 def test_a_file_that_is_read_is_not_written_over_by_any_of_its_names(tmp_path):

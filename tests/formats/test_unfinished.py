@@ -204,16 +204,3 @@ def test_what_a_recording_left_that_ended_before_its_first_block_blocks_no_name(
     add(writer, 40)
     writer.finish()
     assert names(tmp_path) == ["t.mcap"]
-
-
-def test_only_of_a_take_it_is_said_what_shows_it(tmp_path):
-    for name in ("t.mcap", "swing.oni"):
-        (tmp_path / f"{name}.partial").write_text("left")
-    with pytest.raises(
-        OutputError, match=r"t\.mcap\.partial: is .*; look at it with `hangtime takes show`; give another"
-    ):
-        refuse_to_replace(tmp_path / "t.mcap")
-    with pytest.raises(
-        OutputError, match=r"swing\.oni\.partial: is .*still running; give another name, or --overwrite"
-    ):
-        refuse_to_replace(tmp_path / "swing.oni")

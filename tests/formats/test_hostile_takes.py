@@ -7,12 +7,14 @@ import struct
 import time
 import tracemalloc
 
+import msgpack
 import pytest
 
 from formats.archive import read_take, take_of
 from formats.chunks import MCAP_MAGIC, Findings, messages_in
 from formats.errors import TakeError
 from formats.surface import places_of
+from formats.take_messages import MOST_CONTAINERS, header_of
 from tests.formats.bombs import BOMBS
 from tests.formats.damage import chunk_of, chunks_of
 from tests.formats.measured import MeasuredReading
@@ -157,3 +159,11 @@ def test_an_archive_without_compression_is_read(raw):
     header = chunk_of(b"".join(messages_in(raw[chunks[0][0] : chunks[0][1]], Findings())), compression=b"")
     plain = raw[: chunks[0][0]] + header + raw[chunks[0][1] :]
     assert len(take_of(plain, "plain").time) == 150
+
+
+@pytest.mark.parametrize("part", [[], {}], ids=["lists", "maps"])
+def test_a_header_has_so_many_maps_and_lists_and_no_more(part):
+    """The header itself and the list of the parts are two of them."""
+    for count, is_read in ((MOST_CONTAINERS - 2, True), (MOST_CONTAINERS - 1, False)):
+        data = msgpack.packb({"format": "hangtime-take/2", "parts": [part] * count})
+        assert (header_of(data) is not None) == is_read

@@ -134,6 +134,8 @@ def test_points_that_keep_their_place_while_the_hanger_swings_are_told():
     both = frozen(swung(10.0), slice(2, 4), slice(60, 151))
     words = "bottom_right, bottom_left kept their very place while the hanger moved, for 3.0 s from 2.0 s on at most"
     assert told(both) == [("points_stand", False, words)]
+    longer = frozen(both, 2, slice(60, 181))
+    assert told(longer)[0][2].endswith("for 4.0 s from 2.0 s on at most")
     one = frozen(swung(10.0), 2, slice(60, 76))
     assert told(one) == []  # 0.5 s
     (finding,) = told(frozen(swung(10.0), 2, slice(60, 80)))
@@ -189,6 +191,8 @@ def test_held_ends_that_are_exchanged_in_some_frames_are_told_with_number_and_se
     assert told(exchanged(take, frames)) == [("ends_exchanged", True, words)]
     words = "left and right end of the held edge are exchanged in 30 of 800 frames, first at 0.00 s"
     assert told(exchanged(take, slice(0, 30))) == [("ends_exchanged", True, words)]
+    (finding,) = judge(exchanged(take, frames))
+    assert finding.advice == "check which is which there, then correct the labels or record again"
 
 
 def test_held_ends_are_exchanged_at_nine_frames_a_second_too():
@@ -232,8 +236,9 @@ def test_a_hanger_that_jumps_is_told_with_its_second():
     take = swung()
     points = take.points.copy()
     points[90:95, 0] += [0.0, 0.3, 0.0]
-    (finding, *_) = told(imported(dataclasses.replace(with_points(take, points), markers=points[:, :2])))
-    assert finding == ("hanger_jumps", True, "the hanger jumps at 2.97 s, as no hand moves it")
+    jumps = imported(dataclasses.replace(with_points(take, points), markers=points[:, :2]))
+    assert told(jumps)[0] == ("hanger_jumps", True, "the hanger jumps at 2.97 s, as no hand moves it")
+    assert judge(jumps)[0].advice == "check the ends of the held edge there, then record again"
 
 
 @pytest.mark.parametrize("degrees", [20, 45, 90])

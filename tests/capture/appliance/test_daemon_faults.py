@@ -167,7 +167,7 @@ def test_a_disk_that_fills_up_or_turns_read_only_is_named_and_mends_by_itself(tm
         filler = disk / "filler"
         filler.write_bytes(bytes(77_000_000))  # less than 8 MB are left
         told = appliance.wait_for("fault", "saving")
-        told = appliance.wait_until(lambda told: told["takes"] == 1, "kept")
+        told = appliance.wait_until(lambda told: told["takes"] == 1 and told["faults"], "kept, and no room for more")
         assert re.search(r"only \d MB are left on the disk", told["faults"][0]["sentence"])
         assert "hangtime sync" in told["faults"][0]["advice"]
         (kept,) = Spool(appliance.spool).takes()

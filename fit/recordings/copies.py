@@ -27,7 +27,7 @@ SAME_PLACE = 1.0e-4
 AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
 MOST_POINTS = 12  # that are compared: more cost time and tell little more
 MOST_STEP = 10  # frames from one shared frame to the next: a copy may keep one frame in ten
-FEWEST_SHARED = 10  # frames in order: fewer do not flatter a fit
+FEWEST_SHARED = 10  # steps from one shared frame to the next: fewer do not flatter a fit
 MOST_SHARED = 0.2  # of the frames that tell something: chance leaves none in order, a copied piece more
 MOST_ASKED, RUN = 2000, 20  # frames of a long take, in runs of so many: as many tell a fifth of them to one per cent
 
@@ -46,7 +46,7 @@ class Track:
 
     def __init__(self, take: Take) -> None:
         flat = np.array([point.at_m for point in take.garment.points]).reshape(-1, 2)
-        self.free = np.flatnonzero(~is_held(take.garment, flat)) if len(flat) else np.zeros(0, int)
+        self.free = np.flatnonzero(~is_held(take.garment, flat))
         self.places = take.points
         self.seen = np.asarray(take.points_valid & np.isfinite(take.points).all(2))
         self.counts: Integers = self.seen.sum(0)
@@ -96,7 +96,7 @@ def _share(one: Track, other: Track, points: Integers) -> float:
     met = one.telling[found >= 0]
     steps = np.diff(found[found >= 0])
     follows = (steps > 0) & (steps <= MOST_STEP) & (np.diff(met) <= MOST_STEP)
-    shared = int(np.count_nonzero(np.append(follows, False) | np.append(False, follows)))
+    shared = int(np.count_nonzero(follows))
     return shared / len(one.telling) if shared >= FEWEST_SHARED else 0.0
 
 
@@ -108,29 +108,26 @@ def _partners(one: Track, other: Track, rows: Integers, points: Integers) -> Int
     """
     best, most = np.full(len(rows), -1), np.zeros(len(rows), int)
     for point in points:
-        asked, known = np.flatnonzero(one.seen[rows, point]), other.tree(int(point))
-        near, proposed = _nearest(known, one.places[rows[asked], point], rows[asked] if one is other else None)
-        asked, proposed = asked[near], proposed[near]
-        both: Booleans = one.seen[rows[asked]][:, points] & other.seen[proposed][:, points]
-        apart = np.abs(one.places[rows[asked]][:, points] - other.places[proposed][:, points])
+        asked = np.flatnonzero(one.seen[rows, point])
+        frames = rows[asked]
+        proposed = _proposed(other.tree(int(point)), one.places[frames, point], frames if one is other else None)
+        both: Booleans = one.seen[frames][:, points] & other.seen[proposed][:, points]
+        apart = np.abs(one.places[frames][:, points] - other.places[proposed][:, points])
         count = (both & (apart <= SAME_PLACE).all(2)).sum(1)
         better = (2 * count > both.sum(1)) & (count > most[asked])
+        if one is other:
+            better &= proposed != frames
         best[asked[better]], most[asked[better]] = proposed[better], count[better]
     return best
 
 
-def _nearest(known: _Tree, places: Floats, own: Integers | None) -> tuple[Booleans, Integers]:
-    """Return which places, (n, 3) [m], have one of the same among those that are known, and the frame of the nearest.
+def _proposed(known: _Tree, places: Floats, own: Integers | None) -> Integers:
+    """Return the frame of the nearest of the known places for each of some, (n, 3) [m].
 
     own: the frames of the places themselves where they are among the known ones, (n,): others are wanted
     """
     if own is None:
-        reach, at = known.tree.query(places, p=np.inf, distance_upper_bound=SAME_PLACE)
-        near = np.isfinite(reach)
-        return near, known.first[np.where(near, at, 0)]
-    reach, at = known.tree.query(places, k=2, p=np.inf, distance_upper_bound=SAME_PLACE)
-    at = np.where(np.isfinite(reach), at, at[:, :1])
-    same, next_one = at.T  # the place itself is its nearest
-    again = np.where(known.first[same] != own, known.first[same], known.last[same])
-    comes_again = again != own
-    return comes_again | np.isfinite(reach[:, 1]), np.where(comes_again, again, known.first[next_one])
+        return np.asarray(known.first[known.tree.query(places)[1]])
+    same, next_one = np.minimum(known.tree.query(places, k=2)[1].T, len(known.first) - 1)
+    again = np.where(known.first[same] == own, known.last[same], known.first[same])
+    return np.asarray(np.where(again == own, known.first[next_one], again))

@@ -93,6 +93,61 @@ def test_takes_at_rest_are_no_copies(noise):
         assert not copies(*still)
 
 
+def test_frames_that_come_again_and_cloth_that_has_not_moved_tell_nothing():
+    """The hanger goes by a centimetre after 0.7 s; the lower points are later."""
+    take = recorded(amplitude=0.08)
+    telling = Track(take).telling
+    away = np.linalg.norm(take.points - take.points[0], axis=2)[:, 2:].max(1)
+    assert telling.tolist() == np.flatnonzero(away > 0.01).tolist()
+    for again in (np.repeat(np.arange(150), 2), np.tile(np.arange(150), 2)):
+        assert len(Track(part(take, again)).telling) == 0
+    once = part(take, np.r_[0:150, 60:70])  # ten of them come again
+    assert len(Track(once).telling) == len(telling) - 10
+
+
+@pytest.mark.parametrize(("count", "is_one"), [(9, False), (10, False), (11, True), (40, True)])
+def test_ten_steps_from_one_shared_frame_to_the_next_make_a_copy(count, is_one):
+    """A piece of so many frames, which is all that the other take tells."""
+    take = recorded()
+    piece = part(take, np.r_[0:2, 100 : 100 + count])
+    assert copies(take, piece) == is_one
+
+
+@pytest.mark.parametrize(("step", "is_one"), [(10, True), (11, False)])
+def test_a_copy_may_keep_one_frame_in_ten(step, is_one, monkeypatch):
+    monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 10, 1 / 30))
+    take = recorded()
+    assert copies(take, part(take, slice(0, None, step))) == is_one
+
+
+def test_most_points_of_a_frame_must_be_at_their_places():
+    """Three of six free points are half, four are most of them."""
+    garment = sheet(grid=3)
+    free = Track(recorded(garment=garment)).free
+    take = recorded(garment=garment)
+    for count in range(len(free) + 1):
+        points = take.points.copy()
+        points[:, free[:count]] += 0.001
+        assert copies(take, dataclasses.replace(take, points=points)) == (2 * (len(free) - count) > len(free))
+
+
+@pytest.mark.parametrize(("apart", "is_one"), [(0.95e-4, True), (1.05e-4, False)])
+def test_places_are_the_same_within_a_tenth_of_a_millimetre(apart, is_one):
+    take = recorded()
+    assert copies(take, dataclasses.replace(take, points=take.points + np.array([0.0, apart, 0.0]))) == is_one
+
+
+@pytest.mark.parametrize(("kept", "is_one"), [(26, True), (22, False)])
+def test_a_fifth_of_the_frames_in_common_makes_a_copy(kept, is_one):
+    """Of two pieces of 120 frames each, all of which tell something but some of the first ones."""
+    whole = recorded(start=-1.0, hz=0.73, seed=4)
+    more = part(recorded(start=-1.0, hz=0.61, seed=5), slice(0, 120 - kept))
+    mixed = {name: np.concatenate([getattr(part(whole, slice(120 - kept, 120)), name), getattr(more, name)])
+             for name in ("points", "points_valid")}  # fmt: skip
+    other = dataclasses.replace(part(whole, slice(0, 120)), **mixed)
+    assert copies(part(whole, slice(0, 120)), other) == is_one
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_long_takes_of_many_equal_places_are_compared_in_a_second(noise, monkeypatch):
     """Ten minutes at rest or with a tracker that stands: all places are one, or some hundreds."""

@@ -11,6 +11,7 @@ import pytest
 from firmware_host.synthetic.scene import RIG
 from formats.hanger import held_ends
 from formats.judgement import judge
+from formats.sights import sights_of
 from formats.two_clocks import at_times, with_hanger
 from tests.formats.test_judgement import named, swung, with_points, without_hanger
 from tests.formats.test_judgement_sentences import imported, unseen
@@ -274,3 +275,19 @@ def test_a_hanger_of_nineteen_sights_is_too_little_for_a_fit_however_long_they_l
     assert ("too_short", False, words) in told(slow)
     more = swung(20 / 30)
     assert "too_short" not in named(dataclasses.replace(more, time=more.time * 30 / 4))
+
+
+def test_points_count_only_in_pictures_between_the_first_and_the_last_sight_of_the_hanger():
+    take = imported(swung(10.0))
+    arm = np.arange(1.01, 9.0, 0.05)
+    both = with_hanger(take, arm, at_times(arm, take.time, take.held), 1e-3)
+    sights = sights_of(both)
+    assert sights.held.sum() == len(arm)
+    assert both.time[sights.within].tolist() == take.time[(take.time > 1.01) & (take.time < arm[-1])].tolist()
+    assert (sights.is_known == sights.within).all()
+
+
+def test_without_any_sight_of_the_hanger_no_point_counts():
+    never = without_hanger(swung(3.0), slice(None))
+    assert not sights_of(never).within.any()
+    assert told(never) == [("hanger_hardly_seen", True, "both hanger markers were seen together in 0 of 90 frames")]

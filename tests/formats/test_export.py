@@ -224,6 +224,7 @@ def test_takes_that_are_lost_keep_no_other_from_being_exported(tmp_path, kind):
     assert [line.split(":")[:2] for line in lost] == [["lost", " a.mcap"], ["lost", " c.mcap"]]
     told = json.loads(hangtime_here(*words, "a.mcap", "c.mcap", "--json", "--overwrite", folder=tmp_path).stdout)
     assert [one["file"] for one in told["lost"]] == ["a.mcap", "c.mcap"]
+    assert [line.removeprefix("lost: ") for line in lost] == [one["error"] for one in told["lost"]]
     assert hangtime_here(*words[:-1], "none", "a.mcap", "c.mcap", folder=tmp_path).returncode == 2
     alone = hangtime_here(*words[:-1], "none", "a.mcap", folder=tmp_path)
     assert (alone.returncode, alone.stdout, alone.stderr.count("a.mcap: ")) == (2, "", 1)

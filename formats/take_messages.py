@@ -117,6 +117,10 @@ class _Nameless:
     has_ended: bool = False
     scans: list[Message] = field(default_factory=list)
 
+    @property
+    def _going_on(self) -> bytes | None:
+        return self.last if self.current is None else self.current
+
     def meet(self, header: bytes) -> None:
         """Take a header: that of the blocks that waited for it."""
         parts = self.contents.parts
@@ -143,7 +147,7 @@ class _Nameless:
 
     def _ended(self, blocks: Any) -> bytes | None:
         """Return the take that ends here. One of as many blocks as its end counts does not go on."""
-        parts, found = self.contents.parts, self.last if self.current is None else self.current
+        parts, found = self.contents.parts, self._going_on
         if found == NO_HEADER:  # a writer puts the header before the end
             parts[LOST_HEADER] += parts.pop(NO_HEADER, _NOTHING)
             found = LOST_HEADER
@@ -155,8 +159,7 @@ class _Nameless:
     def place_scans(self, take: bytes | None = None) -> None:
         """Give the scans that wait to a take, or else to the one whose blocks go on."""
         if self.scans:
-            going_on = self.last if self.current is None else self.current
-            self.contents.parts[going_on if take is None else take].scans += self.scans
+            self.contents.parts[self._going_on if take is None else take].scans += self.scans
             self.scans = []
 
 

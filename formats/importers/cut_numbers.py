@@ -6,10 +6,7 @@ the same digits behind the point, and it has them as well. Without them it is cu
 that leave out zeros, or where numbers have no point, nothing proves either.
 
 A line that has its end may have been given one after the cut, by an editor. Its last number is whole unless its form
-shows the cut. Where forms vary, its place may leap as no cloth does. The straight line through the two places before
-leads to another one, h1 and h2 seconds later. An acceleration a carries a place so far from there:
-
-    |z2 - z1 - (z1 - z0) h2 / h1|  >  noise + a h2 (h1 + h2) / 2
+shows the cut. Where forms vary, its place may leap as no cloth does (`formats.importers.strays`).
 """
 
 from __future__ import annotations
@@ -23,8 +20,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import Form, form_of, is_number, is_seen, magnitude_of
-from formats.importers.strays import NOISE
-from formats.motion import HARDEST_PULL
+from formats.importers.strays import leaps_ahead
 
 # Lines before and after one in which digits are counted: numbers without their last zeros differ in one of ten places.
 LINES_AROUND = 32
@@ -133,10 +129,7 @@ def leaps(time: Floats, path: Floats) -> bool:
     seen = np.flatnonzero(np.isfinite(path))[-3:]
     if len(seen) < 3 or seen[-1] != len(path) - 1:
         return False
-    (before, step), (way, last) = np.diff(time[seen]), np.diff(path[seen])
-    if not before > 0 or not step > 0:
-        return False
-    return bool(abs(last - way * step / before) > NOISE + HARDEST_PULL * step * (before + step) / 2)
+    return bool((np.diff(time[seen]) > 0).all() and leaps_ahead(time[seen], path[seen])[0])
 
 
 def lacks_digits(rows: Rows, at: int, column: int) -> bool:

@@ -14,8 +14,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.importers.number_cells import LONGEST_SHOWN, is_number
-from formats.importers.strays import MOST_STRAYS, NOISE
-from formats.motion import HARDEST_PULL
+from formats.importers.strays import MOST_STRAYS, leaps_ahead
 from formats.plausible import SLOWEST
 
 OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.ASCII)
@@ -68,8 +67,5 @@ def may_be_motion(time: Floats, places: Floats) -> bool:
     steps = np.diff(time)
     if not (steps > 0).all() or float(np.median(steps)) > 1 / SLOWEST:
         return False
-    before, after = steps[:-1, None, None], steps[1:, None, None]
-    beside = np.abs(np.diff(places[1:], axis=0) - np.diff(places[:-1], axis=0) * after / before)
-    seen = np.isfinite(beside)
-    leaping = seen & (beside > NOISE + HARDEST_PULL * after * (before + after) / 2)
-    return bool(leaping.sum() <= MOST_STRAYS * seen.sum())
+    seen = np.isfinite(places[:-2]) & np.isfinite(places[1:-1]) & np.isfinite(places[2:])
+    return bool(leaps_ahead(time, places).sum() <= MOST_STRAYS * seen.sum())

@@ -2,19 +2,35 @@
 
 A place at t[k] is held against the straight line between those before and after it, h1 and h2 seconds away. An
 acceleration a leaves it a h1 h2 / 2 beside that line.
+
+A place at the end of a path has none after it. The straight line through the two places before leads to another one,
+h1 and h2 seconds later. An acceleration a carries a place so far from there:
+
+    |z2 - z1 - (z1 - z0) h2 / h1|  >  noise + a h2 (h1 + h2) / 2
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.errors import ImplausibleError
 from formats.meant_units import step_or_anyway
 from formats.motion import HARDEST_PULL
 
 MOST_STRAYS = 0.05  # of all instants: of more, the whole path is another, or of another unit, as other checks tell
 NOISE = 0.03  # m beside that: corners that cameras saw are some centimetres off
+
+
+def leaps_ahead(time: Floats, places: Floats) -> Booleans:
+    """Return which coordinates leap from the two before as no cloth does, (frames - 2, ...); none that was not seen.
+
+    `time` [s], (frames,), increasing; `places` [m], (frames, ...), NaN where not seen
+    """
+    before, after = (part.reshape(-1, *[1] * (places.ndim - 1)) for part in (np.diff(time)[:-1], np.diff(time)[1:]))
+    ways = np.diff(places, axis=0)
+    beside = np.abs(ways[1:] - ways[:-1] * after / before)
+    return np.asarray(beside > NOISE + HARDEST_PULL * after * (before + after) / 2)
 
 
 def refuse_strays(

@@ -32,13 +32,13 @@ from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import robust_line, seconds_apart
 from fit.recordings.timing import (
     CLOSEST,
-    FEWEST_BLOCKS,
     FEWEST_NOISE_FRAMES,
     LEAST_NOISE,
     MEDIAN_TELLS,
     STILL,
 )
 from formats.arrays import Floats
+from formats.importers.clock_shift import FEWEST_BLOCKS
 
 CERTAIN = 3.0  # standard errors of k^2: 2 of 100 recordings without offsets pass it, for the error is skewed
 LOST = 5.0  # deviations: the row of such a frame is lost, and not off

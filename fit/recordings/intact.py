@@ -20,12 +20,10 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.missing import doubts_of, listed, missing_words, origin_of, span_words
+from formats.motion import STILL_MOTION
 from formats.sights import SETTLING
 from formats.take import LONGEST_GAP, Take
 
-STILL_MOTION = (
-    0.004  # m that the held ends move, root mean square, in a take that begins at rest: sensors' noise is 1 to 3 mm
-)
 REST_WINDOW = 0.5  # s of a stretch that show whether it begins at rest
 FRAME_FIELDS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",

@@ -37,18 +37,13 @@ import numpy as np
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import interval_of, robust_line
 from formats.arrays import Booleans, Floats, Integers
+from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 from formats.sights import LARGEST_SHIFT
 
 SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
 INTERVAL_SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
 UNEVEN = 0.1  # of the median interval, the spread from which shares of it show
-OUTLIER = 3.0  # times the median distance
-HALF_SWING = 0.5  # s, half a swing
-FEWEST_BLOCKS = 5
 SHORTEST_PART = 0.25  # of the take that the scan's reach is at most
-LEAST_EXPLAINED = (
-    0.7  # of the row's squared motion that the hanger's path must explain; real silhouettes have 0.91 to 0.99
-)
 LEAST_TRAVEL = 0.02  # m, standard deviation of the hanger's way across the cloth, from which a scale is told
 MOVING, STILL = 0.1, 0.03  # m/s of the row, above which time shows, and below which noise does
 LEAST_NOISE = 5e-4  # m of an axis

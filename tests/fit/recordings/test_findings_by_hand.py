@@ -12,8 +12,8 @@ from fit.recordings import camera_findings as module
 from fit.recordings.camera_findings import _together, camera_clause, describe_camera, foreign_clock
 from fit.recordings.point_kind import common_change, neighbours
 from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
-from fit.recordings.timing import LEAST_EXPLAINED
 from formats.fit_records import CameraFinding
+from formats.importers.clock_shift import LEAST_EXPLAINED
 
 EMPTY = {
     "timing": None, "is_retimed": False, "skewed": 0, "frames": 100, "edge": None, "offsets": None,

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from fit.recordings.timing import (
-    FEWEST_BLOCKS,
     FEWEST_NOISE_FRAMES,
-    HALF_SWING,
-    LEAST_EXPLAINED,
     LEAST_NOISE,
     SCAN_STEP,
     STILL,
@@ -22,6 +19,7 @@ from fit.recordings.timing import (
     row_middle,
     uneven_intervals,
 )
+from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED
 from formats.sights import LARGEST_SHIFT
 
 SPEED = 0.4  # m/s, across the cloth

@@ -10,7 +10,7 @@ from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
 from formats.plain_text import counted
-from formats.sights import Sights, away_from_held, longest_without_cloth, standing
+from formats.sights import Sights, away_from_held, fitted_sights, longest_without_cloth, standing
 from formats.take import Take
 from formats.two_clocks import shows_points
 
@@ -35,7 +35,7 @@ def _points(take: Take, sights: Sights) -> list[Finding]:
     never = [name for name, valid in zip(names, np.asarray(take.points_valid.any(0)), strict=True) if not valid]
     if not never:
         return []
-    if len(never) == len(names) or (sights.free.any() and not sights.cloth.any()):
+    if not sights.cloth.any():
         which = "of the garment" if len(never) == len(names) else "below the held edge"
         return [
             Finding(
@@ -74,11 +74,10 @@ def _held_points(take: Take) -> list[str]:
 
 def _cloth(take: Take, sights: Sights) -> list[Finding]:
     """Tell how rarely the garment was seen while the hanger's path is known, and for how long it was not."""
-    if not sights.cloth.any():  # never seen, or none of its points hangs free
+    if not sights.cloth.any():  # told by `_points`
         return []
     seen, frames = sights.is_known & sights.cloth, int(shows_points(take).sum())
-    fitted = int(take.points_valid[sights.is_known][:, sights.free].sum())
-    is_grave = fitted < FEWEST_SEEN
+    is_grave = fitted_sights(take, sights) < FEWEST_SEEN
     if is_grave or seen.sum() < HARDLY_EVER * frames:
         words = f"points below the held edge were seen in {seen.sum()} of {counted(frames, 'frame')}"
         if sights.cloth.sum() > seen.sum():

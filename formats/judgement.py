@@ -20,32 +20,36 @@ from formats.findings import (
 from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
-from formats.sights import SETTLING, Sights, exchanged, first_jump, reach, sights_of
+from formats.sights import SETTLING, Sights, exchanged, first_jump, fitted_sights, reach, sights_of
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
-FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger, and none is kept
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
 
 
 def judge(take: Take) -> tuple[Finding, ...]:
     """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
-    if len(take.time) < FEWEST_HANGERS:
-        return (_too_short(f"the take has {counted(len(take.time), 'frame')}", is_grave=True),)
+    if len(take.time) < FEWEST_SEEN:
+        words = f"the take has {counted(len(take.time), 'frame')}, and a fit needs {FEWEST_SEEN}"
+        return (_too_short(words, is_grave=True),)
     sights = sights_of(take)
-    has_hanger = sights.held
-    frames = int(shows_hanger(take).sum())
-    if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * frames):
-        return (
-            Finding(
-                name="hanger_hardly_seen", is_grave=True,
-                words=f"both {ends_of(take)} were seen together in {has_hanger.sum()} of {counted(frames, 'frame')}",
-                advice=f"turn both {ends_of(take)} to the {camera_of(take)} and record again",
-            ),
-        )  # fmt: skip
-    found = [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, has_hanger)]
-    found += [*_path(take, has_hanger), *_motion(take, has_hanger), *cloth_findings(take, sights)]
+    seen, frames = int(sights.held.sum()), int(shows_hanger(take).sum())
+    found = _hardly_seen(take, seen, frames)
+    if found and seen < FEWEST_SEEN:
+        return tuple(found)
+    found += [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, sights.held)]
+    found += [*_path(take, sights.held), *_motion(take, sights.held), *cloth_findings(take, sights)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
+
+
+def _hardly_seen(take: Take, seen: int, frames: int) -> list[Finding]:
+    """Tell of a hanger that was seen in few of the frames in which it could be."""
+    if seen >= max(FEWEST_HANGERS, HARDLY_EVER * frames):
+        return []
+    words = f"both {ends_of(take)} were seen together in {seen} of {counted(frames, 'frame')}"
+    advice = f"turn both {ends_of(take)} to the {camera_of(take)} and record again"
+    return [Finding(name="hanger_hardly_seen", words=words, advice=advice, is_grave=seen < FEWEST_SEEN)]
 
 
 def _hanger_gaps(take: Take, sights: Sights) -> list[Finding]:
@@ -56,7 +60,7 @@ def _hanger_gaps(take: Take, sights: Sights) -> list[Finding]:
     begins, count = times[int(np.argmax(steps))] - origin_of(take), int((steps > LONGEST_GAP).sum())
     others = f", in all {count} times for over {LONGEST_GAP:g} s" if count > 1 else ""
     words = f"the two {ends_of(take)} were not seen together for {steps.max():.1f} s from {begins:.1f} s on{others}"
-    is_grave = int(sights.is_known.sum()) < FEWEST_SEEN
+    is_grave = fitted_sights(take, sights) < FEWEST_SEEN <= int(take.points_valid[:, sights.free].sum())
     if not is_grave:
         words += f"; a fit leaves out that time and {SETTLING:g} s after it"
     advice = f"record again with both {ends_of(take)} in view from beginning to end"
@@ -69,9 +73,11 @@ def _length(take: Take, sights: Sights) -> list[Finding]:
     cloth = take.time[sights.within & sights.cloth]
     together = _span(cloth) if len(cloth) >= FEWEST_SEEN else np.inf  # else other findings tell that
     count = int(sights.held.sum())
-    if min(seconds, seen, together) >= SHORTEST_DIAGNOSED:
+    if count < FEWEST_SEEN:
         words = f"the two {ends_of(take)} were seen together in {count} frames, and a fit needs {FEWEST_SEEN}"
-        return [_too_short(words)] if count < FEWEST_SEEN else []
+        return [_too_short(words, is_grave=True)]
+    if min(seconds, seen, together) >= SHORTEST_DIAGNOSED:
+        return []
     if seconds < SHORTEST_DIAGNOSED:
         return [_too_short(f"the take lasts {_below(seconds)} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed")]
     none = f"and no motion below {SHORTEST_DIAGNOSED:g} s is diagnosed"

@@ -29,6 +29,7 @@ from formats.two_clocks import at_times, shows_hanger, shows_points
 
 SETTLING = 2.5  # s after a gap of the hanger: 4 % are left of a swing that decays with 1.25 /s, as a real cloth's did
 ON_EDGE = 0.02  # of the garment's height, within which of the held edge a point is on it
+FEWEST_FREE = 3  # points off the held edge: fewer tell no shape, so a fit looks at those on the edge as well
 FASTEST_END = 8.0  # m/s of a held end, twice what a hand can do with a hanger
 FASTEST_TURN = 10.0  # rad/s of the held edge: a twist by 45 degrees to each side at 2 Hz has as much at its middle
 NOISIER = 10.0  # times what a path's noise is in the median, stated deviations may be too small
@@ -44,7 +45,7 @@ class Sights:
     - `held`, (frames,): both held ends were seen
     - `within`, (frames,): points could be seen then, from the first to the last sight of the hanger
     - `is_known`, (frames,): and the hanger's path is known there
-    - `free`, (points,): the points below the held edge
+    - `free`, (points,): the points that tell of the cloth (`judged_points`)
     - `cloth`, (frames,): a free point was seen
     """
 
@@ -65,17 +66,32 @@ def sights_of(take: Take) -> Sights:
     known = within.copy()
     for k in np.flatnonzero(np.diff(seen) > LONGEST_GAP):
         known &= (take.time <= seen[k]) | (take.time >= seen[k + 1] + SETTLING)
-    free = ~_on_held_edge(take.garment)
+    free = judged_points(take.garment)
     return Sights(held, within, known, free, np.asarray(take.points_valid[:, free].any(1)))
 
 
-def _on_held_edge(garment: Garment) -> Booleans:
-    """Return the points, (points,), on the held edge: those between two clips tell next to nothing of the cloth."""
+def on_held_edge(garment: Garment) -> Booleans:
+    """Return the points, (points,), that move with the hanger: all on a clamped edge, or those at two held corners.
+
+    An edge between two held corners sags and swings, and so do the points on it.
+    """
     places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
     left, right = np.asarray(garment.outline_m[:2], float)
-    share = np.clip((places - left) @ (right - left) / ((right - left) @ (right - left)), 0.0, 1.0)
+    share = (places - left) @ (right - left) / ((right - left) @ (right - left))
+    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
     apart = np.linalg.norm(places - left - share[:, None] * (right - left), axis=1)
     return np.asarray(apart < ON_EDGE * float(np.ptp(np.asarray(garment.outline_m)[:, 1])))
+
+
+def judged_points(garment: Garment) -> Booleans:
+    """Return the points, (points,), that tell of the cloth: those off the held edge, all where those are too few."""
+    free = ~on_held_edge(garment)
+    return free if free.sum() >= FEWEST_FREE else np.ones(len(free), bool)
+
+
+def fitted_sights(take: Take, sights: Sights) -> int:
+    """Return how many sights of free points a fit has: those while the hanger's path is known."""
+    return int(take.points_valid[sights.is_known][:, sights.free].sum())
 
 
 def exchanged(time: Floats, ends: Floats) -> Booleans:

@@ -253,7 +253,7 @@ def _no_markers(
 ) -> NoMarkersError:
     worst = tally.conditions.worst
     what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
-    what += "the take was kept, but hardly any motion can be fitted to it" if kept else "no take was kept"
+    what += "the take was kept, but nothing can be fitted to it" if kept else "no take was kept"
     advice = worst.value.advice or "record longer"
     if kept:
         advice = f"record it again: {advice}"

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
-from fit.recordings.held_edge import is_held
 from formats.arrays import Booleans, Floats, Integers
+from formats.sights import on_held_edge
 from formats.take import Take
 
 # m in each axis. Exports round to 0.1 mm, and archives to 0.1 mm at most: half a step of each.
@@ -45,8 +45,7 @@ class Track:
     """The places of a take's free points, to be compared with those of another take of the garment."""
 
     def __init__(self, take: Take) -> None:
-        flat = np.array([point.at_m for point in take.garment.points]).reshape(-1, 2)
-        self.free = np.flatnonzero(~is_held(take.garment, flat))
+        self.free = np.flatnonzero(~on_held_edge(take.garment))
         self.places = take.points
         self.seen = np.asarray(take.points_valid & np.isfinite(take.points).all(2))
         self.counts: Integers = self.seen.sum(0)

@@ -17,7 +17,7 @@ from fit.errors import DriveError
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN
-from formats.sights import FASTEST_END, SETTLING, accelerations
+from formats.sights import FASTEST_END, SETTLING, accelerations, exchanged
 from formats.take import LONGEST_GAP
 
 Curve = Callable[[Floats], Floats]
@@ -97,7 +97,7 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
     is_whole: whether gaps longer than `LONGEST_GAP` are refused
 
     Raises:
-        DriveError: they were seen in too few frames, are lost for too long where that counts, or jump.
+        DriveError: they were seen in too few frames, are lost for too long where that counts, jump, or change places.
     """
     if len(seen) < FEWEST_SEEN:
         raise DriveError(
@@ -127,4 +127,12 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
         first = int(jumps[0])
         raise DriveError(
             f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
+        )
+    swapped = exchanged(seen, places.reshape(-1, 2, 3))
+    if swapped.any():
+        raise DriveError(
+            f"left and right held end are exchanged in {swapped.sum()} of {len(seen)} frames, first at "
+            f"{seen[int(np.argmax(swapped))]:.2f} s",
+            where=name,
+            advice="check which is which there, then correct the labels or record again",
         )

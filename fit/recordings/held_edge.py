@@ -22,8 +22,6 @@ import numpy as np
 from fit.recordings.smoothing import noise_of, smoothing_spline
 from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN
-from formats.garment import Garment
-from formats.sights import ON_EDGE
 
 Curve = Callable[[Floats], Floats]
 
@@ -125,14 +123,3 @@ def place_along(places: Floats, ends: Floats) -> tuple[Floats, Booleans]:
     aside = np.linalg.norm(places - ends[0] - share[:, None] * way, axis=1)
     near = 1e-6 * float(np.linalg.norm(way))
     return share, (aside < near) & (share > -1e-6) & (share < 1 + 1e-6)
-
-
-def is_held(garment: Garment, places: Floats) -> Booleans:
-    """Return the points, at places [m], (points, 2), that move with the hanger: all on a clamped edge, or those at
-    clips.
-    """
-    ends = np.asarray(garment.outline_m[:2], float)
-    share, _ = place_along(places, ends)
-    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
-    apart = np.linalg.norm(places - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
-    return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))

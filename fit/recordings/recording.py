@@ -31,7 +31,7 @@ from fit.recordings.camera import (
 )
 from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
-from fit.recordings.held_edge import HeldEdge, is_held
+from fit.recordings.held_edge import HeldEdge
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
@@ -40,6 +40,7 @@ from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.missing import origin_of
 from formats.rig import Rig, Vector
+from formats.sights import judged_points, on_held_edge
 from formats.take import Take
 from formats.two_clocks import shows_points
 
@@ -239,8 +240,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     seen_sd = np.where(valid[..., None], take.points_sd[pictures], np.nan)
     at_pictures = take.time[pictures] - take.time[kept][0]
     valid &= is_known(at_pictures, gaps)[:, None]
-    on_edge = is_held(take.garment, places)
-    judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
+    on_edge, judged = on_held_edge(take.garment), judged_points(take.garment)
     with np.errstate(invalid="ignore"):
         point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if np.isfinite(seen_sd[:, k]).any() else 0.0
                                      for k in range(points.shape[1])]))  # fmt: skip

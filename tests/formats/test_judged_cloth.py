@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from firmware_host.synthetic.scene import RIG
+from formats.garment import TrackedPoint
 from formats.hanger import held_ends
 from formats.judgement import judge
-from formats.sights import sights_of
+from formats.sights import judged_points, on_held_edge, sights_of
 from formats.two_clocks import at_times, with_hanger
 from tests.formats.test_judgement import named, swung, with_points, without_hanger
 from tests.formats.test_judgement_sentences import imported, unseen
@@ -97,17 +98,42 @@ def test_cloth_that_is_lost_together_with_the_hanger_is_told_once():
     assert named(both) == ["hanger_lost"]
 
 
-@pytest.mark.parametrize("held", ["edge", "corners"])
-def test_cloth_of_which_only_points_on_the_held_edge_are_seen_is_never_seen(held):
-    """The fifth point is moved to the middle of the held edge, and those below are never seen."""
-    take = unseen(swung(), [2, 3])
-    *corners, centre = take.garment.points
-    middle = msgspec.structs.replace(centre, at_m=(0.0, 0.0))
-    garment = msgspec.structs.replace(take.garment, held=held, points=(*corners, middle))
-    points = take.points.copy()
-    points[:, 4] = points[:, :2].mean(1)
-    (finding,) = told(dataclasses.replace(with_points(take, points), garment=garment))
+def with_middle_of_edge(take, held):
+    """The take with a sixth point, in the middle of an edge that is held along it or at its corners."""
+    middle = TrackedPoint(name="middle", at_m=(0.0, 0.0))
+    garment = msgspec.structs.replace(take.garment, held=held, points=(*take.garment.points, middle))
+    points = np.concatenate([take.points, take.points[:, :2].mean(1, keepdims=True)], 1)
+    valid, sd = np.ones(points.shape[:2], bool), np.full(points.shape, 3e-3)
+    return dataclasses.replace(with_points(take, points), garment=garment, points_valid=valid, points_sd=sd)
+
+
+def test_cloth_of_which_only_points_on_a_clamped_edge_are_seen_is_never_seen():
+    (finding,) = told(unseen(with_middle_of_edge(swung(), "edge"), [2, 3, 4]))
     assert finding == ("garment_never_seen", True, "no point below the held edge was ever seen")
+
+
+def test_a_point_between_two_held_corners_is_cloth():
+    """An edge between two clips sags and swings, and a fit looks at its points."""
+    take = with_middle_of_edge(swung(), "corners")
+    assert on_held_edge(take.garment).tolist() == [True, True, False, False, False, False]
+    assert [name for name, *_ in told(unseen(take, [2, 3, 4]))] == ["points_never_seen"]
+
+
+def test_of_two_points_below_the_held_edge_the_others_count_as_well():
+    """Two points show no shape of the cloth."""
+    (*corners, _) = swung().garment.points
+    few = msgspec.structs.replace(swung().garment, points=tuple(corners))
+    assert on_held_edge(few).tolist() == [True, True, False, False]
+    assert judged_points(few).all()
+    assert judged_points(swung().garment).tolist() == [False, False, True, True, True]
+
+
+@pytest.mark.parametrize(("down", "is_on"), [(0.0089, True), (0.0091, False)])
+def test_a_point_is_on_the_held_edge_within_two_percent_of_the_garments_height(down, is_on):
+    """The skirt is 0.45 m high, whatever part of it has points."""
+    low = TrackedPoint(name="low", at_m=(0.1, -down))
+    garment = msgspec.structs.replace(swung().garment, points=(*swung().garment.points[:2], low))
+    assert on_held_edge(garment).tolist() == [True, True, is_on]
 
 
 def test_hanger_and_cloth_that_are_seen_together_for_one_second_are_too_short():
@@ -269,10 +295,10 @@ def test_held_ends_that_are_far_too_near_or_apart_are_another_unit():
 
 
 def test_a_hanger_of_nineteen_sights_is_too_little_for_a_fit_however_long_they_last():
-    take = swung(19 / 30)
+    take = without_hanger(swung(20 / 30), slice(19, None))
     slow = dataclasses.replace(take, time=take.time * 30 / 4)
     words = "the two hanger markers were seen together in 19 frames, and a fit needs 20"
-    assert ("too_short", False, words) in told(slow)
+    assert ("too_short", True, words) in told(slow)
     more = swung(20 / 30)
     assert "too_short" not in named(dataclasses.replace(more, time=more.time * 30 / 4))
 

@@ -131,9 +131,19 @@ def test_a_take_just_within_a_bound_has_none_of_its_findings(take):
 
 
 @pytest.mark.parametrize(("take", "over"), [(swung(), 18), (swung(3.0), 10)])
-def test_a_hanger_of_a_tenth_of_the_frames_is_seen_for_too_short_a_time(take, over):
+def test_a_hanger_of_a_tenth_of_the_frames_is_seen_in_too_few(take, over):
     (finding,) = judge(without_hanger(take, slice(over, None)))
-    assert finding.words.startswith(f"the two hanger markers were seen together over {(over - 1) / 30:.1f} s, and no ")
+    assert (finding.name, finding.is_grave) == ("too_short", True)
+    assert finding.words == f"the two hanger markers were seen together in {over} frames, and a fit needs 20"
+
+
+@pytest.mark.parametrize(("over", "names"), [(29, ["hanger_hardly_seen", "too_short"]), (30, ["too_short"])])
+def test_a_hanger_of_twenty_sights_is_hardly_seen_below_a_tenth_of_the_frames(over, names):
+    """Below that many sights a fit refuses the take."""
+    found = judge(without_hanger(swung(10.0), slice(over, None)))
+    assert [(one.name, one.is_grave) for one in found if one.name != "garment_hardly_seen"] == [
+        (name, False) for name in names
+    ]
 
 
 def test_grave_findings_come_first_and_each_kind_in_its_order():

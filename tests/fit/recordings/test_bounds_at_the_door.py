@@ -1,0 +1,115 @@
+"""Each bound of the judgement is the fit's own: on one side a take is refused and told as grave, on the other neither.
+
+A fit makes every take ready with `ready`, before anything is simulated.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.recordings.ready import ready
+from formats.judgement import judge
+from tests.fit.recordings.test_told_at_the_door import without_held
+from tests.formats.test_judged_cloth import exchanged, of_markers
+from tests.formats.test_judgement import swung, with_points
+from tests.formats.test_judgement_sentences import imported, unseen
+
+
+def frames(count):
+    return swung(count / 30)
+
+
+def seen_among(count, step):
+    """A hanger at rest that shows in `count` frames, one of `step`."""
+    take = swung(count * step / 30, reach=0.0)
+    return without_held(take, np.arange(len(take.time)) % step != 0)
+
+
+def sights(count):
+    """One point below the held edge, in so many frames."""
+    take = unseen(swung(), [2, 3])
+    return unseen(take, [4], slice(count, None))
+
+
+def after_a_gap(first):
+    """Three points below the held edge, in so many frames before a gap, behind which nothing counts any more."""
+    return without_held(swung(first / 30 + 3.4), slice(first, first + 27))
+
+
+def moved(way):
+    """A take whose hanger goes along its bar, way [m], (300,), and the cloth with it."""
+    still = swung(10.0, reach=0.0)
+    points = still.points + way[:, None, None] * [1.0, 0, 0]
+    return imported(dataclasses.replace(with_points(still, points), markers=points[:, :2]))
+
+
+def at_speed(speed):
+    return moved(speed * swung(10.0).time)
+
+
+def pulled(pull):
+    """A hanger that goes evenly, turns round within a frame of 1/30 s, and goes back as fast."""
+    return moved(pull / 60 * np.abs(swung(10.0).time - 5.0))
+
+
+def with_bar_turned(seconds):
+    """A hanger that is turned by 100 degrees while it is not seen."""
+    take = imported(swung(10.0, reach=0.0))
+    bar = take.held - take.held.mean(1, keepdims=True)
+    angle = np.where(take.time < 5.0, 0.0, np.radians(100.0))[:, None]
+    turned = np.stack([bar[..., 0] * np.cos(angle), bar[..., 1], bar[..., 0] * np.sin(angle)], 2)
+    points = take.points.copy()
+    points[:, :2] = take.held.mean(1, keepdims=True) + turned
+    take = dataclasses.replace(with_points(take, points), markers=points[:, :2])
+    return without_held(take, slice(150, 149 + round(30 * seconds)))
+
+
+def at_nine_a_second(is_exchanged):
+    """Slow enough for a hand: 0.4 m in 0.11 s are 3.6 m/s."""
+    take = swung(8 / 3, reach=0.05)
+    take = exchanged(take, slice(40, 45)) if is_exchanged else imported(take)
+    return dataclasses.replace(take, time=take.time * 30 / 9)
+
+
+def held_apart(apart):
+    points = swung().points.copy()
+    points[:, :2, 0] = points[:, :2, 0].mean(1, keepdims=True) + np.array([-apart / 2, apart / 2])
+    return imported(with_points(swung(), points))
+
+
+def hung_low(down):
+    """The lower right corner is `down` below the right held end, 453 mm on the flat skirt."""
+    points = swung().points.copy()
+    points[:, 2] = points[:, 1] + [0.0, down, 0.0]
+    return imported(with_points(swung(), points))
+
+
+BOUNDS = {
+    "frames": (frames, 19, 20),
+    "sights of the hanger, one in three": (lambda count: seen_among(count, 3), 19, 20),
+    "sights of the hanger, one in twelve": (lambda count: seen_among(count, 12), 19, 20),
+    "sights of points": (sights, 19, 20),
+    "sights of points before a gap": (after_a_gap, 6, 7),
+    "speed [m/s]": (at_speed, 8.05, 7.95),
+    "acceleration [m/s2]": (pulled, 151, 149),
+    "time of a turn [s]": (with_bar_turned, 5 / 30, 6 / 30),
+    "ends exchanged": (at_nine_a_second, True, False),
+    "ends near [m]": (held_apart, 0.099, 0.101),
+    "ends far [m]": (held_apart, 0.561, 0.559),
+    "point far [m]": (hung_low, 0.627, 0.625),
+    "markers swapped": (lambda side: of_markers(swung(), swung().markers[:, ::side]), -1, 1),
+}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_a_take_that_a_fit_refuses_is_grave_and_one_that_it_takes_is_not(name):
+    of, refused, taken = BOUNDS[name]
+    with pytest.raises(FitError):
+        ready([of(refused)], [])
+    assert judge(of(refused))[0].is_grave
+    ready([of(taken)], [])
+    assert [one.name for one in judge(of(taken)) if one.is_grave] == []

@@ -186,7 +186,10 @@ def fit_command(
 
     try:
         with alone(out):
-            result = calibrate(training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show)
+            result = calibrate(
+                training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show,
+                begun=lambda: say_takes(training, testing),
+            )  # fmt: skip
             progress.end()
             aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
             save_fit_result(out / "fit.json", result)
@@ -334,9 +337,13 @@ def diagnose_command(
         if not gate.passed:  # the verdict will say so too, but not before everything is simulated
             say(f"No effect will be named: {gate.sentence[0].lower()}{gate.sentence[1:]}")
     make_folder(out, "diagnosis.json", "report.html")
-    if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
-        say(f"Going on with {finished} finished fits.")
     progress = ProgressLine("diagnosis")
+
+    def begun() -> None:
+        say_takes(training, testing)
+        if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
+            say(f"Going on with {finished} finished fits.")
+
     try:
         with alone(out):
             findings = diagnose(
@@ -350,6 +357,7 @@ def diagnose_command(
                 seed=seed,
                 prepared=prepared,
                 by=decided,
+                begun=begun,
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
@@ -379,10 +387,13 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str], anyway: b
     """Takes to fit to and takes to judge on, by name or by motion."""
     from fit.api.calls import sorted_out
 
-    training, testing = sorted_out(takes, held_out, motions, anyway=anyway)
+    return sorted_out(takes, held_out, motions, anyway=anyway)
+
+
+def say_takes(training: list[Take], testing: list[Take]) -> None:
+    """Say which takes a command fits to and judges on, once nothing refuses them."""
     judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
     say(f"Fitting to {_listed(training)}; {judging}.")
-    return training, testing
 
 
 def _listed(takes: list[Take]) -> str:

@@ -76,6 +76,7 @@ def diagnose(
     prepared: Ready | None = None,
     by: Deciding = "rules",
     progress: Progress = lambda stage, share: None,
+    begun: Callable[[], None] = lambda: None,
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
 
@@ -84,11 +85,13 @@ def diagnose(
     - `checkpoint`: folder of finished fits; the caller deletes it when the result is safe
     - `prepared`: the result of `ready` for these takes, if the caller has it already
     - `by`: the way to decide: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
+    - `begun`: called once nothing refuses the takes any more, before anything is simulated
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
     """
-    progress("reading takes", 0.0)
+    if prepared is None:
+        progress("reading takes", 0.0)
     takes = prepared or ready(training, held_out)
     train, test = takes.training, takes.held_out
     rng = np.random.default_rng(seed)
@@ -97,6 +100,7 @@ def diagnose(
     observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
     key = _key(takes, added, observer, seed, by)
     kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
+    begun()
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
     judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, progress, kept)

@@ -184,10 +184,12 @@ def calibrate(
     prepared: Ready | None = None,
     checkpoint: Path | None = None,
     progress: Progress = lambda done, total, best: None,
+    begun: Callable[[], None] = lambda: None,
 ) -> FitResult:
     """Fit the request's parameters to the training takes and report errors before and after.
 
-    prepared: the result of `ready` for these takes, if the caller has it already
+    - `prepared`: the result of `ready` for these takes, if the caller has it already
+    - `begun`: called once nothing refuses the takes any more, before anything is simulated
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end. The next call
     continues from this file. Remove the file once the result is kept. Least squares saves every finished look and
@@ -205,6 +207,7 @@ def calibrate(
     saved = SavedSearch(checkpoint, _key(takes.contents, model))
     saved.read()  # one that cannot be continued is refused before anything is simulated
     judge = Model(test, request, is_fitted=False) if test else None
+    begun()
     if judge is not None:
         _ = judge.error_before  # a take that blows up is refused before the search
     run = _least_squares if request.search in OBSERVED else _ask_and_tell

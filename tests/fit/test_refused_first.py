@@ -1,10 +1,12 @@
-"""`hangtime fit` refuses an engine before it says anything about takes."""
+"""`hangtime fit` and `diagnose` refuse before they say anything about takes."""
 
 from __future__ import annotations
 
 import pytest
 
+from formats.archive import write_take
 from tests.fit.here import hangtime_here
+from tests.fit.test_command_line import a_swung_take
 
 
 @pytest.mark.parametrize(
@@ -23,3 +25,21 @@ def test_an_engine_that_cannot_be_had_is_refused_before_takes_are_read(tmp_path,
     assert sentence in done.stderr
     assert "Fitting" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", ["fit", "diagnose"])
+def test_the_takes_are_named_once_nothing_refuses_them(tmp_path, command):
+    """The take is given twice, its results have no place, or another command left other work there."""
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.05))
+    (tmp_path / "file").touch()
+    (tmp_path / "kept/diagnosis.partial").mkdir(parents=True)
+    for name in ("kept/fit.partial.json", "kept/diagnosis.partial/key.json"):
+        (tmp_path / name).write_text("{")
+    for words, sentence in (
+        (["a.mcap", "a.mcap"], "is given twice"),
+        (["a.mcap", "--out", "file"], "file: cannot be used as a folder for results"),
+        (["a.mcap", "--out", "kept"], "cannot be read"),
+    ):
+        done = hangtime_here(command, *words, folder=tmp_path)
+        assert (done.returncode, done.stdout, "Fitting" in done.stderr) == (2, "", False)
+        assert sentence in done.stderr

@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from fit.batch.summary import Row, as_csv, as_html
+from fit.cli import say_takes
 from fit.identification.request import Plan
 from fit.report.page import render_report
 from fit.virtual_tests.sheet import sheet_of
@@ -83,10 +84,13 @@ def test_every_command_that_shows_an_old_take_shows_its_codes(tmp_path):
         assert "\\x1b[2J\\u202e" in done.stdout
 
 
-def test_a_takes_name_with_an_end_of_line_forges_no_line_of_a_fit(tmp_path):
+def test_a_takes_name_with_an_end_of_line_forges_no_line_of_a_fit(tmp_path, capsys):
     name = "a\nhangtime: all is well"
-    write_take(tmp_path / "a.mcap", replace(a_take(), take_id=name))
+    take = replace(a_take(), take_id=name)
+    write_take(tmp_path / "a.mcap", take)
     done = hangtime_here("fit", "a.mcap", "--method", "mocap-swatch", folder=tmp_path)
-    assert "Fitting to a\\nhangtime: all is well; judging on the same" in done.stderr
+    assert done.stderr.startswith("hangtime: a\\nhangtime: all is well: the held ends are")
+    say_takes([take], [])
+    assert capsys.readouterr().err.startswith("Fitting to a\\nhangtime: all is well; judging on the same")
     result = msgspec.structs.replace(known(a_fit()), take_ids=[name])
     assert "Virtual fabric tests of a\\nhangtime: all is well (" in sheet_of(result).splitlines()[0]

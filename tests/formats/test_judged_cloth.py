@@ -12,7 +12,7 @@ from firmware_host.synthetic.scene import RIG
 from formats.garment import TrackedPoint
 from formats.hanger import held_ends
 from formats.judgement import judge
-from formats.sights import judged_points, on_held_edge, sights_of
+from formats.sights import judged_points, on_held_edge, reach, sights_of
 from formats.two_clocks import at_times, with_hanger
 from tests.formats.test_judgement import named, swung, with_points, without_hanger
 from tests.formats.test_judgement_sentences import imported, unseen
@@ -193,6 +193,39 @@ def test_a_single_bad_sight_of_the_hanger_is_no_motion():
     assert [words for name, _, words in told(take) if name == "hardly_moved"] == [
         "the hanger moved by 0 mm at most, which tells next to nothing of the cloth"
     ]
+
+
+def swings(rate, frequency):
+    """Both ends of a bar that swings by 1 m, for three seconds, from each of thirty phases; (sights, 2, 3)."""
+    time = np.arange(3 * rate) / rate
+    for phase in np.linspace(0, 2 * np.pi, 30):
+        way = 0.5 * np.sin(2 * np.pi * frequency * time + phase)
+        yield np.stack([way, 0 * way, 0 * way], 1)[:, None].repeat(2, 1)
+
+
+@pytest.mark.parametrize(
+    ("rate", "frequency", "least"), [(9, 1.0, 0.97), (9, 1.5, 0.86), (9, 2.0, 0.97), (30, 1.5, 0.98)]
+)
+def test_a_swing_reaches_nearly_as_far_in_few_sights_a_second(rate, frequency, least):
+    """Half a step from its turning point, at 60 degrees a step, a swing has the cosine of 30 degrees, 0.866."""
+    assert all(least <= reach(places) <= 1.0 for places in swings(rate, frequency))
+
+
+def test_one_bad_sight_among_five_is_no_motion_and_among_four_it_is():
+    places = np.zeros((5, 2, 3))
+    places[2, 1, 0] = 0.1
+    assert reach(places) == 0.0
+    assert reach(places[:4]) == pytest.approx(0.1)
+
+
+def test_a_hanger_that_swings_by_31_millimetres_at_nine_frames_a_second_moves():
+    """At 40 degrees a step one turning point is seen, and the other by the cosine of 20 degrees: 30.1 mm."""
+    take = swung(5.0, reach=0.0)
+    way = 0.0155 * np.sin(2 * np.pi * np.arange(150) / 9)[:, None, None] * [1.0, 0, 0]
+    slow = dataclasses.replace(
+        with_points(take, take.points + way), markers=take.markers + way, time=np.arange(150) / 9
+    )
+    assert named(slow) == []
 
 
 @pytest.mark.parametrize("bottom", [0.15, 0.2])

@@ -66,11 +66,11 @@ def import_recordings(
     Exit code 2: at least one recording cannot be imported; the others are, and the end names each that is lost.
     """
     from formats.descriptions import load_garment
-    from formats.errors import OutputError, TakeError
+    from formats.errors import HangtimeError, OutputError, TakeError
     from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
-    from formats.outputs import check_name, refuse_to_replace
+    from formats.outputs import check_name, output_folder, refuse_to_replace
 
     for path in paths:
         if path.suffix.lower() == DESCRIBED_AS:
@@ -80,13 +80,10 @@ def import_recordings(
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
     for path in paths:
-        check_name(path)
         if [other.stem for other in paths].count(path.stem) > 1:
             raise OutputError(
                 f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
             )
-        if not overwrite:
-            refuse_to_replace(out / f"{path.stem}.mcap")
         if path.suffix.lower() == ".npz":
             _refuse_options_of_markers(path, {"--frames": frames, "--unit": unit, "--subject": subject or None})
         elif path.suffix.lower() in FILE_ENDINGS:
@@ -101,20 +98,23 @@ def import_recordings(
                     where="--hanger",
                     advice="leave out --hanger",
                 )
-    lost: dict[Path, TakeError] = {}
-    for path in paths:
-        try:
-            if path.suffix.lower() in FILE_ENDINGS and described is not None:
-                take = import_marker_take(path, described, options)
-            else:
-                take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
-        except TakeError as error:
-            if str(error.where).startswith("--"):  # an option is wrong for every recording
-                raise
-            lost[path] = error
-            continue
-        _write_imported(take, out, overwrite)
-    end_with(lost, len(paths))
+    lost: dict[Path, HangtimeError] = {}
+    with output_folder(out):
+        for path in paths:
+            try:
+                check_name(path)
+                if not overwrite:
+                    refuse_to_replace(out / f"{path.stem}.mcap")
+                if path.suffix.lower() in FILE_ENDINGS and described is not None:
+                    take = import_marker_take(path, described, options)
+                else:
+                    take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
+                _write_imported(take, out, overwrite)
+            except HangtimeError as error:
+                if str(error.where).startswith("--"):  # an option is wrong for every recording
+                    raise
+                lost[path] = error
+        end_with(lost, len(paths))
 
 
 def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -> None:
@@ -134,17 +134,18 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     from formats.archive import write_take
     from formats.judgement import judge
     from formats.missing import doubts_of
-    from formats.outputs import unwritable, write_description
+    from formats.outputs import put_back_on_failure, unwritable, write_description
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
 
-    write_description(out / "rig.toml", take.rig, overwrite=overwrite)
-    write_description(out / "garment.toml", take.garment, overwrite=overwrite)
-    target = out / f"{take.take_id}.mcap"
-    try:
-        write_take(target, take, overwrite=overwrite)
-    except OSError as error:
-        raise unwritable(target, error) from error
+    rig, garment, target = out / "rig.toml", out / "garment.toml", out / f"{take.take_id}.mcap"
+    with put_back_on_failure(rig, garment):
+        write_description(rig, take.rig, overwrite=overwrite)
+        write_description(garment, take.garment, overwrite=overwrite)
+        try:
+            write_take(target, take, overwrite=overwrite)
+        except OSError as error:
+            raise unwritable(target, error) from error
     length = float(take.time[-1])
     front = take.notes.get("front")
     words = f"{plain(target)}: {len(take.time)} frames, {length:.1f} s" + (

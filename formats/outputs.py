@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from formats.rig import Rig
 from formats.system_causes import step_to_write
 from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
+
+NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.ENOSYS}  # of file systems without second names, as `man 2 link` says
 
 
 def check_name(path: Path) -> None:
@@ -48,13 +52,17 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     text: the content to write, where a file that holds just this may stay.
 
     Raises:
-        OutputError: it is there.
+        OutputError: it is there, or its name is too long.
     """
     if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
         raise already_there(path)
     partial = unfinished_name(path)
     # Takes alone are written under this name. An empty one lost nothing, or its writer's lock refuses.
-    if path.suffix == ".mcap" and partial.exists() and partial.stat().st_size > 0:
+    try:
+        is_left = path.suffix == ".mcap" and partial.exists() and partial.stat().st_size > 0
+    except OSError as error:
+        raise unwritable(path, error) from error
+    if is_left:
         raise left_unfinished(partial)
 
 
@@ -115,6 +123,47 @@ def output_folder(folder: Path) -> Iterator[None]:
             for made in missing:
                 made.rmdir()
         raise
+
+
+@contextlib.contextmanager
+def put_back_on_failure(*paths: Path) -> Iterator[None]:
+    """Let work replace files of a folder that is there; work that fails leaves them as they were, or absent.
+
+    Until its end each file has a second name, so that a full disk keeps none from being put back.
+
+    Raises:
+        OutputError: the folder cannot be written to.
+    """
+    former = {path: path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial") for path in paths}
+    there = {path for path in paths if os.path.lexists(path)}
+    try:
+        for path in there:
+            if path.is_file() or path.is_symlink():  # nothing else can be replaced
+                _name_twice(path, former[path])
+        yield
+    except BaseException:
+        for path in paths:
+            if os.path.lexists(former[path]):
+                former[path].replace(path)
+            elif path not in there:
+                path.unlink(missing_ok=True)
+        raise
+    finally:
+        for second in former.values():
+            second.unlink(missing_ok=True)
+
+
+def _name_twice(path: Path, second: Path) -> None:
+    """Give a file a second name, or a copy where its file system knows no second names."""
+    try:
+        try:
+            second.hardlink_to(path)
+        except OSError as error:
+            if error.errno not in NO_LINKS:
+                raise
+            shutil.copy2(path, second, follow_symlinks=False)
+    except OSError as error:
+        raise unwritable(path, error) from error
 
 
 def make_parent(path: Path) -> None:

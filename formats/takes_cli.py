@@ -13,7 +13,7 @@ from formats.telling import tell, tell_entry
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from collections.abc import Callable
 
-    from formats.errors import TakeError
+    from formats.errors import HangtimeError
     from formats.take import Take
     from formats.take_report import TakeReport
 
@@ -51,9 +51,11 @@ def list_takes(
     from formats.motion import kind_of
     from formats.plain_text import counted, plain
     from formats.system_causes import step_to_read
+    from formats.whole_files import leads_to_itself
 
     if not folder.is_dir():
-        raise TakeError("is no folder", where=folder, advice="give a folder; `hangtime takes show` shows one take")
+        what = "is a link that leads to itself" if leads_to_itself(folder) else "is no folder"
+        raise TakeError(what, where=folder, advice="give a folder; `hangtime takes show` shows one take")
     try:
         paths, locked = files_below(folder, ".mcap", ".mcap.partial")
     except OSError as error:
@@ -168,55 +170,65 @@ def recover_takes(
 
     Of a file that holds several takes, as joined files do, the others become NAME.recovered-2.mcap and so on.
 
-    Exit code 2: nothing can be read of at least one take; the others are recovered all the same.
+    Exit code 2: at least one take cannot be read, or its sound file not be written; the others are recovered all the
+    same.
     """
-    from formats.errors import TakeError
+    from formats.errors import HangtimeError
     from formats.take_reader import read_every_take
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
     refuse_the_same_name(targets, "recover one of them into another --out")
-    for target in targets:  # before anything is written
-        _refuse_a_target(target, paths, overwrite=overwrite)
-    all_read = True
+    all_written, is_alone = True, len(paths) == 1
     for path, target in zip(paths, targets, strict=True):
         try:
+            _refuse_a_target(target, paths, overwrite=overwrite)
             takes = read_every_take(path)
-        except TakeError as error:
-            _tell_lost(error)
-            all_read = False
+            free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
+            for one in free[1:]:
+                _refuse_a_target(one, paths, overwrite=overwrite)
+        except HangtimeError as error:
+            _tell_lost(error, is_alone=is_alone)
+            all_written = False
             continue
-        free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
-        for one in free[1:]:
-            _refuse_a_target(one, paths, overwrite=overwrite)
         free.reverse()
         for number, found in enumerate(takes.each):
             try:
-                if isinstance(found, TakeError):
+                if isinstance(found, HangtimeError):
                     raise found
                 _recover(*found, free[-1], overwrite=overwrite, is_another=number > 0)
                 free.pop()
-            except TakeError as error:
-                _tell_lost(error)
-                all_read = False
+            except HangtimeError as error:
+                _tell_lost(error, is_alone=is_alone)
+                all_written = False
             del found  # before the next one is read
-    if not all_read:
+    if not all_written:
         raise typer.Exit(2)
 
 
 def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:
-    from formats.outputs import refuse_an_input, refuse_to_replace, unwritable
+    from formats.outputs import refuse_an_input, refuse_to_replace
 
     refuse_an_input(target, paths)
-    try:
-        if not overwrite:
-            refuse_to_replace(target)
-    except OSError as error:
-        raise unwritable(target, error) from error
+    if not overwrite:
+        refuse_to_replace(target)
 
 
-def _tell_lost(error: TakeError) -> None:
-    tell_entry("takes", f"lost: {error}", file=None, take_id=None, frames=0, missing="", lost_scans=0, error=str(error))
+def _tell_lost(error: HangtimeError, *, is_alone: bool) -> None:
+    """Tell why a take is not recovered; raise it where its file is the only one and cannot be written."""
+    from formats.errors import OutputError
+
+    if is_alone and isinstance(error, OutputError):
+        raise error
+    words = f"{_state_after(error)}: {error}"
+    tell_entry("takes", words, file=None, take_id=None, frames=0, missing="", lost_scans=0, error=str(error))
+
+
+def _state_after(error: HangtimeError) -> str:
+    """Return the word for a take of which nothing was written: one that can be read is not lost."""
+    from formats.errors import OutputError
+
+    return "not written" if isinstance(error, OutputError) else "lost"
 
 
 def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, is_another: bool) -> None:
@@ -271,12 +283,12 @@ def export_takes(
     Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
     from formats.archive import read_with_report
-    from formats.errors import TakeError
+    from formats.errors import HangtimeError, TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
     from formats.missing import doubts_of, missing_words
-    from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
+    from formats.outputs import output_folder
     from formats.plain_text import counted, plain
 
     writers: dict[ExportKind, Callable[..., str | None]] = {
@@ -285,12 +297,9 @@ def export_takes(
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
     if to is not ExportKind.PARQUET:
         refuse_the_same_name(targets, "export one of them elsewhere")
-    for target in targets:
-        refuse_an_input(target, paths)
-        if not overwrite:
-            refuse_to_replace(target)
-    lost: dict[Path, TakeError] = {}
+    lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
+        _refuse_a_target(out, paths, overwrite=overwrite)
         read: dict[Path, tuple[Take, TakeReport]] = {}
         for path in paths:
             try:
@@ -312,9 +321,10 @@ def export_takes(
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):
             try:
+                _refuse_a_target(target, paths, overwrite=overwrite)
                 take, report = read_with_report(path)
                 moved = writers[to](target, take, overwrite=overwrite)
-            except TakeError as error:
+            except HangtimeError as error:
                 lost[path] = error
                 continue
             told, doubts = f"; {moved}" if moved else "", doubts_of(take)
@@ -328,17 +338,17 @@ def export_takes(
         end_with(lost, len(paths))
 
 
-def end_with(lost: dict[Path, TakeError], asked: int) -> None:
+def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:
     """Name the takes that were lost of those that were asked for, and end with exit code 2 where there are any.
 
     Raises:
-        TakeError: the only take is lost.
+        HangtimeError: the only take is lost.
         typer.Exit: some are.
     """
     for path, error in lost.items():
         if asked == 1:
             raise error
-        tell_entry("lost", f"lost: {error}", file=str(path), error=str(error))
+        tell_entry("lost", f"{_state_after(error)}: {error}", file=str(path), error=str(error))
     if lost:
         raise typer.Exit(2)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
-from formats.whole_files import sync_folder
+from formats.whole_files import leads_to_itself, sync_folder
 
 
 def unfinished_name(path: Path) -> Path:
@@ -29,7 +29,8 @@ def already_there(path: Path) -> OutputError:
         return OutputError("is a folder", where=path, advice="give another name")
     advice = "give another name, or --overwrite to replace it"
     if not path.exists():
-        return OutputError("is a link that leads to nothing", where=path, advice=advice)
+        where = "itself" if leads_to_itself(path) else "nothing"
+        return OutputError(f"is a link that leads to {where}", where=path, advice=advice)
     return OutputError("is already there", where=path, advice=advice)
 
 
@@ -138,7 +139,7 @@ def _locked(partial: Path) -> BinaryIO:
         try:
             handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         except OSError as error:
-            if error.errno != errno.ELOOP:
+            if error.errno != errno.ELOOP or not partial.is_symlink():  # a link of its folder may lead to itself
                 raise
             raise OutputError(
                 "is a link to another file, which would be overwritten", where=partial, advice="remove the link"

@@ -64,9 +64,20 @@ def _put_where_none_is(partial: Path, path: Path) -> None:
 def _refuse_device(path: Path) -> None:
     """Raise where a rename would put a file in the place of a device, a pipe or a socket, or of a link to one."""
     with suppress(FileNotFoundError):
+        if leads_to_itself(path):
+            return
         kind = path.stat().st_mode
         if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
             raise OSError(errno.EINVAL, "a device, a pipe or a socket is no place for a file")
+
+
+def leads_to_itself(path: Path) -> bool:
+    """Return whether a link of a path leads to itself, over others or at once, so that there is no file."""
+    try:
+        path.stat()
+    except OSError as error:
+        return error.errno == errno.ELOOP
+    return False
 
 
 def check_ends(path: Path) -> None:
@@ -87,7 +98,12 @@ def make_folders(folder: Path) -> None:
         OSError: it cannot be made.
     """
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        if leads_to_itself(folder):
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(folder)) from error
+        raise
     for made in reversed(missing):
         sync_folder(made.parent)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,8 @@ def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:
     Raises:
         FitError: the page would lie among them, other than as an .html file beside them.
     """
-    place = out.resolve()
-    known = [folder.resolve() for folder in folders]
+    # `Path.resolve` fails where a link leads to itself, before anything says so.
+    place, *known = (Path(os.path.realpath(path)) for path in (out, *folders))
     is_among = any(folder in place.parents for folder in known)
     if is_among and not (place.parent in known and place.suffix == ".html"):
         raise FitError(

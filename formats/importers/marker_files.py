@@ -10,6 +10,8 @@ from formats.errors import TakeError
 from formats.importers.c3d_file import read_c3d
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks
+from formats.system_causes import step_to_read
+from formats.whole_files import check_ends
 
 FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
@@ -22,10 +24,10 @@ def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
     """
     if path.is_dir():
         raise TakeError("is a folder", where=path, advice="give the files in it")
-    if path.exists() and not path.is_file():
-        raise TakeError("cannot be read (it is a pipe or a device, and no file)", where=path, advice="check the path")
-    if not path.is_file():
-        raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
+    try:
+        check_ends(path)
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     kind = path.suffix.lower()
     if kind not in FILE_ENDINGS:
         raise TakeError(

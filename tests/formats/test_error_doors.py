@@ -85,8 +85,8 @@ def desk(tmp_path):
             "import m.csv --garment long.toml",
             "long.toml: has more than 1048576 bytes, which no such file has; check the path",
         ),
-        ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made (Not a directory); give "
-         "another path: a part of this one is a file"),
+        ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made or written to (Not a "
+         "directory); give another path: a part of this one is a file"),
         ("swatch s.toml --mass 0.05 --markers 2", "s: a swatch has too few markers along each side (got 2); give 4 or "
          "more"),
         ("swatch s.toml --mass 0.05 --markers 45", "s: 45 markers along each side are more than the 2000 that a take "

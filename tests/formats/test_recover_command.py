@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from formats.archive import read_take, verify_take, write_take
+from tests.fit.here import hangtime_here
 from tests.formats.damage import chunks_of, without_end
+from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import a_take
 from tests.formats.test_command_line import hangtime
+from tests.formats.unprivileged import hangtime_unprivileged
 
 
 def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
@@ -32,15 +35,38 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
     assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
 
 
-def test_recover_looks_for_what_is_there_before_it_writes_anything(tmp_path):
-    paths = [write_take(tmp_path / f"{name}.mcap", a_take()) for name in "abc"]
-    (tmp_path / "b.recovered.mcap").write_text("mine")
-    done = hangtime("takes", "recover", *paths)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "b.recovered.mcap" in done.stderr
-    assert not (tmp_path / "a.recovered.mcap").exists()
-    assert hangtime("takes", "recover", *paths, "--overwrite").returncode == 0
-    assert verify_take(tmp_path / "c.recovered.mcap").is_sound
+def test_recover_goes_on_after_a_file_that_cannot_be_written_and_tells_of_each(tmp_path):
+    for name in "abc":
+        (tmp_path / name).mkdir()
+        write_take(tmp_path / name / f"{name}.mcap", a_take())
+    (tmp_path / "b/b.recovered.mcap").write_text("mine")
+    (tmp_path / "a").chmod(0o555)
+    words = ("takes", "recover", "a/a.mcap", "b/b.mcap", "c/c.mcap")
+    (done,) = hangtime_unprivileged(words, folder=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "")
+    locked = "choose another folder, or get the permission to write to this one"
+    assert done.stdout.splitlines() == [
+        f"not written: a/a.recovered.mcap: cannot be written (Permission denied); {locked}",
+        "not written: b/b.recovered.mcap: is already there; give another name, or --overwrite to replace it",
+        "c/c.recovered.mcap: 150 frames, nothing is missing",
+    ]
+    assert (tmp_path / "b/b.recovered.mcap").read_text() == "mine"
+    assert hangtime_here(*words, "--overwrite", folder=tmp_path).returncode == 0
+    assert verify_take(tmp_path / "b/b.recovered.mcap").is_sound
+
+
+def test_recover_goes_on_within_a_file_of_which_one_take_is_too_large_for_the_disk(tmp_path):
+    """The first of two joined takes has more bytes than a file may have here, the second fewer."""
+    both = [write_take(tmp_path / f"{k}.mcap", replace(a_take(n), take_id=k)) for k, n in (("a", 150), ("b", 31))]
+    (tmp_path / "c.mcap").write_bytes(both[0].read_bytes() + both[1].read_bytes())
+    sizes = [path.stat().st_size for path in both]
+    with no_file_beyond((sizes[0] + sizes[1]) // 2):
+        done = hangtime_here("takes", "recover", "c.mcap", "a.mcap", "b.mcap", folder=tmp_path)
+    assert done.returncode == 2
+    assert [line.split(":")[0] for line in done.stdout.splitlines()] == [
+        "not written", "c.recovered.mcap", "not written", "b.recovered.mcap"
+    ]  # fmt: skip
+    assert "File too large" in done.stdout
 
 
 def test_recover_goes_on_after_a_file_of_which_nothing_can_be_read(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,13 @@ if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
+
+
+class DecimalSign(StrEnum):
+    """Words for the sign that parts decimals."""
+
+    COMMA = "comma"
+    POINT = "point"
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -48,6 +56,11 @@ def import_recordings(
         str | None,
         typer.Option("--unit", help="Unit of lengths where the file states none: m, cm, mm, in (motion capture).")
     ] = None,
+    decimal: Annotated[
+        DecimalSign | None,
+        typer.Option("--decimal", help="Sign before the decimals of a text; the other one is between thousands.",
+                     show_default="as the file shows"),
+    ] = None,
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
     ] = "",
@@ -78,14 +91,17 @@ def import_recordings(
                 "is a description, and no recording", where=path, advice=f"give it as --garment {path.name}"
             )
     described = load_garment(garment, anyway=anyway) if garment is not None else None
-    options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
+    options = MarkerOptions(
+        up=up, frames=frames, unit=unit, decimal=decimal or "", subject=subject, anyway=anyway
+    )  # fmt: skip
     for path in paths:
         if [other.stem for other in paths].count(path.stem) > 1:
             raise OutputError(
                 f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
             )
         if path.suffix.lower() == ".npz":
-            _refuse_options_of_markers(path, {"--frames": frames, "--unit": unit, "--subject": subject or None})
+            given = {"--frames": frames, "--unit": unit, "--decimal": decimal, "--subject": subject or None}
+            _refuse_options_of_markers(path, given)
         elif path.suffix.lower() in FILE_ENDINGS:
             if described is None:
                 raise TakeError(

@@ -37,6 +37,11 @@ class DecimalSigns:
         """Whether the commas that were seen may part thousands as well as decimals."""
         return bool(self.comma) and self._all_of_thousands
 
+    @property
+    def are_mixed(self) -> bool:
+        """Whether some numbers have a point and some a comma."""
+        return bool(self.point and self.comma)
+
     def look(self, cells: list[str], text: str) -> None:
         """Refuse a file in which some numbers have a point and some a comma: one of them parts thousands.
 
@@ -47,7 +52,7 @@ class DecimalSigns:
             self.point = _first_with(".", cells)
         if "," in text and not self.comma:
             self.comma = _first_with(",", cells)
-        if self.point and self.comma:
+        if self.are_mixed:
             raise ValueError(f"{self.comma!r} beside {self.point!r}: which of them parts decimals?")
         if "," in text and self._all_of_thousands:
             self._all_of_thousands = all(map(OF_THOUSANDS.fullmatch, (cell for cell in cells if "," in cell)))

@@ -10,14 +10,18 @@ from formats.errors import TakeError
 from formats.importers.c3d_file import read_c3d
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.number_cells import DECIMALS
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
 
-def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
-    """Read a file of marker paths; unit: of its lengths, where the file states none.
+def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "") -> MarkerTracks:
+    """Read a file of marker paths.
+
+    - `unit`: of its lengths, where the file states none
+    - `decimal`: the sign that parts the decimals of a text, `comma` or `point`; '' where the file is to show it
 
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
@@ -34,7 +38,14 @@ def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
             f"{kind or 'a file without ending'} is not a marker file", where=path,
             advice=f"give {', '.join(FILE_ENDINGS)}",
         )  # fmt: skip
-    tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit)
+    if decimal not in ("", *DECIMALS):
+        raise TakeError(f"no sign is named {decimal!r}", where="--decimal", advice="give comma or point")
+    if decimal and kind == ".c3d":
+        raise TakeError(
+            f"is for text, and {path.name} is none", where="--decimal",
+            advice="leave out --decimal, or import that file by itself",
+        )  # fmt: skip
+    tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit, DECIMALS.get(decimal, ""))
     if not np.isfinite(tracks.positions).any():
         raise TakeError("no marker was ever seen", where=path, advice="export the trajectories, not only their names")
     return tracks

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import overload
 
 from formats.errors import TakeError
+from formats.importers.number_cells import DECIMALS, LONGEST_SHOWN, with_point
 from formats.importers.text_lines import TextLines, read_text_lines
 from formats.plain_text import sized
 from formats.system_causes import step_to_read
@@ -40,20 +41,27 @@ LONGEST_CELL = 1 << 17  # characters
 class Rows(Sequence[list[str]]):
     """The cells of the lines that hold any. They are split when they are looked at: all at once take 30 times the text.
 
+    Where the sign that parts decimals is stated, numbers are given with a decimal point and no other sign.
+
     Raises:
-        TakeError: a cell is longer than any number or name, or a line has more cells than any file of markers.
+        TakeError: a cell is longer than any number or name, a line has more cells than any file of markers, or one of
+            the frames has a number that the stated sign contradicts.
     """
 
     def __init__(
-        self, lines: Sequence[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False
-    ) -> None:
+        self, lines: Sequence[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False,
+        decimal: str = "", are_frames: bool = False,
+    ) -> None:  # fmt: skip
         """Hold lines.
 
         - `lines`: not cut into cells
         - `numbers`: of the lines in the file, from 1
         - `is_cut`: the last one has no end, so that it may be the part of one that was being written
+        - `decimal`: the sign that parts decimals, a comma or a point, where somebody stated it
+        - `are_frames`: a header above them may hold other numbers, such as a version
         """
         self.lines, self.numbers, self.separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
+        self._decimal, self._are_frames = decimal, are_frames
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -67,12 +75,35 @@ class Rows(Sequence[list[str]]):
         if isinstance(place, slice):
             has_last = range(len(self.lines))[place][-1:] == range(len(self.lines))[-1:]
             is_cut = self.is_cut and has_last
-            return Rows(self.lines[place], self.numbers[place], self.separator, self._path, is_cut=is_cut)
-        return self._cells(self.lines[place])
+            return Rows(
+                self.lines[place], self.numbers[place], self.separator, self._path, is_cut=is_cut,
+                decimal=self._decimal, are_frames=self._are_frames,
+            )  # fmt: skip
+        return self._as_stated(self._cells(self.lines[place]), self.numbers[place])
 
     def __iter__(self) -> Iterator[list[str]]:
         """Yield the cells of each line."""
-        return map(self._cells, self.lines)
+        return map(self._as_stated, map(self._cells, self.lines), self.numbers)
+
+    def frames(self) -> Rows:
+        """Return the same lines, of which all are frames."""
+        return Rows(
+            self.lines, self.numbers, self.separator, self._path, is_cut=self.is_cut, decimal=self._decimal,
+            are_frames=True,
+        )  # fmt: skip
+
+    def _as_stated(self, cells: list[str], number: int) -> list[str]:
+        if not self._decimal:
+            return cells
+        found = [with_point(cell, self._decimal) for cell in cells]
+        if self._are_frames and None in found:
+            wrong = cells[found.index(None)].strip()[:LONGEST_SHOWN]
+            word = next(word for word, sign in DECIMALS.items() if sign == self._decimal)
+            raise TakeError(
+                f"line {number} holds {wrong!r}, which is no number with a decimal {word}", where=self._path,
+                advice="give the other --decimal, or mend that line",
+            )  # fmt: skip
+        return [cell if plain is None else plain for cell, plain in zip(cells, found, strict=True)]
 
     def _cells(self, line: str) -> list[str]:
         """Return the cells of a line, which cost no more memory than any marker file needs."""
@@ -112,10 +143,12 @@ def unquoted(cell: str) -> str:
     return inner[1:-1].replace('""', '"')
 
 
-def read_lines(path: Path) -> tuple[str, Rows]:
+def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
     """Return the first word of the header in small letters, '' without a header, and the lines from there on.
 
     Lines that hold nothing are left out. The lines of a file without a header are all there.
+
+    decimal: as of `Rows`
 
     Raises:
         TakeError: the file cannot be read, is empty, no text, or too large.
@@ -141,7 +174,7 @@ def read_lines(path: Path) -> tuple[str, Rows]:
     dropped = ' "' if kind == "no_of_frames" else f'{separator}" \t'
     places = array("L", (k for k, line in enumerate(lines[begin:], begin) if line.strip(dropped)))
     numbers = array("L", (k + 1 for k in places))
-    return kind, Rows(lines.at(places), numbers, separator, path, is_cut=lines.is_cut)
+    return kind, Rows(lines.at(places), numbers, separator, path, is_cut=lines.is_cut, decimal=decimal)
 
 
 def _header(lines: TextLines) -> tuple[int, str, str]:

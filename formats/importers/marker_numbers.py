@@ -22,6 +22,7 @@ from formats.importers.number_cells import is_number, number_of
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
+SAY_WHICH = "say which with --decimal comma or --decimal point"
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 
 
@@ -64,7 +65,7 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     Raises:
         TakeError: a line holds something else, or there are too many.
     """
-    width = table.width
+    width, rows = table.width, rows.frames()
     if len(rows) * width > MOST_NUMBERS:
         raise TakeError(
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
@@ -78,7 +79,7 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
             raise TakeError(
                 f"commas may part decimals or thousands: {signs.comma!r} is {signs.comma.replace(',', '.')} or "
                 f"{signs.comma.replace(',', '')}", where=path,
-                advice="export with decimal points, and with no sign between thousands",
+                advice=SAY_WHICH,
             )  # fmt: skip
     return Frames(time, places, _doubt_of_the_last(rows, columns, width, time, places, path))
 
@@ -96,7 +97,8 @@ def _numbers(rows: Rows, table: Table, columns: Integers, path: Path, signs: Dec
             try:
                 numbers[k, :width] = _row(cells, signs)
             except ValueError as error:
-                raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice="mend that line") from error
+                advice = SAY_WHICH if signs.are_mixed else "mend that line"
+                raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice=advice) from error
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]
         places[piece] = as_seen(numbers[: len(some), columns] * table.metres)

@@ -36,13 +36,16 @@ LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 
 
-def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
-    """Read the marker paths of a text file; unit: of its lengths, where it states none.
+def read_marker_text(path: Path, unit: str | None, decimal: str = "") -> MarkerTracks:
+    """Read the marker paths of a text file.
+
+    - `unit`: of its lengths, where it states none
+    - `decimal`: the sign that parts decimals, a comma or a point; '' where the file is to show it
 
     Raises:
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
-    first, rows = read_lines(path)
+    first, rows = read_lines(path, decimal)
     programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": _qualisys, "trajectories": _vicon}
     return programs.get(first, _own)(rows, unit, path)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
+DECIMALS = {"comma": ",", "point": "."}  # by the words in which somebody states the sign that parts decimals
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
 GAP_WORDS = {
@@ -37,6 +39,22 @@ def number_of(cell: str) -> float:
     if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS:
         return np.nan
     raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")
+
+
+def with_point(cell: str, decimal: str) -> str | None:
+    """Return a number with a decimal point and no other sign, other text as it is, and None for another number.
+
+    decimal: the sign that parts decimals; the other one of comma and point parts thousands
+    """
+    word = cell.strip()
+    if not WITH_SIGNS.fullmatch(word):
+        return cell
+    other = "," if decimal == "." else "."
+    whole, sign, behind = word.partition(decimal)
+    if other in whole and not re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(\{other}\d{{3}})+", whole, re.ASCII):
+        return None
+    plain = whole.replace(other, "") + "." * bool(sign) + behind
+    return plain if NUMBER.fullmatch(plain) else None
 
 
 def is_number(cell: str) -> bool:

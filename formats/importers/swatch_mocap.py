@@ -49,6 +49,7 @@ class MarkerOptions:
     - `up`: the axis that points up
     - `frames`: keep only so many from the beginning
     - `unit`: of lengths, where the file states none
+    - `decimal`: the sign that parts decimals of a text, `comma` or `point`; '' where the file is to show it
     - `subject`: whose markers, where several have the same names
     - `anyway`: accept implausible times, and corners that leap; None: refuse them, and name no option for it
     """
@@ -56,6 +57,7 @@ class MarkerOptions:
     up: str = "z"
     frames: int | None = None
     unit: str | None = None
+    decimal: str = ""
     subject: str = ""
     anyway: bool | None = None
 
@@ -76,7 +78,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
         )  # fmt: skip
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
-    tracks = read_marker_tracks(path, options.unit)
+    tracks = read_marker_tracks(path, options.unit, options.decimal)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
     _check_held(positions, garment, (left, right), path)

@@ -29,7 +29,7 @@ def test_thousands_that_commas_part_are_refused_with_both_readings(tmp_path, sta
     first = next(cell for cell in text.split() if "," in cell)
     assert str(refused.value) == (
         f"{tmp_path}/a.tsv: commas may part decimals or thousands: {first!r} is {first.replace(',', '.')} or "
-        f"{first.replace(',', '')}; export with decimal points, and with no sign between thousands"
+        f"{first.replace(',', '')}; say which with --decimal comma or --decimal point"
     )
 
 

@@ -17,9 +17,12 @@ from formats.findings import (
     camera_of,
     ends_of,
 )
+from formats.held_row import held_row_findings
+from formats.impossible_points import impossible_findings
 from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
+from formats.rig_bodies import body_findings
 from formats.sights import SETTLING, Sights, exchanged, first_jump, fitted_sights, reach, sights_of
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
@@ -39,7 +42,8 @@ def judge(take: Take) -> tuple[Finding, ...]:
     if found and seen < FEWEST_SEEN:
         return tuple(found)
     found += [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, sights.held)]
-    found += [*_path(take, sights.held), *_motion(take, sights.held), *cloth_findings(take, sights)]
+    found += [*_path(take, sights.held), *_motion(take, sights.held), *body_findings(take, sights)]
+    found += [*cloth_findings(take, sights), *held_row_findings(take, sights), *impossible_findings(take, sights)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
 
 

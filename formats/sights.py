@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
 from formats.garment import Garment
 from formats.motion import HARDEST_PULL
 from formats.take import LONGEST_GAP, Take
@@ -37,6 +37,7 @@ SAME_PLACE = 1e-5  # m: an archive's steps are 1e-4 m, and the noise of markers 
 FEWEST_TELLING = 5  # sights, from which a bad one shows among its neighbours' neighbours
 LEAPS = 3.0  # times its neighbours' own steps that a sight is off them: swings of 2 Hz have 0.9 at 9 sights a second
 LARGEST_SHIFT = 0.5  # s either way that a clock of the hanger's own is off: live cameras are late by 0.05 to 0.35 s
+MOST_SHIFTED = 1000  # frames that are looked at, evenly over the take, where many shifts are: 1 s for 64 points
 CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s
 
 
@@ -179,16 +180,27 @@ def standing(take: Take, sights: Sights, moved: float) -> list[tuple[int, float,
     return found
 
 
+def shifts_of(take: Take) -> Floats:
+    """Return the shifts of the hanger's clock [s] that are looked at: none but 0 where its clock is the points' own."""
+    has_two_clocks = not (shows_hanger(take) & shows_points(take)).all()
+    return CLOCKS_APART if has_two_clocks else np.zeros(1)
+
+
+def spread(frames: Integers, most: int) -> Integers:
+    """Return at most so many of the frames, evenly over all of them."""
+    return frames if len(frames) <= most else frames[np.linspace(0, len(frames) - 1, most).astype(int)]
+
+
 def away_from_held(take: Take, sights: Sights) -> Floats:
     """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
 
     Where the hanger has a clock of its own, they are those at the shift of the clock that brings them nearest.
     """
-    frames = np.flatnonzero(sights.is_known)
+    shifts, frames = shifts_of(take), np.flatnonzero(sights.is_known)
+    frames = spread(frames, MOST_SHIFTED if len(shifts) > 1 else len(frames))
     seen, places = take.points_valid[frames], take.points[frames]
-    has_two_clocks = not (shows_hanger(take) & shows_points(take)).all()
     found = []
-    for shift in CLOCKS_APART if has_two_clocks else np.zeros(1):
+    for shift in shifts:
         ends = at_times(take.time[frames] + shift, take.time[sights.held], take.held[sights.held])
         apart = np.linalg.norm(places[:, :, None] - ends[:, None], axis=3)
         found.append(_medians(np.where(seen[..., None], apart, np.nan)))

@@ -8,11 +8,11 @@ from fit.gap.fitting import Fitted
 from fit.observer.residuals import Observer
 from fit.recordings.camera_findings import foreign_clock
 from fit.recordings.hanger_path import hanger_axes
-from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import Gate
+from formats.impossible_points import MOST_LEFT_OUT, describe_impossible
 
 SHORTEST_MOTION = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames

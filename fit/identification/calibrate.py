@@ -36,7 +36,6 @@ from fit.observer.residuals import BLOCK_SECONDS
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
-from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.intact import describe_flaws
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
@@ -50,6 +49,7 @@ from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.arrays import Floats
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.fit_records import FitError as FitErrors
+from formats.impossible_points import describe_impossible
 from formats.take import Take
 
 Progress = Callable[[int, int, float], None]

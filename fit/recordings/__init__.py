@@ -1,1 +1,1 @@
-"""Make takes ready for simulation: held edge, smoothing, noise, impossible points, fitted and held-out takes."""
+"""Make takes ready for simulation: held edge, smoothing, noise, fitted and held-out takes."""

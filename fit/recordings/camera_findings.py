@@ -16,7 +16,7 @@ from fit.recordings.point_kind import describe_contradiction, describe_steady
 from fit.recordings.recording import Recording
 from fit.recordings.timing import is_sure
 from formats.fit_records import CameraFinding, Interval
-from formats.importers.clock_shift import LEAST_EXPLAINED
+from formats.held_row import LEAST_EXPLAINED
 from formats.sights import LARGEST_SHIFT
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis

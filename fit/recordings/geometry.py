@@ -11,7 +11,7 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.recordings.recording import Recording
-from formats.importers.clock_shift import LEAST_EXPLAINED
+from formats.held_row import LEAST_EXPLAINED
 from formats.judged_cloth import MEASURED_APART, MOST_STRETCHED, SHORTEST_EDGE
 from formats.sights import LARGEST_SHIFT
 

@@ -32,14 +32,15 @@ from fit.recordings.camera import (
 from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import HeldEdge
-from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
 from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
+from formats.impossible_points import MOST_LEFT_OUT, find_impossible
 from formats.missing import origin_of
 from formats.rig import Rig, Vector
+from formats.rig_bodies import first_entered
 from formats.sights import judged_points, on_held_edge
 from formats.take import Take
 from formats.two_clocks import shows_points
@@ -89,7 +90,7 @@ class Recording:
     - `is_calibrated`: false for a sensor whose rig nobody measured (`hangtime calibrate`)
     - `is_imported`: gravity and held edge are as an imported file states them
     - `bodies`: the standing bodies near the cloth, in the world frame
-    - `impossible`: share of the points' sightings where the cloth cannot be (`fit.recordings.impossible_points`)
+    - `impossible`: share of the points' sightings where the cloth cannot be (`formats.impossible_points`)
     - `viewpoint` [m], world frame: the camera, where rays of depth begin
     - `camera`: the camera's faults that were taken out (`fit.recordings.camera`)
     - `raw_points` [m], (frames, points, 3): points before they got their material places; None: `points`
@@ -327,11 +328,11 @@ def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
     Raises:
         FitError: the held edge comes into one of them.
     """
-    share = np.linspace(0, 1, 11)[:, None]
-    edge = ends[:, None, :3] * (1 - share) + ends[:, None, 3:] * share
-
+    entered = first_entered(take.rig, ends.reshape(-1, 2, 3) @ rotation)
+    if entered is not None:
+        raise FitError(entered.words, where=take.take_id, advice=entered.advice)
     found: list[Body] = []
-    for number, body in enumerate(take.rig.near, 1):
+    for body in take.rig.near:
         at, radius = _world(rotation, body.at_m), body.radius_m or 0.0
         if body.normal is not None:
             found.append(half_space(at, _world(rotation, body.normal)))
@@ -339,13 +340,6 @@ def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
             found.append(capsule(at, _world(rotation, body.to_m), radius))
         else:
             found.append(sphere(at, radius))
-        depth = -float(found[-1].distance(edge).min())
-        if depth > 0:
-            raise FitError(
-                f"the held edge comes {1e3 * depth:.0f} mm into the rig's body {number}, a {body.kind}",
-                where=take.take_id,
-                advice="check where it stands: metres in the sensor frame, a plane's normal towards the cloth",
-            )
     return tuple(found)
 
 

@@ -38,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.held_row import LEAST_EXPLAINED, OUTLIER
 
 Path = Callable[[Floats], Floats]
 
@@ -47,8 +48,6 @@ MOST_LOOKED_AT = 2000  # pictures
 AT_ONCE = 50_000  # pictures times shifts: 2 MB of places
 HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
 FEWEST_BLOCKS = 5  # a few seconds fit anywhere
-LEAST_EXPLAINED = 0.7  # of the squared motion: held rows have 0.87 to 0.99, silhouettes of the sensor 0.91 to 0.99
-OUTLIER = 3.0  # times the median distance
 WORTH_REFINING = 2.0  # times the least median distance
 SURELY = 3.5  # standard errors: with 15 degrees of freedom, so far off 1 time in 300
 LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves tells no time

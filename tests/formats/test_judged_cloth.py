@@ -308,9 +308,9 @@ def test_markers_that_lie_oblique_on_the_hanger_put_the_held_ends_elsewhere(degr
     assert [(name, is_grave) for name, is_grave, _ in found if name == "point_far_off"] == [("point_far_off", True)]
 
 
-@pytest.mark.parametrize("degrees", [-45, -20, 20, 45])
+@pytest.mark.parametrize("degrees", [-40, -20, 20, 40])
 def test_a_hanger_that_is_held_oblique_is_no_fault(degrees):
-    """The sides of the cloth hang plumb below the held ends."""
+    """The sides of the cloth hang plumb below the held ends: at 40 degrees its diagonal is longer by 28 %."""
     take = swung()
     markers = turned(take.markers, degrees)
     tilted = of_markers(take, markers)

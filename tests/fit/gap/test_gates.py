@@ -18,8 +18,8 @@ from fit.gap.gates import (
     predictability_gate,
 )
 from fit.methods import SI
-from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.recording import prepare
+from formats.impossible_points import describe_impossible
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.gap.test_diagnosis_parts import a_take
 from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven

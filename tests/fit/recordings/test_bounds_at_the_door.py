@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 
 from fit.errors import FitError
 from fit.recordings.ready import ready
 from formats.judgement import judge
+from formats.rig import RigBody
 from tests.fit.recordings.test_told_at_the_door import without_held
 from tests.formats.test_judged_cloth import exchanged, of_markers
 from tests.formats.test_judgement import swung, with_points
@@ -88,6 +90,13 @@ def hung_low(down):
     return imported(with_points(swung(), points))
 
 
+def before_a_wall(away):
+    """The hanger swings in a plane, so far before a wall."""
+    wall = RigBody(kind="plane", at_m=(0.0, 0.0, 1.6 + away), normal=(0.0, 0.0, -1.0))
+    rig = msgspec.structs.replace(swung().rig, format="hangtime-rig/2", bodies=(wall,))
+    return dataclasses.replace(swung(), rig=rig)
+
+
 BOUNDS = {
     "frames": (frames, 19, 20),
     "sights of the hanger, one in three": (lambda count: seen_among(count, 3), 19, 20),
@@ -101,6 +110,7 @@ BOUNDS = {
     "ends near [m]": (held_apart, 0.099, 0.101),
     "ends far [m]": (held_apart, 0.561, 0.559),
     "point far [m]": (hung_low, 0.627, 0.625),
+    "wall [m]": (before_a_wall, -0.001, 0.001),
     "markers swapped": (lambda side: of_markers(swung(), swung().markers[:, ::side]), -1, 1),
 }
 

@@ -13,7 +13,7 @@ from fit.recordings.camera_findings import _together, camera_clause, describe_ca
 from fit.recordings.point_kind import common_change, neighbours
 from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
 from formats.fit_records import CameraFinding
-from formats.importers.clock_shift import LEAST_EXPLAINED
+from formats.held_row import LEAST_EXPLAINED
 
 EMPTY = {
     "timing": None, "is_retimed": False, "skewed": 0, "frames": 100, "edge": None, "offsets": None,

@@ -9,7 +9,6 @@ import pytest
 
 from fit.errors import DriveError
 from fit.gap.gates import data_gates
-from fit.recordings.impossible_points import find_impossible
 from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, sheet, swing, take_of
 
@@ -86,16 +85,6 @@ def test_a_take_with_many_impossible_points_is_not_diagnosed():
     assert not found.passed
     assert found.figure == pytest.approx(10, abs=1.5)
     assert "check the markers' names" in found.sentence
-
-
-def test_the_reach_grows_with_the_noise_of_both_points():
-    """100 mm apart on the cloth: 130 mm is what stretch and glue allow, and 6 sqrt(2) deviations more."""
-    places, seen = np.array([[0.0, 0.0], [0.1, 0.0]]), np.ones((1, 2), bool)
-    points = np.array([[[0.0, 0.0, 0.0], [0.142, 0.0, 0.0]]])
-    assert find_impossible(points, seen, np.full((1, 2, 3), 1.3e-3), places).all()  # 130 + 11 mm
-    assert not find_impossible(points, seen, np.full((1, 2, 3), 1.5e-3), places).any()  # 130 + 12.7 mm
-    seen[0, 1] = False
-    assert not find_impossible(points, seen, np.full((1, 2, 3), 1e-4), places).any()
 
 
 @pytest.mark.parametrize("frames", [1, 20, 140], ids=["one frame", "a third of a second", "to the end"])

@@ -19,7 +19,8 @@ from fit.recordings.timing import (
     row_middle,
     uneven_intervals,
 )
-from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED
+from formats.held_row import LEAST_EXPLAINED
+from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING
 from formats.sights import LARGEST_SHIFT
 
 SPEED = 0.4  # m/s, across the cloth

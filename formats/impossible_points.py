@@ -14,13 +14,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Integers
+from formats.findings import Finding
 from formats.judged_cloth import MOST_STRETCHED
+from formats.sights import Sights, spread
+from formats.take import Take
 
 GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them
 DEVIATIONS = 6.0  # of both points' noise
 PAIRS_AT_ONCE = 1 << 20  # of points, in as many frames as that takes
 MOST_LEFT_OUT = 0.05  # of a take's sightings; with more, the points are those of another marker set
+PAIRS_LOOKED_AT = 1 << 20  # in a judgement, of points in frames evenly over the take: 0.2 s at most
+BEYOND_REACH = "are further from the others than the cloth reaches"
+CHECK_MARKERS = "check the markers' names and the tracker"
 
 
 def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) -> Booleans:
@@ -33,15 +39,22 @@ def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) 
     found = np.zeros(seen.shape, bool)
     each = max(PAIRS_AT_ONCE // flat.size, 1)
     for begin in range(0, len(points), each):
-        some = slice(begin, begin + each)
+        some = begin + _suspected(points[begin : begin + each], flat)
         at, noise = points[some], np.sqrt(np.mean(sd[some] ** 2, axis=2))
         apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
         too_far = apart > MOST_STRETCHED * flat + GLUE + DEVIATIONS * np.hypot(noise[:, :, None], noise[:, None])
         too_far &= seen[some, :, None] & seen[some, None]
-        for frame in np.flatnonzero(too_far.any((1, 2))):
-            beyond = np.where(seen[begin + frame] & seen[begin + frame, :, None], apart[frame] - flat, 0.0)
-            found[begin + frame] = _left_out(too_far[frame], np.maximum(beyond, 0.0))
+        for k in np.flatnonzero(too_far.any((1, 2))):
+            beyond = np.where(seen[some[k]] & seen[some[k], :, None], apart[k] - flat, 0.0)
+            found[some[k]] = _left_out(too_far[k], np.maximum(beyond, 0.0))
     return found
+
+
+def _suspected(points: Floats, flat: Floats) -> Integers:
+    """Return the frames that could break the rule if nothing were noise: a matrix product finds them fast."""
+    square = (points**2).sum(2)
+    apart = square[:, :, None] + square[:, None] - 2 * np.matmul(points, points.transpose(0, 2, 1))
+    return np.flatnonzero((apart > (MOST_STRETCHED * flat + GLUE) ** 2).any((1, 2)))
 
 
 def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
@@ -60,14 +73,25 @@ def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
     return found
 
 
+def impossible_findings(take: Take, sights: Sights) -> list[Finding]:
+    """Return the finding on a take with more impossible sightings than a fit leaves out; none of others."""
+    frames, places = np.flatnonzero(sights.within), np.array([point.at_m for point in take.garment.points])
+    frames = spread(frames, max(PAIRS_LOOKED_AT // len(places) ** 2, 1))
+    seen = take.points_valid[frames]
+    impossible = find_impossible(take.points[frames], seen, take.points_sd[frames], places)
+    share = float(impossible.sum() / max(seen.sum(), 1))
+    if share <= MOST_LEFT_OUT:
+        return []
+    words = f"{100 * share:.2g} % of the sightings of points {BEYOND_REACH}"
+    return [Finding(name="points_impossible", words=words, advice=CHECK_MARKERS)]
+
+
 def describe_impossible(share: float) -> str:
     """Say the meaning of a share of impossible sightings, and the next step."""
     if share == 0.0:
         return "No point is further from the others than the cloth reaches."
-    found = (
-        f"{100 * share:.2g} % of a take's sightings of points are further from the others than the cloth reaches: "
-        "markers that jump or are taken for each other."
-    )
+    found = f"{100 * share:.2g} % of a take's sightings of points {BEYOND_REACH}: markers that jump or are taken for "
+    found += "each other."
     if share <= MOST_LEFT_OUT:
         return f"{found} They are left out."
-    return f"{found} At most {100 * MOST_LEFT_OUT:.0f} % may be: check the markers' names and the tracker."
+    return f"{found} At most {100 * MOST_LEFT_OUT:.0f} % may be: {CHECK_MARKERS}."

@@ -39,7 +39,8 @@ def _points(take: Take, sights: Sights) -> list[Finding]:
         which = "of the garment" if len(never) == len(names) else "below the held edge"
         return [
             Finding(
-                name="garment_never_seen", words=f"no point {which} was ever seen", is_grave=True,
+                name="garment_never_seen", words=f"no point {which} was ever seen",
+                is_grave=fitted_sights(take, sights) < FEWEST_SEEN,
                 advice="let it hang free below the hanger, 8 cm or more before any wall",
             )
         ]  # fmt: skip

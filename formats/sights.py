@@ -49,7 +49,7 @@ class Sights:
     - `within`, (frames,): points could be seen then, from the first to the last sight of the hanger
     - `is_known`, (frames,): and the hanger's path is known there
     - `free`, (points,): the points that tell of the cloth (`judged_points`)
-    - `cloth`, (frames,): a free point was seen
+    - `cloth`, (frames,): a point below the held edge was seen (`below_held_edge`)
     """
 
     held: Booleans
@@ -69,8 +69,8 @@ def sights_of(take: Take) -> Sights:
     known = within.copy()
     for k in np.flatnonzero(np.diff(seen) > LONGEST_GAP):
         known &= (take.time <= seen[k]) | (take.time >= seen[k + 1] + SETTLING)
-    free = judged_points(take.garment)
-    return Sights(held, within, known, free, np.asarray(take.points_valid[:, free].any(1)))
+    cloth = np.asarray(take.points_valid[:, below_held_edge(take.garment)].any(1))
+    return Sights(held, within, known, judged_points(take.garment), cloth)
 
 
 def on_held_edge(garment: Garment) -> Booleans:
@@ -78,10 +78,24 @@ def on_held_edge(garment: Garment) -> Booleans:
 
     An edge between two held corners sags and swings, and so do the points on it.
     """
+    return _near_edge(garment, is_whole=garment.held == "edge")
+
+
+def below_held_edge(garment: Garment) -> Booleans:
+    """Return the points, (points,), off the whole held edge, however it is held; all where none is off it.
+
+    Points between two held corners are not among them: they are still seen where the rest of the cloth is lost.
+    """
+    below = ~_near_edge(garment, is_whole=True)
+    return below if below.any() else np.ones(len(below), bool)
+
+
+def _near_edge(garment: Garment, *, is_whole: bool) -> Booleans:
+    """Return the points, (points,), near the held edge, or near its two ends alone."""
     places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
     left, right = np.asarray(garment.outline_m[:2], float)
     share = (places - left) @ (right - left) / ((right - left) @ (right - left))
-    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
+    share = np.clip(share if is_whole else np.round(share), 0.0, 1.0)
     apart = np.linalg.norm(places - left - share[:, None] * (right - left), axis=1)
     return np.asarray(apart < ON_EDGE * float(np.ptp(np.asarray(garment.outline_m)[:, 1])))
 

@@ -16,7 +16,7 @@ from fit.recordings.ready import ready
 from formats.judgement import judge
 from formats.rig import RigBody
 from tests.fit.recordings.test_told_at_the_door import without_held
-from tests.formats.test_judged_cloth import exchanged, of_markers
+from tests.formats.test_judged_cloth import exchanged, of_markers, with_middle_of_edge
 from tests.formats.test_judgement import swung, with_points
 from tests.formats.test_judgement_sentences import imported, unseen
 
@@ -97,11 +97,18 @@ def before_a_wall(away):
     return dataclasses.replace(swung(), rig=rig)
 
 
+def between_clips(count):
+    """A point between two held corners is seen in so many frames, and none below."""
+    take = unseen(with_middle_of_edge(swung(), "corners"), [2, 3, 4])
+    return unseen(take, [5], slice(count, None))
+
+
 BOUNDS = {
     "frames": (frames, 19, 20),
     "sights of the hanger, one in three": (lambda count: seen_among(count, 3), 19, 20),
     "sights of the hanger, one in twelve": (lambda count: seen_among(count, 12), 19, 20),
     "sights of points": (sights, 19, 20),
+    "sights between clips": (between_clips, 19, 20),
     "sights of points before a gap": (after_a_gap, 6, 7),
     "speed [m/s]": (at_speed, 8.05, 7.95),
     "acceleration [m/s2]": (pulled, 151, 149),

@@ -12,6 +12,8 @@ for each other are 2 h from their outer neighbours. The rule finds them for s be
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
@@ -71,6 +73,18 @@ def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
         for of_pairs in (too_far, beyond):
             of_pairs[worst], of_pairs[:, worst] = 0, 0
     return found
+
+
+def without_impossible(take: Take, sights: Sights) -> Take:
+    """Return a take without the sightings that a fit leaves out; the take itself where it leaves out none."""
+    frames, places = np.flatnonzero(sights.within), np.array([point.at_m for point in take.garment.points])
+    seen = take.points_valid[frames]
+    impossible = find_impossible(take.points[frames], seen, take.points_sd[frames], places)
+    if not 0 < impossible.sum() <= MOST_LEFT_OUT * seen.sum():
+        return take
+    valid = take.points_valid.copy()
+    valid[frames] &= ~impossible
+    return replace(take, points_valid=valid)
 
 
 def impossible_findings(take: Take, sights: Sights) -> list[Finding]:

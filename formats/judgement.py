@@ -18,7 +18,7 @@ from formats.findings import (
     ends_of,
 )
 from formats.held_row import held_row_findings
-from formats.impossible_points import impossible_findings
+from formats.impossible_points import impossible_findings, without_impossible
 from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
@@ -28,6 +28,7 @@ from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger, and none is kept
+FEW_SIGHTS = 2 * FEWEST_SEEN  # of points: as many may be too few for a fit without the impossible ones
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
 
 
@@ -43,8 +44,17 @@ def judge(take: Take) -> tuple[Finding, ...]:
         return tuple(found)
     found += [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, sights.held)]
     found += [*_path(take, sights.held), *_motion(take, sights.held), *body_findings(take, sights)]
-    found += [*cloth_findings(take, sights), *held_row_findings(take, sights), *impossible_findings(take, sights)]
+    found += [*_cloth(take, sights), *held_row_findings(take, sights), *impossible_findings(take, sights)]
     return tuple(sorted(found, key=lambda one: not one.is_grave))
+
+
+def _cloth(take: Take, sights: Sights) -> list[Finding]:
+    """Judge the garment; without impossible sightings, which take long to find, where they decide what a fit does."""
+    found = cloth_findings(take, sights)
+    if fitted_sights(take, sights) < FEW_SIGHTS or any(one.name == "point_far_off" for one in found):
+        possible = without_impossible(take, sights)
+        return found if possible is take else cloth_findings(possible, sights)
+    return found
 
 
 def _hardly_seen(take: Take, seen: int, frames: int) -> list[Finding]:

@@ -209,6 +209,7 @@ def away_from_held(take: Take, sights: Sights) -> Floats:
     """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
 
     Where the hanger has a clock of its own, they are those at the shift of the clock that brings them nearest.
+    A fit moves the clock only where the held row tells a shift, so it may refuse a short take that is near at some.
     """
     shifts, frames = shifts_of(take), np.flatnonzero(sights.is_known)
     frames = spread(frames, MOST_SHIFTED if len(shifts) > 1 else len(frames))

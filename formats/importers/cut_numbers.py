@@ -88,8 +88,9 @@ def ending_of(rows: Rows, columns: Sequence[int], last: int, width: int) -> Endi
     beside.look(row[k] for k in columns if k < last)
     lacks_end, cell = rows.is_cut or beside.fewest_cells > len(row) == width, cells[-1]
     if not is_number(cell):
-        is_part = lacks_end and cell in ("", "-") and all(map(is_number, cells[:-1]))
-        return Ending.CUT if is_part else Ending.WHOLE
+        if not is_part(cell) or not all(map(is_number, cells[:-1])):
+            return Ending.WHOLE
+        return Ending.CUT if lacks_end else Ending.DOUBTFUL
     if len(set(cells)) == 1:
         return Ending.DOUBTFUL if lacks_end else Ending.WHOLE
     if len(beside.forms) == 1 and beside.forms != {Form(0, 0)}:
@@ -105,6 +106,11 @@ def ending_of(rows: Rows, columns: Sequence[int], last: int, width: int) -> Endi
         mine.digits >= form.digits and mine.power >= form.power for form in beside.forms
     )
     return Ending.WHOLE if is_longest else Ending.SHORT
+
+
+def is_part(cell: str) -> bool:
+    """Return whether a cell holds as much of a number as a cut before its first digit leaves."""
+    return cell.strip() in ("", "-")
 
 
 def _beside_one_form(cell: str, beside: _Beside, *, lacks_end: bool) -> Ending:

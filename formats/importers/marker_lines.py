@@ -62,6 +62,7 @@ class Rows(Sequence[list[str]]):
         """
         self.lines, self.numbers, self.separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
         self._decimal, self._are_frames = decimal, are_frames
+        self.are_last = True  # of the file
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -75,10 +76,12 @@ class Rows(Sequence[list[str]]):
         if isinstance(place, slice):
             has_last = range(len(self.lines))[place][-1:] == range(len(self.lines))[-1:]
             is_cut = self.is_cut and has_last
-            return Rows(
+            some = Rows(
                 self.lines[place], self.numbers[place], self.separator, self._path, is_cut=is_cut,
                 decimal=self._decimal, are_frames=self._are_frames,
             )  # fmt: skip
+            some.are_last = self.are_last and has_last
+            return some
         return self._as_stated(self._cells(self.lines[place]), self.numbers[place])
 
     def __iter__(self) -> Iterator[list[str]]:
@@ -87,10 +90,9 @@ class Rows(Sequence[list[str]]):
 
     def frames(self) -> Rows:
         """Return the same lines, of which all are frames."""
-        return Rows(
-            self.lines, self.numbers, self.separator, self._path, is_cut=self.is_cut, decimal=self._decimal,
-            are_frames=True,
-        )  # fmt: skip
+        found = self[:]
+        found._are_frames = True
+        return found
 
     def _as_stated(self, cells: list[str], number: int) -> list[str]:
         if not self._decimal:

@@ -13,11 +13,12 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
-from formats.importers.cut_numbers import Ending, ending_of, lacks_digits, leaps, lines_around
+from formats.importers.cut_numbers import Ending, ending_of, is_part, lacks_digits, leaps, lines_around
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
 from formats.importers.number_cells import is_number, number_of
+from formats.importers.short_lines import refuse_a_cut_time, short_line
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
@@ -51,7 +52,7 @@ class Frames:
 
     - `time` [s], (rows,)
     - `places` [m], (rows, markers, 3), NaN where not seen
-    - `doubt`: a sentence about a last number that may be cut, '' where there is none
+    - `doubt`: a sentence about a line that may be cut, '' where there is none
     """
 
     time: Floats
@@ -71,21 +72,34 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
     columns = np.add.outer(np.asarray(table.markers, int), np.arange(3))
-    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns())
+    cells = np.empty(len(rows), int)
+    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
     time = table.clock(first)
+    refuse_a_cut_time(rows, cells, time, width, path)
     if signs.may_part_thousands:
-        first, large = _numbers(rows, table, columns, path, DecimalSigns(comma_parts_thousands=True))
+        first, large = _numbers(rows, table, columns, path, DecimalSigns(comma_parts_thousands=True), cells)
         if may_be_motion(table.clock(first), large):
             raise TakeError(
                 f"commas may part decimals or thousands: {signs.comma!r} is {signs.comma.replace(',', '.')} or "
                 f"{signs.comma.replace(',', '')}", where=path,
                 advice=SAY_WHICH,
             )  # fmt: skip
-    return Frames(time, places, _doubt_of_the_last(rows, columns, width, time, places, path))
+    doubt = _doubt_of_the_last(rows, columns, width, time, places, path)
+    if not doubt and (at := short_line(rows, cells, width)) is not None:
+        doubt = (
+            f"line {rows.numbers[at]} may be cut off after {cells[at]} of its {width} cells, so the markers behind "
+            "them count as not seen there"
+        )
+    return Frames(time, places, doubt)
 
 
-def _numbers(rows: Rows, table: Table, columns: Integers, path: Path, signs: DecimalSigns) -> tuple[Floats, Floats]:
-    """Return the first two numbers of each line, (rows, 2), and places [m], (rows, markers, 3)."""
+def _numbers(
+    rows: Rows, table: Table, columns: Integers, path: Path, signs: DecimalSigns, lengths: Integers
+) -> tuple[Floats, Floats]:
+    """Return the first two numbers of each line, (rows, 2), and places [m], (rows, markers, 3).
+
+    lengths: to be filled with the cells of each line, (rows,)
+    """
     width = table.width
     first, places = np.empty((len(rows), 2)), np.empty((len(rows), len(columns), 3))
     numbers = np.empty((LINES_AT_ONCE, max(width, 2)))
@@ -93,6 +107,7 @@ def _numbers(rows: Rows, table: Table, columns: Integers, path: Path, signs: Dec
         some = rows[begin : begin + LINES_AT_ONCE]
         for k, row in enumerate(some):
             _refuse_a_wrong_line(rows, begin + k, row, table, path)
+            lengths[begin + k] = len(row)
             cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
             try:
                 numbers[k, :width] = _row(cells, signs)
@@ -120,7 +135,7 @@ def _doubt_of_the_last(rows: Rows, columns: Integers, width: int, time: Floats, 
         )  # fmt: skip
     if ending is Ending.CUT:
         raise _within_a_number(number, last + 1, width, path)
-    if ending is Ending.WHOLE or np.isnan(places[at, marker]).all():
+    if ending is Ending.WHOLE or (np.isnan(places[at, marker]).all() and not is_part(row[last])):
         return ""
     if ending is Ending.SHORT and not leaps(time, places[:, marker, 2]):
         return ""
@@ -160,7 +175,8 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
         )  # fmt: skip
     if table.is_exact:
         raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
-    if len(row) < width and {len(row), len(row) + 1} & {k + 2 for k in table.markers} and is_number(row[-1]):
+    begun = next((k for k in table.markers if k < len(row) < k + 3), len(row))
+    if len(row) < width and any(map(is_number, row[begun:])):
         raise TakeError(
             f"line {number} ends within a marker, after {len(row)} of its {width} cells", where=path,
             advice="the line is cut off: copy or export the file again",

@@ -156,7 +156,11 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
             advice=f"give --frames {len(time)} or fewer, or leave it out",
         )  # fmt: skip
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-        raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
+        wrong = 1 + int(np.flatnonzero(~(np.diff(time, prepend=-np.inf) > 0) | ~np.isfinite(time))[0])
+        raise TakeError(
+            f"its time does not increase from frame to frame, first at frame {wrong}", where=path,
+            advice="mend the times, or the numbers of the frames",
+        )  # fmt: skip
     if not options.anyway:
         check_plausible_times(time, path, offers_anyway=options.anyway is not None)
         check_stated_rate(time, tracks.rate, path, offers_anyway=options.anyway is not None)

@@ -100,7 +100,8 @@ def shortened(frames):
          f"2 of the garment's 16 markers are not in the file, first '{FIRST}' (the file's first is 'M1'); name the "
          "garment's points as the markers are labelled"),
         (replace(hanging(), time=np.arange(30) // 2 / 100), {},
-         "its time does not increase from frame to frame; mend the first column"),
+         "its time does not increase from frame to frame, first at frame 2; mend the times, or the "
+         "numbers of the frames"),
         (gone((slice(None), 0)), {},
          f"'{FIRST}' was never seen; {IN_VIEW}"),
         (gone((slice(None), 3)), {},

@@ -1,0 +1,58 @@
+"""Tell a line of a marker file that a cut left shorter than the others from one whose last cells are left out.
+
+Some programs leave out the empty cells at the end of a line, some spreadsheets those of a few lines alone. So a short
+line is read, and markers without cells count as not seen. A line that was cut, and was given an end by an editor later,
+looks the same. A cut shows in three ways:
+
+- its time is missing, or is no later than that of the line before;
+- no other line has so few cells, and it is the last one or the only short one;
+- it is the last one, and the only short one that ends behind a separator.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats, Integers
+from formats.errors import TakeError
+from formats.importers.marker_lines import Rows
+
+FEWEST_OTHERS = 3  # lines, stated by us: fewer show no habit of a program
+OF_THE_CLOCK = 2  # cells at most before the first marker: number and time of a frame
+
+
+def refuse_a_cut_time(rows: Rows, cells: Integers, time: Floats, width: int, path: Path) -> None:
+    """Refuse a line that ends within its time or the number of its frame, though it has an end.
+
+    - `cells`: of each line, (rows,); `width`: of a whole line
+    - `time` [s], (rows,), NaN where a line has none
+
+    Raises:
+        TakeError: names the line.
+    """
+    for at in np.flatnonzero(cells <= OF_THE_CLOCK).tolist():
+        if at and np.isfinite(time[at - 1]) and not time[at] > time[at - 1]:
+            raise TakeError(
+                f"line {rows.numbers[at]} ends after {cells[at]} of its {width} cells, and its time is not later than "
+                "that of the line before", where=path, advice="the line is cut off: copy or export the file again",
+            )  # fmt: skip
+
+
+def short_line(rows: Rows, cells: Integers, width: int) -> int | None:
+    """Return the place of the line that may have been cut though it has an end, None where there is none.
+
+    cells: of each line, (rows,); `width`: of a whole line
+    """
+    short = np.flatnonzero(cells < width)
+    last = len(cells) - 1
+    if not len(short) or last < FEWEST_OTHERS:
+        return None
+    fewest = int(np.argmin(cells))  # the first of those with so few
+    if (fewest == last and rows.are_last) or len(short) == 1:
+        return fewest
+    others = (rows[int(at)] for at in short[:-1])
+    if rows.are_last and short[-1] == last and not rows[last][-1].strip() and all(row[-1].strip() for row in others):
+        return last
+    return None

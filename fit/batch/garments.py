@@ -110,17 +110,25 @@ def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
 def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe]:
     """Return the garments of the takes that were fitted, in the order in which they first appear.
 
+    A take whose recording an earlier file holds, as a recovered file does, is left out: it tells nothing more.
+
     Raises:
         BatchError, UnreachableError: a take cannot be read any more.
     """
+    from fit.recordings.selection import content_of
+
     by_garment: list[tuple[Garment, list[Seen]]] = []
-    digests = set()
+    digests, contents = set(), set()
     for row in rows:
         digest = found.digests.get(row.take, "")
         if row.state not in ("fitted", "known") or digest in digests:
             continue
         digests.add(digest)
         take = take_of(takes.read(row.take), row.take)
+        content = content_of(take)
+        if content in contents:
+            continue
+        contents.add(content)
         is_calibrated = take.rig.sensor is None or take.rig.calibration is not None
         seconds = float(take.time[-1] - take.time[0]) if len(take.time) else 0.0
         seen = Seen(

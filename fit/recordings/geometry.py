@@ -2,7 +2,7 @@
 
 Along flat cloth, every point has a distance to each held end. In the take a point is never further away, but for
 stretch and measurement. A larger median over the frames means a wrong unit, garment or naming of points, or exchanged
-held ends.
+held ends. Points count where they were seen, for moving them to their material places would hide how far off they are.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def check_geometry(recording: Recording) -> None:
         seen = recording.valid[:, k]
         for end in range(2):
             flat = float(np.linalg.norm(np.asarray(point.at_m) - outline[end]))
-            away = np.linalg.norm(recording.points[seen, k] - held[seen, end], axis=1)
+            away = np.linalg.norm(recording.seen_points[seen, k] - held[seen, end], axis=1)
             if seen.any() and np.median(away) > MOST_STRETCHED * flat + MEASURED_APART:
                 _refuse_a_foreign_clock(recording)
                 raise FitError(

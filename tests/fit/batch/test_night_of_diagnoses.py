@@ -23,6 +23,7 @@ from formats.archive import write_take
 from formats.motion import MOTION_KINDS
 from formats.results import load_diagnosis, save_diagnosis
 from tests.fit.batch.night import SHORT, make_takes, said, start, wait_for
+from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
@@ -131,6 +132,18 @@ def test_a_garment_without_enough_takes_says_what_is_missing(takes, sentence):
     skirt = wardrobe_of("skirt", takes)
     assert skirt.missing.startswith(sentence)
     assert (skirt.training, skirt.held_out) == ((), ())
+
+
+def test_a_take_and_the_file_that_was_recovered_from_it_count_once(tmp_path):
+    """`takes recover` writes beside a take a file of other bytes that holds the same frames."""
+    rows, found = night_of(tmp_path, [a_take("a"), a_take("b", sideways=0.2, amplitude=0.0)])
+    assert hangtime_here("takes", "recover", "a.mcap", folder=tmp_path).returncode == 0
+    name = "a.recovered.mcap"
+    assert (tmp_path / name).read_bytes() != (tmp_path / "a.mcap").read_bytes()
+    found.digests[name] = f"sha of {name}"
+    rows.insert(1, Row(take=name, key="k", state="fitted", sentence="", result=fit_result()))
+    (swatch,) = wardrobes(rows, found, open_store(str(tmp_path)))
+    assert [take.name for take in swatch.takes] == ["a.mcap", "b.mcap"]
 
 
 def test_takes_are_sorted_by_their_whole_garment_and_garments_of_one_name_are_numbered(tmp_path):

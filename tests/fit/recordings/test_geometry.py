@@ -90,7 +90,7 @@ def held_at(*, edge=0.4, flat=0.2, away=0.2, frames=9, far=9):
     return SimpleNamespace(
         camera=SimpleNamespace(timing=None),
         garment=SimpleNamespace(outline_m=outline, points=[point]), time=np.arange(frames), take_id="a",
-        held=lambda instants: np.tile([0.0, 0, 0, 0.4, 0, 0], (len(instants), 1)), points=places,
+        held=lambda instants: np.tile([0.0, 0, 0, 0.4, 0, 0], (len(instants), 1)), seen_points=places,
         valid=np.ones((frames, 1), bool),
     )  # fmt: skip
 
@@ -134,3 +134,14 @@ def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
         told = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, timing=timing))
         with pytest.raises(FitError, match=rf"explain 70 % of the held row's motion \(best: {said} %\)"):
             check_geometry(told)
+
+
+def test_points_of_a_silhouette_that_lie_beside_the_path_are_refused_where_they_were_seen():
+    """200 mm to one side, more than 60 mm and a quarter of 214 mm; their material places are below the path."""
+    time = uneven()
+    take = swung(silhouette_sheet(), time, time)
+    check_geometry(prepare(take))
+    beside = prepare(dataclasses.replace(take, points=take.points + np.array([0.2, 0.0, 0.0])))
+    assert np.linalg.norm(np.nanmedian(beside.points - beside.seen_points, axis=(0, 1))) > 0.1
+    with pytest.raises(FitError, match=r"is 414 mm from the left held end, on the flat garment 214 mm"):
+        check_geometry(beside)

@@ -16,8 +16,6 @@ SpoolFolder = Annotated[
     Path | None,
     typer.Option("--spool", metavar="DIR", help="The folder of takes.", show_default="the configuration's"),
 ]
-NO_FOLDER = "is no folder, so that no take is in it"
-WHICH_FOLDER = "give the folder of takes with --spool, or as folder in [spool]"
 CONFIG_FILE = Path("/etc/hangtime/appliance.toml")
 
 
@@ -64,13 +62,11 @@ def show_sync(
 ) -> None:
     """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
-    from capture.errors import SyncError
     from capture.sync.rounds import now_here
     from capture.sync.settings import load_settings
 
     folder = spool or load_settings(config).spool
-    if not folder.is_dir():
-        raise SyncError(NO_FOLDER, where=folder, advice=WHICH_FOLDER)
+    _check_folder(folder)
     status = read_status(folder)
     if json:
         typer.echo("null" if status is None else (folder / FILE).read_text().strip())
@@ -99,13 +95,11 @@ def prune_takes(
     import msgspec
 
     from capture.appliance.spool import Spool
-    from capture.errors import SyncError
     from capture.sync.rounds import now_here
     from capture.sync.settings import SyncSettings, Told, load_settings
 
     told = load_settings(config, spool) if spool is None or config.exists() else Told(SyncSettings(), spool)
-    if not told.spool.is_dir():
-        raise SyncError(NO_FOLDER, where=told.spool, advice=WHICH_FOLDER)
+    _check_folder(told.spool)
     retention = told.settings.retention
     if keep_days is not None:
         if keep_days != keep_days:
@@ -138,3 +132,13 @@ def _start(command: str, config: Path, spool: Path | None) -> None:
     code = start(command, config, spool)
     know(exit_code=code)
     raise typer.Exit(code)
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse what is no folder of takes."""
+    from capture.errors import SyncError
+    from formats.whole_files import leads_to_itself
+
+    if not folder.is_dir():
+        what = "is a link that leads to itself" if leads_to_itself(folder) else "is no folder, so that no take is in it"
+        raise SyncError(what, where=folder, advice="give the folder of takes with --spool, or as folder in [spool]")

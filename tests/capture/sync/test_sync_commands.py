@@ -53,6 +53,10 @@ def test_a_command_makes_no_folder_where_no_takes_are_and_says_so(tmp_path, comm
     assert done.returncode == 2
     assert "spoool: is no folder, so that no take is in it; give the folder" in done.stderr
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / "loop").symlink_to("loop")
+    done = hangtime(*command, "--spool", tmp_path / "loop")
+    assert done.returncode == 2
+    assert "loop: is a link that leads to itself; give the folder of takes with --spool" in done.stderr
 
 
 def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):

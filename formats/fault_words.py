@@ -9,6 +9,7 @@ from formats.take_report import TakeReport
 
 TOO_LARGE = "too large"  # the word for a take of which blocks need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
+EARLIER = "said of an earlier file: "
 RECOVERS_EACH = f"{RECOVERS} of each take"
 
 
@@ -31,7 +32,7 @@ def faults(take: Take, report: TakeReport) -> list[str]:
     if report.earlier:
         found.append(f"an earlier file had lost {missing_words(take, report.earlier)}")
     if report.earlier_doubts:
-        found.append(f"said of an earlier file: {report.earlier_doubts}")
+        found.append(f"{EARLIER}{report.earlier_doubts}")
     return found
 
 

@@ -16,7 +16,7 @@ from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.system_causes import step_to_write
-from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
+from formats.unfinished import already_there, left_unfinished, not_utf8, refuse_what_is_no_file, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
 
 NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.ENOSYS}  # of file systems without second names, as `man 2 link` says
@@ -58,8 +58,11 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
         raise already_there(path)
     partial = unfinished_name(path)
     # Takes alone are written under this name. An empty one lost nothing, or its writer's lock refuses.
+    if path.suffix != ".mcap":
+        return
     try:
-        is_left = path.suffix == ".mcap" and partial.exists() and partial.stat().st_size > 0
+        refuse_what_is_no_file(partial)
+        is_left = partial.exists() and partial.stat().st_size > 0
     except OSError as error:
         raise unwritable(path, error) from error
     if is_left:

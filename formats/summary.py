@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from formats.garment import PointKind
-from formats.missing import missing_words
+from formats.missing import DOUBTS, missing_words
 from formats.motion import kind_of
 from formats.plain_text import counted, plain
 from formats.rig import Calibration
@@ -131,7 +131,8 @@ def describe(summary: dict[str, Any]) -> str:
             lines.append(f"state     {name} in {counted(count, 'frame')}")
     if s["source"]:
         lines.append(f"source    {s['source']}")
-    lines += [f"note      {key}: {text}" for key, text in s["notes"].items()]
+    lines += [f"note      {key}: {text}" for key, text in s["notes"].items() if key not in DOUBTS]
+    lines += [f"doubt     {text}" for key, text in s["notes"].items() if key in DOUBTS]
     return "\n".join(plain(line) for line in lines)
 
 

@@ -82,6 +82,7 @@ def list_takes(
             f"{plain(take.garment.name)}, {plain(take.created)}{rest}",
             file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
             created=take.created, is_complete=take.is_complete, missing=lost, other_takes=report.other_takes,
+            damaged_blocks=report.damaged_blocks, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
         )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
@@ -110,11 +111,10 @@ def show_take(
     lost += f"\ndamaged   {counted(report.damaged_blocks, 'block')}; {RECOVERS}" if report.damaged_blocks else ""
     lost += f"\nother     {of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     lost += f"\nbehind    {behind(report)}" if report.trailing_bytes else ""
-    lost += "".join(f"\ndoubt     {doubt}" for doubt in report.doubts)
     tell(
         f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
         unread_blocks=report.unread_blocks, other_takes=report.other_takes, damaged_blocks=report.damaged_blocks,
-        trailing_bytes=report.trailing_bytes, doubts=list(report.doubts),
+        trailing_bytes=report.trailing_bytes, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
     )  # fmt: skip
     if plot is not None:
         refuse_an_input(plot, [path])
@@ -152,6 +152,7 @@ def verify_takes(paths: Takes) -> None:
             missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
             other_blocks=report.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
             is_complete=take.is_complete, missing=missing_words(take), doubts=list(report.doubts),
+            earlier_doubts=report.earlier_doubts,
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -233,7 +234,7 @@ def _state_after(error: HangtimeError) -> str:
 
 def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, is_another: bool) -> None:
     from formats.archive import write_take
-    from formats.fault_words import lost_scans, unread
+    from formats.fault_words import EARLIER, lost_scans, unread
     from formats.missing import missing_words
     from formats.outputs import unwritable
     from formats.plain_text import plain
@@ -247,10 +248,12 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     told += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
     told += f"; {unread(report)}" if report.unread_blocks else ""
     told += "".join(f"; {doubt}" for doubt in report.doubts)
+    told += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
     of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
     tell_entry(
         "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), take_id=take.take_id,
         frames=len(take.time), missing=lost, lost_scans=report.missing_scans, doubts=list(report.doubts),
+        earlier_doubts=report.earlier_doubts,
     )  # fmt: skip
 
 
@@ -283,7 +286,7 @@ def export_takes(
     Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
     from formats.archive import read_with_report
-    from formats.errors import HangtimeError, TakeError
+    from formats.errors import HangtimeError, OutputError, TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
@@ -299,6 +302,9 @@ def export_takes(
         refuse_the_same_name(targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
+        for path in paths:
+            if paths.count(path) > 1:
+                raise OutputError("would come twice into one table", where=path, advice="name each take once")
         _refuse_a_target(out, paths, overwrite=overwrite)
         read: dict[Path, tuple[Take, TakeReport]] = {}
         for path in paths:

@@ -48,6 +48,21 @@ def left_unfinished(partial: Path) -> OutputError:
     )  # fmt: skip
 
 
+def refuse_what_is_no_file(partial: Path) -> None:
+    """Refuse an unfinished name that a folder, a pipe or a device has: nothing can be written under it or put aside.
+
+    Raises:
+        OutputError: it has.
+        OSError: its folder cannot be looked into.
+    """
+    if os.path.lexists(partial) and not (partial.is_symlink() or partial.is_file()):
+        kind = "folder" if partial.is_dir() else "pipe or device"
+        raise OutputError(
+            f"is a {kind}, and the take is written under this name until it is whole", where=partial,
+            advice="rename it, or give the take another name",
+        )  # fmt: skip
+
+
 class UnfinishedFile:
     """The only writer's hold on the file that is to become `path`, until it is finished, kept or discarded.
 
@@ -135,6 +150,7 @@ def _put_aside(partial: Path, path: Path) -> None:
 
 def _locked(partial: Path) -> BinaryIO:
     """Open a file as it is, or make it, and lock it."""
+    refuse_what_is_no_file(partial)
     while True:
         try:
             handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -100,7 +101,12 @@ def test_show_and_list_name_a_doubt_and_damaged_blocks(raw, tmp_path):
     (tmp_path / "a.mcap").write_bytes(damaged)
     doubt = "its end counts 0 scans, and there are 2"
     shown = hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
-    assert f"\ndamaged   1 block; `hangtime takes recover` makes a sound file\ndoubt     {doubt}\n" in shown
+    assert "\ndamaged   1 block; `hangtime takes recover` makes a sound file\n" in shown
+    assert f"\ndoubt     {doubt}\n" in shown
+    assert shown.count(doubt) == 1
+    told = hangtime_here("takes", "list", ".", "--json", folder=tmp_path).stdout
+    (entry,) = json.loads(told)["takes"]
+    assert (entry["damaged_blocks"], entry["doubts"], entry["earlier_doubts"]) == (1, [doubt], "")
     listed = hangtime_here("takes", "list", ".", folder=tmp_path).stdout
     assert "; 1 block damaged; missing: " in listed
     assert listed.endswith(f"; {doubt}\n")

@@ -290,6 +290,13 @@ def test_a_recovered_take_keeps_the_doubts_of_its_file(tmp_path):
     assert doubts_of(read_take(tmp_path / "c.recovered.mcap")) == [doubt]
     told = hangtime_here("takes", "verify", "c.recovered.mcap", folder=tmp_path).stdout
     assert told.count(doubt) == 1
+    listed = hangtime_here("takes", "verify", "c.recovered.mcap", "--json", folder=tmp_path).stdout
+    (entry,) = json.loads(listed)["takes"]
+    assert (entry["state"], entry["doubts"], entry["earlier_doubts"]) == ("sound", [], doubt)
+    again = hangtime_here("takes", "recover", "c.recovered.mcap", folder=tmp_path).stdout
+    assert again.endswith(f"; said of an earlier file: {doubt}\n")
+    compared = hangtime_here("compare", "c.recovered.mcap", "c.recovered.recovered.mcap", folder=tmp_path).stderr
+    assert compared.count(f": {doubt}.") == 1, "of both, whose take is one"
 
 
 def raw_of(count):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
 import pytest
 
+from formats.archive import write_take
 from formats.errors import OutputError
 from formats.outputs import (
     check_stem,
@@ -19,6 +21,7 @@ from formats.outputs import (
     write_text,
 )
 from formats.rig import Rig
+from tests.formats.test_archive import a_take
 
 
 def interrupted(folder, *made):
@@ -105,6 +108,18 @@ def test_a_take_that_was_never_finished_stays_where_it_holds_something(tmp_path)
         f"{partial}: is what an interrupted recording left under this name, or one that is still running; look at it "
         "with `hangtime takes show`; give another name, or --overwrite to put it aside and begin anew"
     )
+
+
+def test_a_folder_or_a_pipe_of_an_unfinished_name_is_told_as_such_and_stays(tmp_path):
+    (tmp_path / "a.mcap.partial").mkdir()
+    os.mkfifo(tmp_path / "b.mcap.partial")
+    for name, kind in (("a", "folder"), ("b", "pipe or device")):
+        words = f"is a {kind}, and the take is written under this name until it is whole"
+        told = f"{tmp_path}/{name}.mcap.partial: {words}; rename it, or give the take another name"
+        path = tmp_path / f"{name}.mcap"
+        assert refused(refuse_to_replace, path) == told
+        assert refused(write_take, path, a_take(), overwrite=True) == told
+        assert (path.with_name(f"{name}.mcap.partial").exists(), path.exists()) == (True, False)
 
 
 def test_no_other_file_is_written_under_an_unfinished_name_so_that_one_is_left_alone(tmp_path):

@@ -55,11 +55,13 @@ def desk(tmp_path_factory):
 
 
 AFTER, WITHIN = "from 4.97 s on", "2.03 to 3.10 s"
-LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z", "other_takes": 0}
+LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z", "other_takes": 0,
+        "damaged_blocks": 0, "doubts": [], "earlier_doubts": ""}  # fmt: skip
 SOUND = {"state": "sound", "missing": "", "is_complete": True}
 LOST = {"state": "lost", "error": ""}
 VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0,
-          "trailing_bytes": 0, "other_blocks": 0, "other_takes": 0, "unread_blocks": 0, "doubts": []}  # fmt: skip
+          "trailing_bytes": 0, "other_blocks": 0, "other_takes": 0, "unread_blocks": 0, "doubts": [],
+          "earlier_doubts": ""}  # fmt: skip
 
 # Findings about an imported recording, and what to do.
 WORDS = ("words", "advice")
@@ -78,9 +80,9 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
             {"file": "takes/b.mcap.partial", "duration_s": 149 / 30, **LIST, "state": "incomplete", "missing": AFTER,
              "is_complete": False},
             {"file": "takes/c.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged", "missing": WITHIN,
-             "is_complete": False},
+             "damaged_blocks": 1, "is_complete": False},
             {"file": "takes/d.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged",
-             "missing": "1 scan of the surface", "is_complete": True},
+             "damaged_blocks": 1, "missing": "1 scan of the surface", "is_complete": True},
             {"file": "takes/e.mcap", **LOST},
         ]}),
         ("takes verify takes/a.mcap takes/b.mcap.partial takes/c.mcap takes/d.mcap takes/e.mcap", 2, {"takes": [
@@ -96,9 +98,9 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
         ("takes verify takes/a.mcap", 0, {"takes": [{"file": "takes/a.mcap", **VERIFY, **SOUND}]}),
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
             {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN,
-             "lost_scans": 0, "doubts": []},
+             "lost_scans": 0, "doubts": [], "earlier_doubts": ""},
             {"file": "sound/d.recovered.mcap", "take_id": "d", "frames": 150, "missing": "",
-             "lost_scans": 1, "doubts": []},
+             "lost_scans": 1, "doubts": [], "earlier_doubts": ""},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
             {"file": "files/a.csv", "frames": 150, "is_complete": True,

@@ -21,6 +21,8 @@ from formats.two_clocks import at_times
 
 LEAST_EXPLAINED = 0.7  # of the squared motion: held rows have 0.87 to 0.99, silhouettes of the sensor 0.91 to 0.99
 OUTLIER = 3.0  # times the median distance
+HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
+FEWEST_BLOCKS = 5  # half swings: a few seconds fit anywhere
 MOST_APART = 0.04  # m, root mean square, that row and path are apart: 13 to 27 mm on sixteen real takes
 
 

@@ -38,7 +38,7 @@ from fit.recordings.timing import (
     STILL,
 )
 from formats.arrays import Floats
-from formats.importers.clock_shift import FEWEST_BLOCKS
+from formats.held_row import FEWEST_BLOCKS
 
 CERTAIN = 3.0  # standard errors of k^2: 2 of 100 recordings without offsets pass it, for the error is skewed
 LOST = 5.0  # deviations: the row of such a frame is lost, and not off

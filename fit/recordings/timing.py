@@ -37,8 +37,7 @@ import numpy as np
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import interval_of, robust_line
 from formats.arrays import Booleans, Floats, Integers
-from formats.held_row import LEAST_EXPLAINED, OUTLIER
-from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING
+from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 from formats.sights import LARGEST_SHIFT
 
 SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees

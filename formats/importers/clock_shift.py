@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.held_row import LEAST_EXPLAINED, OUTLIER
+from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 
 Path = Callable[[Floats], Floats]
 
@@ -46,8 +46,6 @@ FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s that is looked at; 10 mm at 0.5 m/s
 SEEN_AT_ALL = 0.5  # of the places that a shift must leave beside the path
 MOST_LOOKED_AT = 2000  # pictures
 AT_ONCE = 50_000  # pictures times shifts: 2 MB of places
-HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
-FEWEST_BLOCKS = 5  # a few seconds fit anywhere
 WORTH_REFINING = 2.0  # times the least median distance
 SURELY = 3.5  # standard errors: with 15 degrees of freedom, so far off 1 time in 300
 LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves tells no time

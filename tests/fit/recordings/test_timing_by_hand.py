@@ -19,8 +19,7 @@ from fit.recordings.timing import (
     row_middle,
     uneven_intervals,
 )
-from formats.held_row import LEAST_EXPLAINED
-from formats.importers.clock_shift import FEWEST_BLOCKS, HALF_SWING
+from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED
 from formats.sights import LARGEST_SHIFT
 
 SPEED = 0.4  # m/s, across the cloth

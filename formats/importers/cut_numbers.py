@@ -47,6 +47,7 @@ class _Beside:
     - `texts`: as many different ones as are needed
     - `forms`, `magnitudes`: of all of them
     - `has_bare_points`: some end in a point
+    - `below`: the numbers of the last cell's column where its marker was seen
     - `fewest_cells`: of a line around, 0 without any
     """
 
@@ -54,6 +55,7 @@ class _Beside:
     forms: set[Form] = field(default_factory=set)
     magnitudes: set[int] = field(default_factory=set)
     has_bare_points: bool = False
+    below: set[str] = field(default_factory=set)
     fewest_cells: int = 0
 
     def look(self, cells: Iterable[str]) -> None:
@@ -85,6 +87,8 @@ def ending_of(rows: Rows, columns: Sequence[int], last: int, width: int) -> Endi
     for line in lines_around(rows, at):
         beside.look(line[k] for k in columns if k < len(line))
         beside.fewest_cells = min(beside.fewest_cells or len(line), len(line))
+        if len(line) > last and any(map(is_seen, line[last - 2 : last + 1])):
+            beside.below.add(line[last].strip())
     beside.look(row[k] for k in columns if k < last)
     lacks_end, cell = rows.is_cut or beside.fewest_cells > len(row) == width, cells[-1]
     if not is_number(cell):
@@ -121,6 +125,8 @@ def _beside_one_form(cell: str, beside: _Beside, *, lacks_end: bool) -> Ending:
     mine, form = form_of(cell), next(iter(beside.forms))
     is_of_one = len(beside.texts) >= FEWEST_TO_PROVE
     is_short = (mine.power, mine.digits) < (form.power, form.digits)
+    if is_short and beside.below == {cell}:  # a plane's markers: their program writes the same 0 in all lines
+        return Ending.DOUBTFUL if lacks_end else Ending.WHOLE
     if is_short and len(beside.texts) >= FEWEST_TO_REFUSE:
         return Ending.CUT
     if not lacks_end:

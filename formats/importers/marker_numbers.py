@@ -167,7 +167,8 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             advice="take the quotation marks out of that line",
         )  # fmt: skip
     is_longer = any(cell.strip() for cell in row[width:])
-    may_be_parted = len(row) > width and rows.separator == "," and all(map(WHOLE.fullmatch, row))
+    is_empty = not any(cell.strip() for cell in row[min(table.markers, default=width) :])
+    may_be_parted = len(row) > width and rows.separator == "," and not is_empty and all(map(WHOLE.fullmatch, row))
     if may_be_parted and (is_longer or not _commas_part_cells(rows, at, len(row))):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,

@@ -11,10 +11,11 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.AS
 WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 DECIMALS = {"comma": ",", "point": "."}  # by the words in which somebody states the sign that parts decimals
 LONGEST_SHOWN = 40  # characters of a cell in a message
-# Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
-GAP_WORDS = {
-    "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
-}  # fmt: skip
+# Of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
+GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)"}
+# The older one pads `1.#QNAN` with zeros, or rounds its letters: to two places 1.#R, to three 1.#QO. `1.#J` and `1.#IO`
+# are no gaps, for infinity is rounded to them as well.
+OLD_WINDOWS_GAP = re.compile(r"1\.#((ind|[qs]?nan)0*|[qs]nb|[qs]o|[rt])")
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ def number_of(cell: str) -> float:
     # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
     if NUMBER.fullmatch(plain) and np.isfinite(number := float(plain)):
         return number
-    if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS:
+    unsigned = plain.lstrip("+-")
+    if word in GAP_WORDS or unsigned in GAP_WORDS or OLD_WINDOWS_GAP.fullmatch(unsigned):
         return np.nan
     raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")
 

@@ -140,6 +140,14 @@ def test_whole_numbers_before_a_last_comma_are_no_decimals_unless_three_cells_ar
         read(tmp_path, VICON + "1,0,1,5,2,,,,\n" * 30, None, "v.csv")
 
 
+@pytest.mark.parametrize("gap", [range(40), range(60, 100), range(20, 95)])
+def test_a_long_gap_with_one_separator_too_many_holds_no_decimal_commas(tmp_path, gap):
+    """No line within 32 of some of these frames shows a number."""
+    seen = [f"{k + 1},0," + (",,,,,," if k in gap else f"1.5,2.5,3.5,4.5,5.5,{k}.25,") for k in range(100)]
+    found = read(tmp_path, VICON + "\n".join([*seen, ""]), None, "v.csv")
+    assert np.flatnonzero(np.isnan(found.positions).any((1, 2))).tolist() == list(gap)
+
+
 def test_vicon_without_its_column_of_sub_frames_keeps_its_first_marker(tmp_path):
     text = re.sub(r"(?m)^(Frame|\d+|),(Sub Frame|0|),", r"\1,", VICON + "".join(FRAMES))
     assert "Frame,X,Y,Z,X,Y,Z\n" in text

@@ -15,6 +15,7 @@ from tests.formats.test_marker_tables import read
 
 FIXED = ["1.125,20.125,300.125"]  # three numbers of one form and of several magnitudes
 MANY = [f"{k}.125,{k}.250,{k}.375" for k in range(1, 20)]  # 57 of one form
+PLANE = [f"{k}.125,{k}.250,0" for k in range(1, 40)]  # 64 of one form in 32 lines, and one z
 
 
 def ending(lines: list[str], last: str, *, has_end: bool, columns: int = 3, width: int = 3) -> Ending:
@@ -43,6 +44,8 @@ def ending(lines: list[str], last: str, *, has_end: bool, columns: int = 3, widt
         (["1,2,3"], "1,2,3", Ending.DOUBTFUL),
         (["1.5,2.25,3"], "1.5,2.25,3.125", Ending.DOUBTFUL),
         ([], "1.125,20.125,300.125", Ending.DOUBTFUL),
+        (PLANE, "1.125,20.125,0", Ending.DOUBTFUL),
+        (MANY, "1.125,20.125,0", Ending.CUT),
     ],
 )
 def test_a_number_that_nothing_follows_is_whole_where_one_form_proves_it(lines, last, known):
@@ -57,6 +60,10 @@ def test_a_number_that_nothing_follows_is_whole_where_one_form_proves_it(lines, 
         (["1.5,1.5,1.5"], "1.5,2.5,3", Ending.WHOLE),  # two numbers tell nothing about zeros
         (MANY, "1.125,20.125,300.12", Ending.CUT),
         (MANY, "-9999,-9999,-9999", Ending.WHOLE),
+        (PLANE, "1.125,20.125,0", Ending.WHOLE),
+        ([*PLANE, "0,0,0.0"], "1.125,20.125,0", Ending.WHOLE),
+        (PLANE, "1.125,20.125,00", Ending.CUT),
+        (MANY, "1.125,20.125,0", Ending.CUT),
         (["1.5,2.25,3.125"] * 3, "1.5,2.25,3", Ending.CUT),  # three digits less than its column
         (["1.5,2.25,3.25"] * 3, "1.5,2.25,3", Ending.SHORT),
         (["1.5,2.25,3.25"] * 3, "1.5,2.25,3.5", Ending.SHORT),

@@ -13,9 +13,10 @@ DECIMALS = {"comma": ",", "point": "."}  # by the words in which somebody states
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
 GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)"}
-# The older one pads `1.#QNAN` with zeros, or rounds its letters: to two places 1.#R, to three 1.#QO. `1.#J` and `1.#IO`
-# are no gaps, for infinity is rounded to them as well.
-OLD_WINDOWS_GAP = re.compile(r"1\.#((ind|[qs]?nan)0*|[qs]nb|[qs]o|[rt])")
+# The older one pads `1.#QNAN` with zeros, or rounds its letters: to two places 1.#R, to three 1.#QO.
+# It rounds `-1.#IND`, its sign of 0/0, to -1.$, -1.#J and -1.#IO, and infinity to the same letters.
+# `IND` always has a minus: without one, they are infinite, and no gap.
+OLD_WINDOWS_GAP = re.compile(r"([+-]?1\.#((ind|[qs]?nan)0*|[qs]nb|[qs]o|[rt])|-1\.(\$|#j|#io))(e\+0+)?")
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,7 @@ def number_of(cell: str) -> float:
     # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
     if NUMBER.fullmatch(plain) and np.isfinite(number := float(plain)):
         return number
-    unsigned = plain.lstrip("+-")
-    if word in GAP_WORDS or unsigned in GAP_WORDS or OLD_WINDOWS_GAP.fullmatch(unsigned):
+    if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS or OLD_WINDOWS_GAP.fullmatch(plain):
         return np.nan
     raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")
 

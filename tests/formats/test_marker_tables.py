@@ -86,15 +86,18 @@ def test_what_c3d_cannot_count_is_refused():
     ("cell", "number"),
     [("1.5", 1.5), (" -2 ", -2.0), ("+.5e-3", 5e-4), ("1,25", 1.25), ("-1,5E2", -150.0), ("7.", 7.0),
      ("", np.nan), (" NaN ", np.nan), ("-nan(ind)", np.nan), ("1.#QNAN0", np.nan), ("#N/A", np.nan), ("--", np.nan),
-     ("-1.#IND00", np.nan), ("1.#QNB", np.nan), ("-1.#QO", np.nan), ("1.#R", np.nan), ("1.#SNAN", np.nan)],
+     ("-1.#IND00", np.nan), ("1.#QNB", np.nan), ("-1.#QO", np.nan), ("1.#R", np.nan), ("1.#SNAN", np.nan),
+     ("-1.#IO", np.nan), ("-1.#J", np.nan), ("-1.$", np.nan), ("-1,#IND00", np.nan), ("-1.#IND00E+000", np.nan)],
 )  # fmt: skip
 def test_a_cell_is_a_number_or_says_that_nothing_was_seen(cell, number):
     assert number_of(cell) == pytest.approx(number, nan_ok=True)
 
 
 @pytest.mark.parametrize(
-    "cell", ["1_0", "1e999", "1,2,3", "1.2.3", "inf", "1.#INF", "1.#IO", "x", "0x10", "1 2", "1,5 m", "٣"]
-)
+    "cell",
+    ["1_0", "1e999", "1,2,3", "1.2.3", "inf", "1.#INF", "-1.#INF00", "1.#IO", "1.#J", "1.$", "+1.#IO", "1.#Q", "1.#R0",
+     "--1.#QO", "x", "0x10", "1 2", "1,5 m", "٣"],
+)  # fmt: skip
 def test_a_cell_that_holds_anything_else_is_named(cell):
     with pytest.raises(ValueError, match=r"^'"):
         number_of(cell)

@@ -1,7 +1,8 @@
 """Know takes that hold frames of one recording: to judge on frames that were fitted to would flatter the fit.
 
 A copy may have another name, clock and number of frames, lost or edited points, and rounded places. It keeps most
-places of a frame's points, and the order of its frames.
+places of a frame's points, and the order of its frames. `fit.recordings.filtered_copies` knows copies whose every place
+has changed, by their noise.
 
 Recordings of a motion that a machine repeats with less noise than `SAME_PLACE` count as copies.
 
@@ -17,14 +18,11 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
+from fit.recordings.filtered_copies import AT_REST, MOST_LEFT, SAME_PLACE, Motion, noise_left
 from formats.arrays import Booleans, Floats, Integers
 from formats.sights import on_held_edge
 from formats.take import Take
 
-# m in each axis. Exports round to 0.1 mm, and archives to 0.1 mm at most: half a step of each.
-# No two of sixteen recordings of one cloth share ten frames in order within 5 mm.
-SAME_PLACE = 1.0e-4
-AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
 MOST_POINTS = 12  # that are compared: more cost time and tell little more
 MOST_STEP = 10  # frames from one shared frame to the next: a copy may keep one frame in ten
 FEWEST_SHARED = 10  # steps from one shared frame to the next: fewer do not flatter a fit
@@ -49,6 +47,7 @@ class Track:
         self.places = take.points
         self.seen = np.asarray(take.points_valid & np.isfinite(take.points).all(2))
         self.counts: Integers = self.seen.sum(0)
+        self.motion = Motion(take.time, self.places, self.seen)
         self._trees: dict[int, _Tree] = {}
 
     def tree(self, point: int) -> _Tree:
@@ -79,8 +78,19 @@ class Track:
 
 def are_copies(one: Track, other: Track) -> bool:
     """Whether two takes of a garment hold frames of one recording."""
-    points = _best_seen(one.free, np.minimum(one.counts, other.counts))
+    if share_places(one, other):
+        return True
+    return noise_left(one.motion, other.motion, _best_seen_in(one, other)) < MOST_LEFT
+
+
+def share_places(one: Track, other: Track) -> bool:
+    """Whether two takes of a garment hold frames of one recording whose places are the same."""
+    points = _best_seen_in(one, other)
     return max(_share(one, other, points), _share(other, one, points)) >= MOST_SHARED
+
+
+def _best_seen_in(one: Track, other: Track) -> Integers:
+    return _best_seen(one.free, np.minimum(one.counts, other.counts))
 
 
 def _best_seen(free: Integers, counts: Integers) -> Integers:

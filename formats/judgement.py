@@ -34,9 +34,8 @@ DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth 
 
 def judge(take: Take) -> tuple[Finding, ...]:
     """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
-    if len(take.time) < FEWEST_SEEN:
-        words = f"the take has {counted(len(take.time), 'frame')}, and a fit needs {FEWEST_SEEN}"
-        return (_too_short(words, is_grave=True),)
+    if len(take.time) < FEWEST_HANGERS:
+        return (_too_short(_few_frames(take), is_grave=True),)
     sights = sights_of(take)
     seen, frames = int(sights.held.sum()), int(shows_hanger(take).sum())
     found = _hardly_seen(take, seen, frames)
@@ -45,7 +44,12 @@ def judge(take: Take) -> tuple[Finding, ...]:
     found += [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, sights.held)]
     found += [*_path(take, sights.held), *_motion(take, sights.held), *body_findings(take, sights)]
     found += [*_cloth(take, sights), *held_row_findings(take, sights), *impossible_findings(take, sights)]
-    return tuple(sorted(found, key=lambda one: not one.is_grave))
+    # A longer take would have the other grave faults as well.
+    return tuple(sorted(found, key=lambda one: (not one.is_grave, one.is_grave and one.name == "too_short")))
+
+
+def _few_frames(take: Take) -> str:
+    return f"the take has {counted(len(take.time), 'frame')}, and a fit needs {FEWEST_SEEN}"
 
 
 def _cloth(take: Take, sights: Sights) -> list[Finding]:
@@ -89,7 +93,7 @@ def _length(take: Take, sights: Sights) -> list[Finding]:
     count = int(sights.held.sum())
     if count < FEWEST_SEEN:
         words = f"the two {ends_of(take)} were seen together in {count} frames, and a fit needs {FEWEST_SEEN}"
-        return [_too_short(words, is_grave=True)]
+        return [_too_short(_few_frames(take) if len(take.time) < FEWEST_SEEN else words, is_grave=True)]
     if min(seconds, seen, together) >= SHORTEST_DIAGNOSED:
         return []
     if seconds < SHORTEST_DIAGNOSED:

@@ -28,6 +28,7 @@ LINES_AROUND = 32
 # in ten shorter. So three are all too short by chance in one case of 1000, and 44 all whole in one of 100.
 FEWEST_TO_PROVE, FEWEST_TO_REFUSE = 3, 44
 DECIMAL_SIGNS = ".,"  # a number may end in one
+SIGNS = "+-"  # of a plane's zeros as well
 SURELY_CUT = 3  # digits that are lacking: of numbers without their last zeros one in 1000
 
 
@@ -47,7 +48,7 @@ class _Beside:
     - `texts`: as many different ones as are needed
     - `forms`, `magnitudes`: of all of them
     - `has_bare_points`: some end in a point
-    - `below`: the numbers of the last cell's column where its marker was seen
+    - `below`: the numbers of the last cell's column where its marker was seen, without their signs
     - `fewest_cells`: of a line around, 0 without any
     """
 
@@ -88,7 +89,7 @@ def ending_of(rows: Rows, columns: Sequence[int], last: int, width: int) -> Endi
         beside.look(line[k] for k in columns if k < len(line))
         beside.fewest_cells = min(beside.fewest_cells or len(line), len(line))
         if len(line) > last and any(map(is_seen, line[last - 2 : last + 1])):
-            beside.below.add(line[last].strip())
+            beside.below.add(line[last].strip().lstrip(SIGNS))
     beside.look(row[k] for k in columns if k < last)
     lacks_end, cell = rows.is_cut or beside.fewest_cells > len(row) == width, cells[-1]
     if not is_number(cell):
@@ -125,7 +126,9 @@ def _beside_one_form(cell: str, beside: _Beside, *, lacks_end: bool) -> Ending:
     mine, form = form_of(cell), next(iter(beside.forms))
     is_of_one = len(beside.texts) >= FEWEST_TO_PROVE
     is_short = (mine.power, mine.digits) < (form.power, form.digits)
-    if is_short and beside.below == {cell}:  # a plane's markers: their program writes the same 0 in all lines
+    if is_short and beside.below == {
+        cell.lstrip(SIGNS)
+    }:  # a plane's markers: their program writes the same 0 in all lines
         return Ending.DOUBTFUL if lacks_end else Ending.WHOLE
     if is_short and len(beside.texts) >= FEWEST_TO_REFUSE:
         return Ending.CUT

@@ -88,6 +88,15 @@ def test_swapped_markers_are_grave():
     assert [(finding.name, finding.is_grave) for finding in found] == [("markers_swapped", True)]
 
 
+def test_another_grave_finding_comes_before_that_of_a_short_take():
+    """A longer one would have it too."""
+    for frames in (10, 19):
+        take = swung(frames / 30)
+        found = judge(dataclasses.replace(take, markers=take.markers[:, ::-1]))
+        names = [finding.name for finding in found if finding.is_grave]
+        assert (names[0], names[-1]) == ("markers_swapped", "too_short")
+
+
 @pytest.mark.parametrize(("told", "names"), [(0.305, []), (0.295, []), (0.315, ["markers_wrong_distance"])])
 def test_a_wrong_marker_distance_is_told_from_three_percent_on(told, names):
     """The markers are 300 mm apart."""

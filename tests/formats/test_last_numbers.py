@@ -62,6 +62,7 @@ def test_a_number_that_nothing_follows_is_whole_where_one_form_proves_it(lines, 
         (MANY, "-9999,-9999,-9999", Ending.WHOLE),
         (PLANE, "1.125,20.125,0", Ending.WHOLE),
         ([*PLANE, "0,0,0.0"], "1.125,20.125,0", Ending.WHOLE),
+        (PLANE, "1.125,20.125,-0", Ending.WHOLE),
         (PLANE, "1.125,20.125,00", Ending.CUT),
         (MANY, "1.125,20.125,0", Ending.CUT),
         (["1.5,2.25,3.125"] * 3, "1.5,2.25,3", Ending.CUT),  # three digits less than its column

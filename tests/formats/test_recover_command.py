@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from formats.archive import read_take, verify_take, write_take
 from tests.fit.here import hangtime_here
@@ -35,6 +36,7 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
     assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
 
 
+@pytest.mark.unmutated
 def test_recover_goes_on_after_a_file_that_cannot_be_written_and_tells_of_each(tmp_path):
     for name in "abc":
         (tmp_path / name).mkdir()

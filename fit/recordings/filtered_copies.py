@@ -48,6 +48,7 @@ RUNGS = 4  # of smoothing, per octave: takes of nearly one rate are smoothed onc
 TAPS = 4  # to each side: a filter of 9 steps, half a second at 30 frames a second
 LEAST_SEEN = 0.6  # of the frames around an instant
 MOST_EMPTY = 10  # times the frames: a clock that jumps so far is not followed
+MOST_SLOWER = 20.0  # times the interval of the other take: of a copy, one frame in ten, taken twice as fast
 MOST_STEPS = 3000  # that are fitted to: more cost time and tell little more
 LAGS = 3  # that are tried: swings look alike a period apart
 LONGEST_INTERVAL = 0.05  # s between frames: at 10 a second, half of made pairs that differ by 5 mm passed for copies
@@ -149,6 +150,8 @@ def noise_left(one: Motion, other: Motion, points: Integers) -> float:
     points: that both takes show, (n,)
     """
     if not (len(points) and one.can_be_compared and other.can_be_compared):
+        return np.inf
+    if not 1 / MOST_SLOWER <= one.interval / other.interval <= MOST_SLOWER:
         return np.inf
     step = float(2 ** (np.ceil(RUNGS * np.log2(SMOOTHING * max(one.interval, other.interval))) / RUNGS))
     x, y = one.smoothed(points, step), other.smoothed(points, step)

@@ -17,7 +17,7 @@ from formats.importers.cut_numbers import Ending, ending_of, is_part, lacks_digi
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
-from formats.importers.number_cells import is_number, number_of
+from formats.importers.number_cells import is_number, may_be_grouped, number_of
 from formats.importers.short_lines import refuse_a_cut_time, short_line
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
@@ -112,7 +112,7 @@ def _numbers(
             try:
                 numbers[k, :width] = _row(cells, signs)
             except ValueError as error:
-                advice = SAY_WHICH if signs.are_mixed else "mend that line"
+                advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else "mend that line"
                 raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice=advice) from error
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]

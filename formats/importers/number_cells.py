@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,12 @@ def with_point(cell: str, decimal: str) -> str | None:
         return None
     plain = whole.replace(other, "") + "." * bool(sign) + behind
     return plain if NUMBER.fullmatch(plain) else None
+
+
+def may_be_grouped(cells: Iterable[str]) -> bool:
+    """Return whether one of some cells is a number with both signs, of which one parts thousands, as 1.234,5 is."""
+    signed = (cell for cell in cells if "." in cell and "," in cell)
+    return any(with_point(cell, sign) not in (None, cell) for cell in signed for sign in DECIMALS.values())
 
 
 def is_number(cell: str) -> bool:

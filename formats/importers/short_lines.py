@@ -5,7 +5,7 @@ line is read, and markers without cells count as not seen. A line that was cut, 
 looks the same. A cut shows in three ways:
 
 - its time is missing, or is no later than that of the line before;
-- no other line has so few cells, and it is the last one or the only short one;
+- no other line has so few cells, and it is the last one;
 - it is the last one, and the only short one that ends behind a separator.
 """
 
@@ -50,8 +50,8 @@ def short_line(rows: Rows, cells: Integers, width: int) -> int | None:
     if not len(short) or last < FEWEST_OTHERS:
         return None
     fewest = int(np.argmin(cells))  # the first of those with so few
-    if (fewest == last and rows.are_last) or len(short) == 1:
-        return fewest
+    if fewest == last and rows.are_last:
+        return last
     others = (rows[int(at)] for at in short[:-1])
     if rows.are_last and short[-1] == last and not rows[last][-1].strip() and all(row[-1].strip() for row in others):
         return last

@@ -92,6 +92,19 @@ def test_points_beside_commas_are_refused_with_the_option_that_says_which_parts_
 
 
 @pytest.mark.parametrize(
+    ("number", "advice"),
+    [("1.234,5", SAY_WHICH), ("1,234.5", SAY_WHICH), ("1.23,4.5", "mend that line"), ("1,2.x", "mend that line")],
+)
+def test_a_number_with_both_signs_is_refused_with_the_option_that_reads_it(tmp_path, number, advice):
+    path = tmp_path / "own.csv"
+    lines = [f"{k / 100:.2f};0;{number if k == 5 else 1};2\n" for k in range(30)]
+    path.write_text("time_s;a_x_mm;a_y_mm;a_z_mm\n" + "".join(lines))
+    words = f"line 7 holds {number!r}, which is no number; {advice}"
+    with pytest.raises(TakeError, match=re.escape(words)):
+        read_marker_tracks(path)
+
+
+@pytest.mark.parametrize(
     ("cell", "sign", "plain"),
     [
         ("1,234", ".", "1234"), ("1,234", ",", "1.234"), ("1.234", ",", "1234"), ("1", ".", "1"),

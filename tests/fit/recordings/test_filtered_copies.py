@@ -123,6 +123,16 @@ def test_takes_whose_clock_does_not_go_on_are_not_compared(time):
     assert noise_left(motion, motion, np.array([0])) == math.inf
 
 
+@pytest.mark.parametrize("times", [1e-9, 0.9 / 20, 21.0, 1e9])
+def test_takes_of_far_apart_rates_are_not_compared(times):
+    """A clock in other units than stated would ask for memory without bound."""
+    take, points = recorded(), np.arange(3)
+    other = Motion(take.time * times, take.points, take.points_valid)
+    own = Motion(take.time, take.points, take.points_valid)
+    assert noise_left(other, own, points) == noise_left(own, other, points) == math.inf
+    assert noise_left(own, own, points) < 1e-9
+
+
 def test_a_few_frames_are_not_compared():
     for count in (2, 3, 5, 9):
         piece = part(recorded(), slice(60, 60 + count))

@@ -18,7 +18,7 @@ from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
 from formats.importers.number_cells import is_number, may_be_grouped, number_of
-from formats.importers.short_lines import refuse_a_cut_time, short_line
+from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
@@ -85,9 +85,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
                 advice=SAY_WHICH,
             )  # fmt: skip
     doubt = _doubt_of_the_last(rows, columns, width, time, places, path)
-    if not doubt and (at := short_line(rows, cells, width)) is not None:
+    if not doubt and last_may_be_cut(rows, cells, width):
         doubt = (
-            f"line {rows.numbers[at]} may be cut off after {cells[at]} of its {width} cells, so the markers behind "
+            f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers behind "
             "them count as not seen there"
         )
     return Frames(time, places, doubt)

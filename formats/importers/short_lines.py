@@ -40,19 +40,14 @@ def refuse_a_cut_time(rows: Rows, cells: Integers, time: Floats, width: int, pat
             )  # fmt: skip
 
 
-def short_line(rows: Rows, cells: Integers, width: int) -> int | None:
-    """Return the place of the line that may have been cut though it has an end, None where there is none.
+def last_may_be_cut(rows: Rows, cells: Integers, width: int) -> bool:
+    """Return whether the last line may have been cut though it has an end.
 
     cells: of each line, (rows,); `width`: of a whole line
     """
-    short = np.flatnonzero(cells < width)
-    last = len(cells) - 1
-    if not len(short) or last < FEWEST_OTHERS:
-        return None
-    fewest = int(np.argmin(cells))  # the first of those with so few
-    if fewest == last and rows.are_last:
-        return last
-    others = (rows[int(at)] for at in short[:-1])
-    if rows.are_last and short[-1] == last and not rows[last][-1].strip() and all(row[-1].strip() for row in others):
-        return last
-    return None
+    short, last = np.flatnonzero(cells < width), len(cells) - 1
+    if not rows.are_last or last < FEWEST_OTHERS or last not in short:
+        return False
+    if np.argmin(cells) == last:  # the first of those with so few
+        return True
+    return not rows[last][-1].strip() and all(rows[int(at)][-1].strip() for at in short[:-1])

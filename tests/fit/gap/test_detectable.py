@@ -54,7 +54,7 @@ def test_a_component_shows_from_what_noise_and_rules_ask_for_or_from_what_the_ed
         lambda self, left, block, correlation: asked.append(left[0]) or np.array([0.2, 0.02]),
     )
     monkeypatch.setattr("fit.gap.detectable.correlation_of", lambda observer, residual: np.eye(1))
-    monkeypatch.setattr("fit.gap.detectable.resolvable", lambda evidence, name: 0.1)
+    monkeypatch.setattr("fit.gap.detectable.resolvable", lambda given, name: 0.1 if given is evidence else np.nan)
     edges = {"air_drag": np.inf, "hem": 0.15, "clip_slack": 0.01}
     monkeypatch.setattr("fit.gap.detectable.detectable_on_edge", lambda observer, judge, screened: edges)
     found = smallest_detectable(evidence)

@@ -39,6 +39,15 @@ def test_most_of_the_mass_on_one_effect_names_it_and_says_how_sure_that_is():
     assert decide_by_mass(evidence, unsure).sentence.startswith("The model probably lacks air drag")
 
 
+def test_a_pair_that_was_fitted_before_its_effects_were_known_as_twins_has_no_mass():
+    shares = {(): (0.02, 0.03), ("air_drag",): (0.7, 0.0), ("hem",): (0.25, 0.0)}
+    found = found_of(shares)
+    found.fits = {("air_drag", "hem"): None, **found.fits}
+    verdict = decide_by_mass(evidence_of({"air_drag": 5.5, "hem": 5.6}), found)
+    assert verdict.named == ["air_drag", "hem"]
+    assert verdict.verdict == "ambiguous"
+
+
 def test_an_effect_that_holds_a_tenth_in_the_place_of_the_best_is_told_with_it():
     evidence = evidence_of({"time_offset": 5.5, "filter_lag": 5.6, "hem": 11.0})
     shares = {(): (0.01, 0.0), ("time_offset",): (0.7, 0.0), ("filter_lag",): (0.25, 0.0), ("hem",): (0.04, 0.0)}

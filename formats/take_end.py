@@ -11,8 +11,10 @@ from formats.arrays import Floats, Integers
 from formats.blocks import LATEST, TICKS
 from formats.plain_text import counted
 from formats.sound_blocks import is_number
+from formats.surface import SurfaceScan
 from formats.take import Span
 from formats.take_messages import Message
+from formats.take_writer import BLOCK_SECONDS
 
 
 def is_end(end: Message, version: int) -> bool:
@@ -92,3 +94,21 @@ def contradictions(held: Held, ends: list[Message]) -> Iterator[str]:
         is_within = apart > 0 if name == "from" else apart < 0
         if abs(apart) > 1 and (is_there or is_within):  # a tick of rounding is no contradiction
             yield f"its end says that it {word} at {end[name] / TICKS:.6f} s, and its {which} frame is of {time:.6f} s"
+
+
+def stray_scans(held: Held, scans: list[SurfaceScan], spans: tuple[Span, ...]) -> Iterator[str]:
+    """Yield the doubt of a take of version 1 some of whose scans lie outside its time: they may be of another take.
+
+    The writer of version 1 put every scan behind the frame that it was made of, and a scan names no take.
+    So a scan lies between the first frame and the last one, or within a span whose frames are missing.
+    A pause may lie before frames that a cut takes away, so such a span counts whole. A caller of its own writer may
+    have scanned shortly before or after the frames, so one block's time beyond them is no doubt either.
+
+    - `spans`: as of `missing_spans`
+    """
+    begin, end = float(held.begins[0]), float(held.ends[-1])
+    allowed = [(begin - BLOCK_SECONDS, end + BLOCK_SECONDS), *spans]
+    stray = [scan.time for scan in scans if not any(since <= scan.time <= until for since, until in allowed)]
+    if stray:
+        which = "a scan" if len(stray) == 1 else f"{len(stray)} of {len(scans)} scans, one"
+        yield f"{which} of {stray[0]:.6f} s may be of another take: the frames go from {begin:.6f} to {end:.6f} s"

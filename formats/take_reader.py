@@ -14,7 +14,7 @@ from formats.sound_blocks import decoded, in_order, increasing, sound_scans
 from formats.system_causes import step_to_read
 from formats.table_memory import TableMemory
 from formats.take import Take
-from formats.take_end import Held, contradictions, is_end, missing_spans
+from formats.take_end import Held, contradictions, is_end, missing_spans, stray_scans
 from formats.take_header import described, possible_spans
 from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
@@ -198,6 +198,7 @@ class _Archive:
         is_complete = end is not None and not missing_frames and len(kept) == end["blocks"]
         earlier = tuple(possible_spans(words.missing, columns["time"]))
         doubts = [*contradictions(held, ends), *[IMPOSSIBLE_SPANS] * (len(earlier) < len(words.missing))]
+        doubts += [*stray_scans(held, scans, spans)] if version == 1 else []
         doubts += [MIXED] * is_mixed
         notes = dict(words.notes)
         if doubts:  # a file that is written of this take keeps them, beside those of an import

@@ -76,10 +76,10 @@ class SwatchError:
         self._grid = marker_grid(np.array([p.at_m for p in recording.garment.points]), recording.take_id)
         self._time = recording.time
         self._smooth = low_pass(recording.time, np.eye(len(recording.time)), CUT_OFF)
-        wanted, trust = recording.targets(recording.time)
-        self._seen = recording.valid & (trust > 0)
-        counts = recording.valid.sum(0)
-        if counts.min() < FEWEST_PLACES or not self._seen.any(0).all():
+        wanted, _ = recording.targets(recording.time)
+        self._seen = recording.valid
+        counts = self._seen.sum(0)
+        if counts.min() < FEWEST_PLACES:
             absent = recording.garment.points[int(np.argmin(counts))].name
             raise FitError(
                 f"the marker {absent!r} was seen in {counts.min()} frames, at least {FEWEST_PLACES} are needed",
@@ -188,7 +188,7 @@ def line_curvature(points: Floats) -> Floats:
     before, at, after, next_after = points[..., :-3, :], points[..., 1:-2, :], points[..., 2:-1, :], points[..., 3:, :]
     second[..., 1:-2, :] += 2 * before - 5 * at + 4 * after - next_after
     second[..., 2:-1, :] += -before + 4 * at - 5 * after + 2 * next_after
-    segments[1:-2] += 1
+    segments[1:-2] = 1
     segments[2:-1] += 1
     inner = slice(1, count - 1)
     first = 0.5 * (points[..., 2:, :] - points[..., :-2, :])

@@ -86,6 +86,21 @@ def test_two_proposals_of_two_end_within_a_fiftieth_of_the_box_of_the_answer():
     assert ((units >= 0) & (units <= 1)).all()
 
 
+def test_places_drawn_about_a_best_place_at_the_bound_stay_in_the_box(monkeypatch):
+    asked = []
+    costs = Emulator.costs
+    monkeypatch.setattr(
+        Emulator, "costs", lambda self, places, caution: asked.append(places) or costs(self, places, caution)
+    )
+    units = np.concatenate([looks.scatter(np.full(3, 0.2), 5), [[1.0, 0.0, 1.0]]])
+    residuals = swung(units)
+    residuals[-1] = 0.0
+    looks.propose(units, residuals, units[0], 5)
+    drawn = np.concatenate([places for places in asked if len(places) == sum(looks.DRAWN)])
+    assert len(drawn) == 2 * sum(looks.DRAWN)
+    assert (drawn.min(), drawn.max()) == (0.0, 1.0)
+
+
 def test_proposals_depend_on_the_places_and_the_seed_alone():
     assert np.array_equal(looked_at(swung, 3), looked_at(swung, 3))
     assert not np.array_equal(looked_at(swung, 3), looked_at(swung, 3, seed=6))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,9 +16,12 @@ from formats.takes_cli import add_takes_commands, end_with
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
+    from formats.garment import Garment
+    from formats.rig import Rig
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
+ANOTHER_FOLDER = "choose another folder with --out"
 
 
 class DecimalSign(StrEnum):
@@ -119,8 +124,9 @@ def import_recordings(
         for path in paths:
             try:
                 check_name(path)
-                if not overwrite:
-                    refuse_to_replace(out / f"{path.stem}.mcap")
+                target = out / f"{path.stem}.mcap"
+                if not overwrite or target.is_dir():
+                    refuse_to_replace(target, instead=ANOTHER_FOLDER)
                 if path.suffix.lower() in FILE_ENDINGS and described is not None:
                     take = import_marker_take(path, described, options)
                 else:
@@ -150,18 +156,18 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     from formats.archive import write_take
     from formats.judgement import judge
     from formats.missing import doubts_of
-    from formats.outputs import put_back_on_failure, unwritable, write_description
+    from formats.outputs import check_description, unwritable
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
 
-    rig, garment, target = out / "rig.toml", out / "garment.toml", out / f"{take.take_id}.mcap"
-    with put_back_on_failure(rig, garment):
-        write_description(rig, take.rig, overwrite=overwrite)
-        write_description(garment, take.garment, overwrite=overwrite)
-        try:
-            write_take(target, take, overwrite=overwrite)
-        except OSError as error:
-            raise unwritable(target, error) from error
+    target = out / f"{take.take_id}.mcap"
+    described: dict[Path, Garment | Rig] = {out / "rig.toml": take.rig, out / "garment.toml": take.garment}
+    for path, one in described.items():
+        check_description(path, one, overwrite=overwrite, instead=ANOTHER_FOLDER)
+    try:
+        write_take(target, take, overwrite=overwrite, beside=_described(described, overwrite=overwrite))
+    except OSError as error:
+        raise unwritable(target, error) from error
     length = float(take.time[-1])
     front = take.notes.get("front")
     words = f"{plain(target)}: {len(take.time)} frames, {length:.1f} s" + (
@@ -179,6 +185,21 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
         never_seen=[p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()],
         clock=take.notes.get("clock"), file_doubt=take.notes.get("file"), findings=[one.as_fact() for one in findings],
     )  # fmt: skip
+
+
+@contextmanager
+def _described(descriptions: Mapping[Path, Garment | Rig], *, overwrite: bool) -> Iterator[None]:
+    """Write the descriptions of a take that is whole, and then let the take have its name.
+
+    A process that is killed before that leaves the whole take under its unfinished name, of which the next import says
+    so. Behind it nothing is left to do.
+    """
+    from formats.outputs import put_back_on_failure, write_description
+
+    with put_back_on_failure(*descriptions):
+        for path, description in descriptions.items():
+            write_description(path, description, overwrite=overwrite, instead=ANOTHER_FOLDER)
+        yield
 
 
 def describe_swatch(

@@ -16,7 +16,14 @@ from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.system_causes import step_to_write
-from formats.unfinished import already_there, left_unfinished, not_utf8, refuse_what_is_no_file, unfinished_name
+from formats.unfinished import (
+    ANOTHER_NAME,
+    already_there,
+    left_unfinished,
+    not_utf8,
+    refuse_what_is_no_file,
+    unfinished_name,
+)
 from formats.whole_files import make_folders, make_writable, write_whole
 
 NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.ENOSYS}  # of file systems without second names, as `man 2 link` says
@@ -46,27 +53,31 @@ def check_stem(name: str) -> None:
         )
 
 
-def refuse_to_replace(path: Path, text: str | None = None) -> None:
+def refuse_to_replace(path: Path, text: str | None = None, *, instead: str = ANOTHER_NAME) -> None:
     """Do nothing unless a file of this name is there, or the beginning of a take that was never finished.
 
-    text: the content to write, where a file that holds just this may stay.
+    - `text`: the content to write, where a file that holds just this may stay
+    - `instead`: a person's next step who wants both
 
     Raises:
         OutputError: it is there, or its name is too long.
     """
-    if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
-        raise already_there(path)
     partial = unfinished_name(path)
-    # Takes alone are written under this name. An empty one lost nothing, or its writer's lock refuses.
-    if path.suffix != ".mcap":
-        return
+    is_left = path.suffix == ".mcap" and _is_left(partial, path)  # takes alone are written under this name
+    if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
+        left = f", and {partial.name} is what an interrupted recording or import of it left" * is_left
+        raise already_there(path, instead=instead, what=f"is already there{left}")
+    if is_left:
+        raise left_unfinished(partial, instead=instead)
+
+
+def _is_left(partial: Path, path: Path) -> bool:
+    """Return whether an unfinished take is there; an empty one lost nothing, or its writer's lock refuses."""
     try:
         refuse_what_is_no_file(partial)
-        is_left = partial.exists() and partial.stat().st_size > 0
+        return partial.exists() and partial.stat().st_size > 0
     except OSError as error:
         raise unwritable(path, error) from error
-    if is_left:
-        raise left_unfinished(partial)
 
 
 def refuse_an_input(target: Path, inputs: Iterable[Path]) -> None:
@@ -213,24 +224,42 @@ def unwritable(path: Path, error: OSError) -> OutputError:
     return OutputError(f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error))
 
 
-def write_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:
-    """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
+def check_description(
+    path: Path, description: Garment | Rig, *, overwrite: bool, instead: str = ANOTHER_NAME
+) -> None:  # fmt: skip
+    """Check that a rig or garment of a take may be written; one that is there and says the same is no hindrance.
+
+    instead: as of `refuse_to_replace`
 
     Raises:
         DescriptionError: an impossible rig or garment, which no command would read.
-        OutputError: another one is there, or it cannot be written.
+        OutputError: another one is there, or a folder.
     """
+    is_rig = isinstance(description, Rig)
     if isinstance(description, Rig):
         check_rig(description, path)
     else:
         check_garment(description, path)
     refuse_codes(path, msgspec.to_builtins(description))
+    if os.path.lexists(path) and (not overwrite or path.is_dir()) and not _says(path, description):
+        what = f"is already there and describes another {'rig' if is_rig else 'garment'} than that of this take"
+        raise already_there(path, instead=instead, what=what)
+
+
+def write_description(
+    path: Path, description: Garment | Rig, *, overwrite: bool, instead: str = ANOTHER_NAME
+) -> None:  # fmt: skip
+    """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
+
+    Raises:
+        DescriptionError: as `check_description`.
+        OutputError: another one is there, or it cannot be written.
+    """
+    check_description(path, description, overwrite=overwrite, instead=instead)
     make_parent(path)
     if _says(path, description):
         return
     try:
-        if not overwrite:
-            refuse_to_replace(path)
         write_text(path, dump_description(description), overwrite=overwrite)
     except OutputError:
         if not _says(path, description):  # another command may have written the same just now

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from importlib.resources import files
 from os import SEEK_END
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 from formats.blocks import Columns, Frame, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
-from formats.chunks import Findings, messages_in
+from formats.chunks import Findings, messages_in, profile_of
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
 from formats.garment import Garment
@@ -26,7 +27,8 @@ from formats.unfinished import UnfinishedFile, not_utf8
 from formats.whole_files import make_folders
 
 VERSION = 2
-PROFILE = f"hangtime-take/{VERSION}"
+OF_TAKES = "hangtime-take/"
+PROFILE = f"{OF_TAKES}{VERSION}"
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
@@ -77,7 +79,7 @@ class TakeWriter:
             **({"missing": [list(span) for span in missing]} if missing else {}),
         }  # fmt: skip
         make_folders(path.parent)
-        self._unfinished = UnfinishedFile(path, overwrite=overwrite, holds_something=holds_a_block)
+        self._unfinished = UnfinishedFile(path, overwrite=overwrite, holds_something=may_hold_frames)
         self.path, self.partial = path, self._unfinished.partial
         self._waiting: list[Columns] = []
         self._first_time = self._last_time = -np.inf
@@ -159,8 +161,10 @@ class TakeWriter:
         self._write(SURFACE, msgpack.packb({"take": self._binding, **content}))
         self._scans.add(content["surface"])
 
-    def finish(self) -> Path:
+    def finish(self, beside: AbstractContextManager[None] | None = None) -> Path:
         """Write the remaining frames, make the file durable, and give the file its final name.
+
+        beside: is entered once the file is whole and durable, and left once it has its name
 
         Raises:
             OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
@@ -173,7 +177,9 @@ class TakeWriter:
         counts = {"frames": self._count, "blocks": self._blocks, "scans": len(self._scans)}
         self._write(END, msgpack.packb({"take": self._binding, **counts, **ends}))
         self._mcap.finish()
-        self._unfinished.finish()
+        self._unfinished.sync()
+        with beside or nullcontext():
+            self._unfinished.finish()
         return self.path
 
     @property
@@ -230,16 +236,27 @@ class TakeWriter:
         self._mcap.add_message(self._channels[topic], stamp, content, stamp)
 
 
-def holds_a_block(file: BinaryIO) -> bool:
-    """Return whether a file that an interrupted recording left has frames that can be read, or is too large to tell."""
+def may_hold_frames(file: BinaryIO) -> bool:
+    """Return whether an unfinished file holds more than zeros or the headers of a take that never had a block.
+
+    Damaged blocks, those of a newer version and whatever else somebody may still make use of count.
+    """
     if file.seek(0, SEEK_END) > LOOKED_THROUGH:
         return True
     file.seek(0)
-    return any(b"table" in data[:200] or b"points_valid" in data for data in messages_in(file.read(), Findings()))
+    raw, findings = file.read(), Findings()
+    are_headers = all(OF_TAKES.encode() in data[:64] for data in messages_in(raw, findings))
+    is_beginning = are_headers and not findings.damaged and (profile_of(raw) or "").startswith(OF_TAKES)
+    return not is_beginning and raw.count(0) < len(raw)
 
 
-def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
-    """Write a whole take at once; overwrite: whether a take of this name may be replaced.
+def write_take(
+    path: Path, take: Take, *, overwrite: bool = True, beside: AbstractContextManager[None] | None = None
+) -> Path:  # fmt: skip
+    """Write a whole take at once.
+
+    - `overwrite`: whether a take of this name may be replaced
+    - `beside`: as of `TakeWriter.finish`
 
     Raises:
         TakeError: as `TakeWriter.append_columns`.
@@ -266,7 +283,7 @@ def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
             writer.append_columns(columns)
         for scan in take.scans:
             writer.append_scan(scan)
-        return writer.finish()
+        return writer.finish(beside)
     except BaseException as error:
         writer.discard()
         if isinstance(error, OSError):

@@ -17,21 +17,25 @@ from typing import BinaryIO
 from formats.errors import OutputError
 from formats.whole_files import leads_to_itself, sync_folder
 
+ANOTHER_NAME = "give another name"
+
 
 def unfinished_name(path: Path) -> Path:
     """Return the name under which a file is written that is to become `path`."""
     return path.with_name(path.name + ".partial")
 
 
-def already_there(path: Path) -> OutputError:
-    """Return the error of a file that would replace another, or a link, or that has the name of a folder."""
+def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is already there") -> OutputError:
+    """Return the error of a file that would replace another, or a link, or that has the name of a folder.
+
+    - `instead`: a person's next step who wants both
+    - `what`: says what a file that is there is
+    """
     if path.is_dir():
-        return OutputError("is a folder", where=path, advice="give another name")
-    advice = "give another name, or --overwrite to replace it"
+        return OutputError("is a folder", where=path, advice=instead)
     if not path.exists():
-        where = "itself" if leads_to_itself(path) else "nothing"
-        return OutputError(f"is a link that leads to {where}", where=path, advice=advice)
-    return OutputError("is already there", where=path, advice=advice)
+        what = f"is a link that leads to {'itself' if leads_to_itself(path) else 'nothing'}"
+    return OutputError(what, where=path, advice=f"{instead}, or --overwrite to replace it")
 
 
 def not_utf8(path: Path) -> OutputError:
@@ -39,12 +43,22 @@ def not_utf8(path: Path) -> OutputError:
     return OutputError("has a name that is not UTF-8, and is kept by its name", where=path, advice="rename it")
 
 
-def left_unfinished(partial: Path) -> OutputError:
-    """Return the error of a recording that would replace one that was never finished."""
+def left_unfinished(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputError:
+    """Return the error of a recording or import that would replace one that was never finished."""
+    if not os.access(partial, os.R_OK | os.W_OK):
+        return _locked_away(partial, instead=instead)
     look = "look at it with `hangtime takes show`"
     return OutputError(
-        "is what an interrupted recording left under this name, or one that is still running", where=partial,
-        advice=f"{look}; give another name, or --overwrite to put it aside and begin anew",
+        "is what an interrupted recording or import left under this name, or one that is still running", where=partial,
+        advice=f"{look}; {instead}, or --overwrite to put it aside and begin anew",
+    )  # fmt: skip
+
+
+def _locked_away(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputError:
+    """Return the error of an unfinished file without permission: nobody can tell whether another writer is at it."""
+    return OutputError(
+        "may not be read and written by you, and may be a recording that is still running", where=partial,
+        advice=f"get the permission to read and write it, or {instead}",
     )  # fmt: skip
 
 
@@ -75,11 +89,11 @@ class UnfinishedFile:
         """Take hold of the file.
 
         - `overwrite`: replace the file of this name; an unfinished file is put aside
-        - `holds_something`: tells whether an unfinished file can be read; one that cannot is replaced
+        - `holds_something`: tells whether an unfinished file may hold anything; one that holds nothing is replaced
 
         Raises:
             OutputError: another process, or another writer of this one, is writing it; it is there and may not be
-                replaced; or its unfinished name is that of a link.
+                replaced; or its unfinished name is that of a link or of a file that may not be read and written.
             OSError: it cannot be written.
         """
         self.path, self.partial, self._may_replace = path, unfinished_name(path), overwrite
@@ -154,6 +168,10 @@ def _locked(partial: Path) -> BinaryIO:
     while True:
         try:
             handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        except PermissionError as error:
+            if os.path.lexists(partial):
+                raise _locked_away(partial) from error
+            raise
         except OSError as error:
             if error.errno != errno.ELOOP or not partial.is_symlink():  # a link of its folder may lead to itself
                 raise

@@ -20,6 +20,7 @@ from tests.formats.test_marker_oddities import GARMENT, hanging
 from tests.formats.unprivileged import hangtime_unprivileged
 
 IMPORT = ("import", "m.csv", "--garment", "g.toml", "--overwrite", "--out")
+ITS_NAME = "is a folder; choose another folder with --out"
 FOLDER = "cannot be written (Is a directory); give another name: a folder has this one"
 
 
@@ -44,7 +45,7 @@ def test_an_archive_in_the_place_of_which_a_folder_is_leaves_the_descriptions_as
     before = all_below(desk)
     for out in ("mine", "new"):
         done = hangtime_here(*IMPORT, out, folder=desk)
-        assert (done.returncode, done.stderr) == (2, f"hangtime: {out}/m.mcap: {FOLDER}\n")
+        assert (done.returncode, done.stderr) == (2, f"hangtime: {out}/m.mcap: {ITS_NAME}\n")
     assert all_below(desk) == before
 
 
@@ -52,7 +53,7 @@ def test_a_description_in_the_place_of_which_a_folder_is_leaves_the_other_one_as
     (desk / "mine/garment.toml").mkdir()
     before = all_below(desk)
     done = hangtime_here(*IMPORT, "mine", folder=desk)
-    assert (done.returncode, done.stderr) == (2, f"hangtime: mine/garment.toml: {FOLDER}\n")
+    assert (done.returncode, done.stderr) == (2, f"hangtime: mine/garment.toml: {ITS_NAME}\n")
     assert all_below(desk) == before
 
 
@@ -82,7 +83,7 @@ def test_an_import_goes_on_after_a_take_that_cannot_be_written(desk):
     done = hangtime_here("import", "m.csv", "n.csv", "--garment", "g.toml", "--out", "out", folder=desk)
     first, *_, last = done.stdout.splitlines()
     assert (done.returncode, done.stderr, first[:11]) == (2, "", "out/n.mcap:")
-    assert last == "not written: out/m.mcap: is a folder; give another name"
+    assert last == f"not written: out/m.mcap: {ITS_NAME}"
     assert verify_take(desk / "out/n.mcap").is_sound
     assert sorted(path.name for path in (desk / "out").iterdir()) == ["garment.toml", "m.mcap", "n.mcap", "rig.toml"]
 

@@ -105,8 +105,8 @@ def test_a_take_that_was_never_finished_stays_where_it_holds_something(tmp_path)
     refuse_to_replace(tmp_path / "a.mcap")
     partial.write_bytes(b"x")
     assert refused(refuse_to_replace, tmp_path / "a.mcap") == (
-        f"{partial}: is what an interrupted recording left under this name, or one that is still running; look at it "
-        "with `hangtime takes show`; give another name, or --overwrite to put it aside and begin anew"
+        f"{partial}: is what an interrupted recording or import left under this name, or one that is still running; "
+        "look at it with `hangtime takes show`; give another name, or --overwrite to put it aside and begin anew"
     )
 
 

@@ -68,7 +68,7 @@ def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(rec
     """Two blocks of a second and a little are on the disk: more than 60 frames at 30 a second."""
     recorder.send_signal(signal.SIGKILL)
     recorder.wait()
-    with pytest.raises(OutputError, match=r"t\.mcap\.partial: is what an interrupted recording left"):
+    with pytest.raises(OutputError, match=r"t\.mcap\.partial: is what an interrupted recording or import left"):
         a_writer(tmp_path, overwrite=False)
     assert 60 < len(read_take(tmp_path / "t.mcap.partial").time) < 70
     with a_writer(tmp_path, overwrite=True) as writer:
@@ -88,7 +88,7 @@ def test_what_is_too_large_to_look_through_is_put_aside_unread(tmp_path):
     assert (tmp_path / "t.left-1.mcap.partial").stat().st_size == 300 << 30
 
 
-@pytest.mark.parametrize("left", [b"mine", bytes(9000), None], ids=["words", "zeros", "a take without a block"])
+@pytest.mark.parametrize("left", [bytes(9000), None], ids=["zeros", "a take without a block"])
 def test_what_holds_nothing_is_replaced_from_its_first_byte_on(tmp_path, left):
     """Whoever looks whether it holds a block reads to its end."""
     if left is None:

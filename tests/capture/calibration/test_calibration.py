@@ -338,7 +338,7 @@ def test_recording_replaces_neither_a_take_nor_what_an_interrupted_one_left(tmp_
     words = ["record", "--sensor", "synthetic:swing", "--rig", "r", "--garment", "g", "--out"]
     (tmp_path / "a.mcap").write_bytes(b"mine")
     (tmp_path / "b.mcap.partial").write_bytes(b"mine too")
-    for name, sentence in (("a", "is already there"), ("b", "what an interrupted recording left")):
+    for name, sentence in (("a", "is already there"), ("b", "what an interrupted recording or import left")):
         done = CliRunner().invoke(app, [*words, str(tmp_path / f"{name}.mcap")])
         assert sentence in str(done.exception)
     assert (tmp_path / "a.mcap").read_bytes() == b"mine"

@@ -19,6 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from firmware_host.errors import RecordingError
+from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 FILE_MAGIC = b"NI10"
@@ -117,7 +118,7 @@ def read_records(path: Path) -> Iterator[Record]:
         file = path.open("rb")
     except OSError as error:
         raise RecordingError(
-            f"the recording cannot be read ({error.strerror})", where=path, advice="check the path and its permissions"
+            f"the recording cannot be read ({error.strerror})", where=path, advice=step_to_read(error)
         ) from error
     with file:
         header = file.read(FILE_HEADER.size)

@@ -51,11 +51,13 @@ def list_takes(
     from formats.motion import kind_of
     from formats.plain_text import counted, plain
     from formats.system_causes import step_to_read
-    from formats.whole_files import leads_to_itself
+    from formats.whole_files import loop_words
 
     if not folder.is_dir():
-        what = "is a link that leads to itself" if leads_to_itself(folder) else "is no folder"
-        raise TakeError(what, where=folder, advice="give a folder; `hangtime takes show` shows one take")
+        raise TakeError(
+            loop_words(folder, "is no folder"), where=folder,
+            advice="give a folder; `hangtime takes show` shows one take"
+        )  # fmt: skip
     try:
         paths, locked = files_below(folder, ".mcap", ".mcap.partial")
     except OSError as error:

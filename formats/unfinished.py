@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
-from formats.whole_files import leads_to_itself, sync_folder
+from formats.whole_files import loop_words, sync_folder
 
 ANOTHER_NAME = "give another name"
 
@@ -34,7 +34,7 @@ def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is al
     if path.is_dir():
         return OutputError("is a folder", where=path, advice=instead)
     if not path.exists():
-        what = f"is a link that leads to {'itself' if leads_to_itself(path) else 'nothing'}"
+        what = loop_words(path, "is a link that leads to nothing")
     return OutputError(what, where=path, advice=f"{instead}, or --overwrite to replace it")
 
 

@@ -80,6 +80,11 @@ def leads_to_itself(path: Path) -> bool:
     return False
 
 
+def loop_words(path: Path, otherwise: str) -> str:
+    """Return the words for a path that leads nowhere or to no folder: the true ones where a link leads to itself."""
+    return "is a link that leads to itself" if leads_to_itself(path) else otherwise
+
+
 def check_ends(path: Path) -> None:
     """Refuse a pipe, a socket or a device, which may have no end or no beginning, before it is opened.
 

@@ -15,6 +15,7 @@ from formats.garment import Garment
 from formats.plausible_rig import check_plausible_hold
 from formats.rig import Rig
 from formats.toml_files import place_in, read_toml
+from formats.whole_files import loop_words
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
 
@@ -54,8 +55,9 @@ def _check_spool(folder: Path, path: Path) -> None:
     """Check that nothing but a folder has the spool's name; a disk that is not mounted yet is no fault of the file."""
     there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
     if not there.is_dir():
+        told = loop_words(there, "is no folder")
         raise DescriptionError(
-            f"spool.folder is {folder}, but {there} is no folder", where=path,
+            f"spool.folder is {folder}, but {there} {told}", where=path,
             advice="give another folder, or remove what has this name",
         )  # fmt: skip
 

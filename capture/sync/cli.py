@@ -137,8 +137,8 @@ def _start(command: str, config: Path, spool: Path | None) -> None:
 def _check_folder(folder: Path) -> None:
     """Refuse what is no folder of takes."""
     from capture.errors import SyncError
-    from formats.whole_files import leads_to_itself
+    from formats.whole_files import loop_words
 
     if not folder.is_dir():
-        what = "is a link that leads to itself" if leads_to_itself(folder) else "is no folder, so that no take is in it"
+        what = loop_words(folder, "is no folder, so that no take is in it")
         raise SyncError(what, where=folder, advice="give the folder of takes with --spool, or as folder in [spool]")

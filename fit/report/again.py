@@ -16,7 +16,7 @@ from formats.errors import HangtimeError
 from formats.fit_records import FitResult
 from formats.plain_text import plain
 from formats.results import load_diagnosis, load_fit_result
-from formats.whole_files import leads_to_itself
+from formats.whole_files import loop_words
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def results_in(folder: Path) -> Results:
         HangtimeError: it holds neither a fit nor a diagnosis, or one that cannot be read.
     """
     if not folder.is_dir():
-        what = "is a link that leads to itself" if leads_to_itself(folder) else "is no folder of results"
+        what = loop_words(folder, "is no folder of results")
         raise FitError(what, where=folder, advice="give the folder that --out named")
     fit_file, diagnosis_file = folder / "fit.json", folder / "diagnosis.json"
     fit = load_fit_result(fit_file) if fit_file.exists() else None

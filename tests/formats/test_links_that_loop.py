@@ -12,11 +12,14 @@ from formats.importers.marker_tracks import write_marker_csv
 from formats.outputs import make_output_folder
 from formats.unfinished import UnfinishedFile
 from formats.whole_files import write_whole
+from tests.capture.garment.towel import GARMENT as TOWEL
+from tests.capture.garment.towel_scenes import RIG
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 from tests.formats.test_marker_oddities import GARMENT, hanging
 
 READ = "cannot be read (Too many levels of symbolic links); check the path: a link of it leads to itself"
+PLAYED = f"the recording {READ}"
 WRITTEN = "(Too many levels of symbolic links); give another path: a link of this one leads to itself"
 THERE = "is a link that leads to itself; give another name, or --overwrite to replace it"
 
@@ -26,8 +29,10 @@ def desk(tmp_path):
     write_take(tmp_path / "a.mcap", a_take(20))
     write_marker_csv(tmp_path / "m.csv", hanging())
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
-    for ending in ("csv", "c3d", "mcap", "npz", "png", "toml", "parquet", "recovered.mcap"):
+    for ending in ("csv", "c3d", "mcap", "npz", "png", "toml", "parquet", "recovered.mcap", "oni"):
         (tmp_path / f"self.{ending}").symlink_to(f"self.{ending}")
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    (tmp_path / "towel.toml").write_text(dump_description(TOWEL))
     (tmp_path / "one").symlink_to("two")
     (tmp_path / "two").symlink_to("one")
     return tmp_path
@@ -51,6 +56,11 @@ def desk(tmp_path):
         ("takes recover a.mcap --out one", f"one/a.recovered.mcap: cannot be written {WRITTEN}"),
         ("takes export a.mcap --to npz --out one", f"one: cannot be made or written to {WRITTEN}"),
         ("takes export a.mcap --to parquet --out self.parquet", f"self.parquet: {THERE}"),
+        (
+            "record --sensor self.oni --rig rig.toml --garment towel.toml --out n.mcap",
+            f"self.oni: the recording {READ}",
+        ),
+        ("sensor play live:self.oni", f"self.oni: {PLAYED}"),
         ("report one", "one: is a link that leads to itself; give the folder that --out named"),
     ],
 )

@@ -131,14 +131,16 @@ def test_a_last_good_copy_that_was_spoilt_is_not_taken(file):
         ('[spool]\nfolder = "elsewhere"\nleast_free = 3\n', "unknown field `least_free`"),
         ('[spool]\nfolder = "rig.toml"\n', "rig.toml is no folder"),
         ('[spool]\nfolder = "rig.toml/takes"\n', "rig.toml is no folder"),
+        ('[spool]\nfolder = "loop"\n', "loop is a link that leads to itself"),
         ("", "appliance.toml: the field `sensor` is missing"),
         ("\0{{{", "is not valid TOML"),
         (None, "cannot be read (No such file or directory)"),
     ],
-    ids=["number", "empty", "other-and-typo", "file", "below-a-file", "nothing", "garbage", "gone"],
+    ids=["number", "empty", "other-and-typo", "file", "below-a-file", "loop", "nothing", "garbage", "gone"],
 )  # fmt: skip
 def test_the_last_good_one_is_found_without_the_spool_that_the_file_should_name(file, text, said):
     good = load_or_last_good(file)
+    (file.parent / "loop").symlink_to("loop")
     if text is None:
         file.unlink()
     else:

@@ -14,10 +14,8 @@ import numpy as np
 from fit.recordings.grids import SKEWED
 from fit.recordings.point_kind import describe_contradiction, describe_steady
 from fit.recordings.recording import Recording
-from fit.recordings.timing import is_sure
+from fit.recordings.timing import is_sure, why_foreign
 from formats.fit_records import CameraFinding, Interval
-from formats.held_row import LEAST_EXPLAINED
-from formats.sights import LARGEST_SHIFT
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
 LEAST_EDGE = 0.002  # m that the edge is moved by, from which it is said
@@ -99,10 +97,9 @@ def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
     return CameraFinding(
         name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
         sentence=(
-            f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}. At no shift "
-            f"within {LARGEST_SHIFT:g} s does the hanger's path explain {100 * LEAST_EXPLAINED:.0f} % of the held "
-            f"row's motion in {recording.take_id} (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path "
-            "and points are of the same take and which clock each has."),
+            f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}. In "
+            f"{recording.take_id} {why_foreign(timing)}. Check that path and points are of the same take and which "
+            "clock each has."),
     )  # fmt: skip
 
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.recordings.recording import Recording
-from formats.held_row import LEAST_EXPLAINED
+from fit.recordings.timing import why_foreign
 from formats.judged_cloth import MEASURED_APART, MOST_STRETCHED, SHORTEST_EDGE
-from formats.sights import LARGEST_SHIFT
 
 
 def _refuse_a_foreign_clock(recording: Recording) -> None:
@@ -25,9 +24,7 @@ def _refuse_a_foreign_clock(recording: Recording) -> None:
     timing = recording.camera.timing
     if timing is not None and not timing.is_of_hanger:
         raise FitError(
-            f"the points' clock cannot be the hanger's: at no shift within {LARGEST_SHIFT:g} s does its path explain "
-            f"{100 * LEAST_EXPLAINED:.0f} % of the held row's motion "
-            f"(best: {100 * max(timing.explained, 0.0):.0f} %)",
+            f"the points' clock cannot be the hanger's: {why_foreign(timing)}",
             where=recording.take_id, advice="check that path and points are of one take, and which clock each has",
         )  # fmt: skip
 

@@ -111,6 +111,21 @@ class Timing:
         return abs(self.latency) >= LARGEST_SHIFT - SCAN_STEP
 
 
+def why_foreign(timing: Timing) -> str:
+    """Say why a take's points cannot have the hanger's clock; two shares that differ are never told as one number."""
+    least, best = 100 * LEAST_EXPLAINED, 100 * max(timing.explained, 0.0)
+    if timing.explained >= LEAST_EXPLAINED:
+        return (
+            f"the hanger's path explains most of the held row's motion, {best:.0f} %, at a shift of "
+            f"{timing.latency:+.2f} s, and none beyond {LARGEST_SHIFT:g} s is looked at"
+        )
+    told = f"{best:.0f}" if round(best) < round(least) else f"{np.floor(10 * best) / 10:.1f}"
+    return (
+        f"at no shift within {LARGEST_SHIFT:g} s does the hanger's path explain {least:.0f} % of the held row's motion "
+        f"(best: {told} %)"
+    )
+
+
 def is_sure(interval: tuple[float, float]) -> bool:
     """Return whether a figure of this 90 % interval is surely not zero."""
     low, high = interval

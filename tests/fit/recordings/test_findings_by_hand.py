@@ -72,11 +72,11 @@ def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_end
     clock = foreign_clock(lost)
     assert (clock.name, clock.take_ids, clock.figure, clock.is_fault) == ("clocks", ["a", "b"], 0.64, True)
     assert "hanger's in 2 takes. " in clock.sentence
-    assert "held row's motion in b (at best 64 %)" in clock.sentence
-    assert f"path explain {100 * LEAST_EXPLAINED:.0f} % of" in clock.sentence
+    told = f"does the hanger's path explain {100 * LEAST_EXPLAINED:.0f} % of the held row's motion (best: 64 %). "
+    assert f". In b at no shift within 0.5 s {told}Check that path" in clock.sentence
     alone = foreign_clock([recording("c", timing=timing(is_of_hanger=False, explained=-0.4)), recording("d")])
     assert "hanger's in c. " in alone.sentence
-    assert "motion in c (at best 0 %)" in alone.sentence
+    assert "motion (best: 0 %)" in alone.sentence
     assert foreign_clock([recording(), recording("b", timing=timing())]) is None
     assert [one.name for one in found(*lost)] == ["clocks"]
     assert [one.name for one in found(lost[0], recording("e", lean=leaning(0.1)))] == ["clocks", "lean"]

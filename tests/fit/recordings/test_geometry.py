@@ -129,11 +129,16 @@ def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
     recording = prepare(dataclasses.replace(take, held=far, markers=far))
     with pytest.raises(FitError, match="points' clock cannot be the hanger's"):
         check_geometry(recording)
-    for explained, said in ((0.64, 64), (-0.2, 0)):
+    for explained, said in ((0.64, "64"), (0.694, "69"), (0.696, "69.6"), (0.69999, "69.9"), (-0.2, "0")):
         timing = dataclasses.replace(recording.camera.timing, explained=explained)
         told = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, timing=timing))
         with pytest.raises(FitError, match=rf"explain 70 % of the held row's motion \(best: {said} %\)"):
             check_geometry(told)
+    timing = dataclasses.replace(recording.camera.timing, explained=0.704, latency=-0.49)
+    told = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, timing=timing))
+    words = r"motion, 70 %, at a shift of -0\.49 s, and none beyond 0\.5 s is looked at; check that path and points"
+    with pytest.raises(FitError, match=words):
+        check_geometry(told)
 
 
 def test_points_of_a_silhouette_that_lie_beside_the_path_are_refused_where_they_were_seen():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import inspect
 import os
 import resource
 import signal
@@ -19,6 +20,10 @@ import psutil
 import pytest
 
 from tests.whole_errors import whole_errors  # noqa: F401
+
+# Taichi asks of each of its 150 functions in which class it is, and so for the source of Python's importer, which has
+# none. Unless `inspect` knows whose file that is, it looks at all modules each time, which makes 1 s in every process.
+inspect.modulesbyfile["<frozen importlib._bootstrap>"] = "importlib._bootstrap"
 
 LIMIT = 300.0  # s of processor time: ten times what the longest of the quick tests takes
 LOOK = 2.0  # s of wall time between two looks

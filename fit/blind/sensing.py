@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from fit.blind.engine import SAMPLES_A_SECOND
 from fit.blind.plants import Planted
@@ -55,6 +54,8 @@ def lagged(points: Floats, delay: float) -> Floats:
 
     Exact for points that move straight between samples.
     """
+    from scipy.signal import lfilter
+
     kept = np.exp(-2 / (SAMPLES_A_SECOND * delay))
     late = (1 - kept) * SAMPLES_A_SECOND * delay / 2
     columns = points.reshape(len(points), -1)
@@ -98,6 +99,8 @@ def scaled(places: Floats, share: float, distance: float) -> Floats:
 
 def slow_noise(rng: np.random.Generator, shape: tuple[int, ...], rate: float) -> Floats:
     """Noise of deviation 1 along the first axis, correlated over `SLOW_TIME`."""
+    from scipy.signal import lfilter
+
     kept = np.exp(-1 / (rate * SLOW_TIME))
     drawn = rng.normal(size=shape)
     drawn[1:] *= np.sqrt(1 - kept**2)

@@ -29,6 +29,7 @@ from tests.fit.blind.test_blind_engine import bar, nudged
 GRAVITY = 9.80665
 LENGTH = 0.3130
 CHAIN = 1.2024 * np.sqrt(GRAVITY / LENGTH) / (2 * np.pi)  # Hz, 1.0712
+is_installed = functools.cache(Foreign.is_installed)  # it starts a Python to see
 FOREIGN = [generator for generator in GENERATORS if generator.foreign is not None]
 MUJOCO, NEWTON = find_generator("mujoco"), find_generator("newton")
 
@@ -43,7 +44,7 @@ def with_engine(*generators):
                 id=g.name,
                 marks=[
                     pytest.mark.skipif(
-                        not g.foreign.is_installed(),
+                        not is_installed(g.foreign),
                         reason=f"{g.foreign.module} is in neither this Python nor the one {g.foreign.variable} names",
                     ),
                 ],

@@ -89,7 +89,7 @@ def test_recordings_side_by_side_are_what_each_is_alone(second, observer_hz):
     """Of other lengths, paths, rates, steps and targets, with effects and without, in lanes that they share."""
     simulators, candidates, amplitudes = [], [], []
     effects = (AirDrag(),)
-    for garment, length, rate, reach in ((sheet(), 1.5, 30, 0.08), (second, 1.1, 45, 0.05)):
+    for garment, length, rate, reach in ((sheet(), 0.9, 30, 0.08), (second, 0.7, 45, 0.05)):
         time = np.arange(0, length, 1 / rate)
         recording = prepare(take_of(garment, time, swing(time, amplitude=reach), hung(garment, time)))
         simulators.append(Simulator(recording, effects, resolution=Resolution(spacing=0.07)))

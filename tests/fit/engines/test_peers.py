@@ -9,7 +9,7 @@ from benchmarks import peers
 from fit.foreign.process import ForeignProcess
 
 INSTALLED = pytest.mark.skipif(
-    not peers.NEWTON.is_installed(),
+    "not peers.NEWTON.is_installed()",
     reason=f"newton is in neither this Python nor the one {peers.NEWTON.variable} names",
 )
 

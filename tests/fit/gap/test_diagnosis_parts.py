@@ -67,7 +67,7 @@ def most_promising(screened):
 
 def test_screening_ranks_the_planted_effect_first():
     observer = Observer(
-        [prepare(a_take(effect="hem", amplitude=0.01, seconds=6.0))], SI, LIBRARY, frequency=0.0, resolution=COARSE
+        [prepare(a_take(effect="hem", amplitude=0.01, seconds=4.0))], SI, LIBRARY, frequency=0.0, resolution=COARSE
     )
     chosen = ("hem", "anisotropy", "clip_slack", "draught")
     found = screen(observer, fitted_at(observer, truth_vector()), chosen)

@@ -66,8 +66,8 @@ def test_motion_tells_the_same_combinations_of_vectors_that_move_alike():
 
 
 def test_a_fit_lowers_the_methods_error_and_says_its_parts():
-    """Ten iterations from 1 /s towards the true 2.5 /s."""
-    request = request_of(MOCAP_SWATCH, [], iterations=10, seed=1, spacing=COARSE)
+    """Five iterations from 1 /s towards the true 2.5 /s."""
+    request = request_of(MOCAP_SWATCH, [], iterations=5, seed=1, spacing=COARSE)
     result = calibrate([a_swung_swatch()], [], request)
     assert result.objective.name == "E/N"
     assert result.objective.after < result.objective.before

@@ -33,13 +33,23 @@ def axial_deviation(depth: Floats) -> Floats:
 def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
     """Return the depth image [mm], (height, width), that the camera gives for true depth [m], 0 where unknown."""
     height, width = truth.shape
-    rows = np.arange(height)[:, None] + np.rint(rng.normal(0, LATERAL_PX, truth.shape)).astype(int)
-    columns = np.arange(width)[None] + np.rint(rng.normal(0, LATERAL_PX, truth.shape)).astype(int)
-    depth = truth[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
-    depth = depth + axial_deviation(depth) * _alike_over_three_pixels(rng.normal(size=truth.shape))
+    rows = _beside(np.arange(height, dtype=float)[:, None], height, rng.normal(0, LATERAL_PX, truth.shape))
+    columns = _beside(np.arange(width, dtype=float), width, rng.normal(0, LATERAL_PX, truth.shape))
+    rows *= width
+    rows += columns
+    depth = truth.take(rows.astype(np.intp))
+    noise = _alike_over_three_pixels(rng.normal(size=truth.shape))
+    noise *= axial_deviation(depth)
+    depth += noise
     scale = camera.fx * BASELINE
-    disparity = np.rint(scale / np.maximum(depth, 1e-3) / DISPARITY_STEP) * DISPARITY_STEP
-    depth = scale / np.maximum(disparity, DISPARITY_STEP)
+    # Whole steps of disparity. All in one array: this runs for every drawn frame.
+    np.maximum(depth, 1e-3, out=depth)
+    np.divide(scale, depth, out=depth)
+    depth /= DISPARITY_STEP
+    np.rint(depth, out=depth)
+    depth *= DISPARITY_STEP
+    np.maximum(depth, DISPARITY_STEP, out=depth)
+    np.divide(scale, depth, out=depth)
     missing = in_shadow(truth, camera)
     jump = np.zeros(truth.shape, bool)
     across, down = np.abs(np.diff(truth, axis=1)) > JUMP, np.abs(np.diff(truth, axis=0)) > JUMP
@@ -49,15 +59,28 @@ def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np
     jump[:-1] |= down
     missing |= jump & (rng.random(truth.shape) < EDGE_MISSING)
     missing |= (depth < NEAREST) | (depth > FARTHEST)
-    return np.asarray(np.where(missing, 0, np.rint(1000 * depth)), np.uint16)
+    depth *= 1000
+    np.rint(depth, out=depth)
+    depth[missing] = 0
+    return depth.astype(np.uint16)
+
+
+def _beside(places: Floats, count: int, aside: Floats) -> Floats:
+    """Return the whole places within 0 to `count` - 1 that lie aside [px] of these; in the array of `aside`."""
+    np.rint(aside, out=aside)
+    aside += places
+    return np.asarray(np.clip(aside, 0, count - 1, out=aside))
 
 
 def _alike_over_three_pixels(noise: Floats) -> Floats:
     """Average over 3 x 3 pixels, scaled back to unit variance."""
     padded = np.pad(noise, 1, mode="wrap")
     height, width = noise.shape
-    total = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
-    return np.asarray(total) / 3.0
+    total = padded[:height, :width].copy()
+    for i, j in list(np.ndindex(3, 3))[1:]:
+        total += padded[i : i + height, j : j + width]
+    total /= 3.0
+    return total
 
 
 def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:

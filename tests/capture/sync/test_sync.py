@@ -89,12 +89,30 @@ def test_the_settings_hide_a_bucket_below_a_prefix(far, spool, three):
     assert {key.split("/")[0:3:2] == ["home", "box"] for key in server.objects()} == {True}
 
 
-def test_moto_takes_them_too(tmp_path, far, spool, three):
-    """A second server, which honours conditions and parts: a take of 6 MB goes in two."""
-    _, _, authority = far
+def keep_large(spool):
+    """A fourth take, of 6 MB: it goes in two parts."""
     big = spool.begin()
     big.partial.write_bytes(random.Random(2).randbytes(6_000_000))
     spool.keep(big, {})
+
+
+def test_a_large_take_goes_in_parts_and_arrives_whole(far, spool, three):
+    server, proxy, authority = far
+    keep_large(spool)
+    sent = []
+    proxy.fault = lambda method, path: sent.append(path) or "" if method == "PUT" else ""
+    assert sync_of(told_of(spool.folder, proxy, authority, timeout_s=30.0))[0].once() is None
+    objects = server.objects()
+    assert len(objects) == 4
+    assert {hashlib.sha256(content).hexdigest() in key for key, content in objects.items()} == {True}
+    assert ["/000004-" in path for path in sent] == [False, False, False, True, True]
+
+
+@pytest.mark.slow
+def test_moto_takes_them_too(far, spool, three):
+    """A second server, which honours conditions and parts."""
+    _, _, authority = far
+    keep_large(spool)
     with Moto(authority) as moto:
         sync, _ = sync_of(told_of(spool.folder, moto, authority, timeout_s=30.0))
         assert sync.once() is None

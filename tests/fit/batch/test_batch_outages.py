@@ -31,6 +31,7 @@ from tests.fit.batch.night import (
     start,
     wait_for,
 )
+from tests.fit.here import hangtime_here
 
 
 @pytest.fixture(scope="module")
@@ -95,16 +96,20 @@ def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
     ],
     ids=["no-end", "in-time", "too-late"],
 )
-def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before_the_end(tmp_path, minutes, status):
+def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before_the_end(
+    tmp_path, monkeypatch, minutes, status
+):
     """Nobody listens there: no network yet, and not wrong options. The second try is a quarter of an hour later."""
     until = () if minutes is None else ("--until", time.strftime("%H:%M", time.localtime(time.time() + 60 * minutes)))
-    process = start(
-        "batch", "s3://takes", "--out", "out", *until, folder=tmp_path, AWS_ENDPOINT_URL="http://127.0.0.1:9",
-        AWS_ALLOW_HTTP="true", AWS_ACCESS_KEY_ID="a", AWS_SECRET_ACCESS_KEY="b", AWS_REGION="r",
-    )  # fmt: skip
-    assert process.wait(HANGS) == status, said(tmp_path)
-    assert "cannot be listed" in said(tmp_path)
-    assert "Traceback" not in said(tmp_path)
+    for name, value in (
+        ("ENDPOINT_URL", "http://127.0.0.1:9"), ("ALLOW_HTTP", "true"), ("ACCESS_KEY_ID", "a"),
+        ("SECRET_ACCESS_KEY", "b"), ("REGION", "r"),
+    ):  # fmt: skip
+        monkeypatch.setenv(f"AWS_{name}", value)
+    done = hangtime_here("batch", "s3://takes", "--out", "out", *until, folder=tmp_path)
+    assert done.returncode == status, done.stderr
+    assert "cannot be listed" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 class Listed(Bucket):

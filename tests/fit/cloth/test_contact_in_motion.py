@@ -32,7 +32,7 @@ FLOOR = half_space((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
 
 def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_weighs_what_it_weighs():
     """-50 mm + 2 mm - g / omega^2 = -48.01 mm; 18 g are 0.1765 N."""
-    ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.5, 1.75, 2, 2.25, 2.5)]
+    ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.25, 1.5, 1.75)]
     assert ended[-1].shapes[0, -1, :, 2] == pytest.approx(-0.048 - GRAVITY / CONTACT_OMEGA**2, abs=5e-5)
     # A weight that hardly presses is hardly damped: at any one instant it still trembles, by under a micrometre.
     weight = np.mean([rollouts.forces[0].sum(0) for rollouts in ended], 0)

@@ -81,6 +81,7 @@ def test_between_short_windows_a_pull_catches_the_cloth_and_nothing_counts(swung
     assert late_error(SHORT_WINDOWS, CATCHING) < 0.5 * late_error(None, 0.0)
 
 
+@pytest.mark.slow
 def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)

@@ -288,7 +288,7 @@ def export_takes(
     Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
     from formats.archive import read_with_report
-    from formats.errors import HangtimeError, OutputError, TakeError
+    from formats.errors import HangtimeError, TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
@@ -304,21 +304,18 @@ def export_takes(
         refuse_the_same_name(targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
-        for path in paths:
-            if paths.count(path) > 1:
-                raise OutputError("would come twice into one table", where=path, advice="name each take once")
         _refuse_a_target(out, paths, overwrite=overwrite)
-        read: dict[Path, tuple[Take, TakeReport]] = {}
+        read: list[tuple[Path, Take, TakeReport]] = []
         for path in paths:
             try:
-                read[path] = read_with_report(path)
+                read.append((path, *read_with_report(path)))
             except TakeError as error:
                 lost[path] = error
         if read:
-            write_parquet(out, [take for take, _ in read.values()], overwrite=overwrite)
-            lacking = {str(path): words for path, one in read.items() if (words := _lacks(*one))}
+            write_parquet(out, [take for _, take, _ in read], overwrite=overwrite)
+            lacking = {str(path): words for path, take, report in read if (words := _lacks(take, report))}
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-            doubted = {str(path): found for path, (take, _) in read.items() if (found := doubts_of(take))}
+            doubted = {str(path): found for path, take, _ in read if (found := doubts_of(take))}
             told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
             tell(
                 f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),

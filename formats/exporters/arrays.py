@@ -58,9 +58,8 @@ def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) 
     ids = [take.take_id for take in takes]
     twice = sorted({one for one in ids if ids.count(one) > 1})
     if twice:
-        raise TakeError(
-            f"two takes have the id {twice[0]!r}", where=path, advice="write one of them to a file of its own"
-        )
+        advice = "name each take once, and write another one of this id to a file of its own"
+        raise TakeError(f"two takes have the id {twice[0]!r}", where=path, advice=advice)
     table = pa.concat_tables([pa.table(_rows(take, pa)) for take in takes])
     stream = io.BytesIO()
     pq.write_table(table, stream, compression="zstd")

@@ -141,7 +141,7 @@ def test_points_on_a_clock_that_is_not_the_hangers_say_nothing_of_the_cloth():
     foreign = SimpleNamespace(is_of_hanger=False, explained=0.64)
     gate = gate_of("clocks", [recorded(), recorded(timing=foreign)])
     assert not gate.passed
-    assert "at best 64 %" in gate.sentence
+    assert "(best: 64 %)" in gate.sentence
     assert gate_of("clocks", [recorded(timing=SimpleNamespace(is_of_hanger=True, explained=0.98))]).passed
 
 

@@ -63,8 +63,9 @@ def import_recordings(
     ] = None,
     decimal: Annotated[
         DecimalSign | None,
-        typer.Option("--decimal", help="Sign before the decimals of a text; the other one is between thousands.",
-                     show_default="as the file shows"),
+        typer.Option("--decimal", show_default="as the file shows",
+                     help="Sign before the decimals of a text; the other one is between thousands. Needed where "
+                     "numbers have both signs, or where 1,234 may be 1234 or 1.234; the import then asks for it."),
     ] = None,
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")

@@ -137,3 +137,15 @@ def test_the_command_takes_the_option_for_text_alone(tmp_path):
     assert "is not one of" in hangtime_here("import", "m.tsv", *words, ";", folder=tmp_path).stderr
     with pytest.raises(TakeError, match="--decimal: no sign is named ';'; give comma or point"):
         read_marker_tracks(tmp_path / "m.tsv", decimal=";")
+
+
+@pytest.mark.parametrize(
+    "write", [lambda value: f"{value:,.0f}", lambda value: f"{value:,.1f}"], ids=["1,234-alone", "both-signs"]
+)
+def test_the_help_says_where_the_option_is_needed_and_there_the_import_asks_for_it(tmp_path, write):
+    shown = " ".join(hangtime_here("import", "--help", folder=tmp_path).stdout.split())
+    needed = "Needed where numbers have both signs, or where 1,234 may be 1234 or 1.234; the import then asks for it."
+    assert needed in shown
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    (tmp_path / "m.tsv").write_text(table(write)[0])
+    assert SAY_WHICH in hangtime_here("import", "m.tsv", "--garment", "g.toml", folder=tmp_path).stderr

@@ -25,17 +25,22 @@ WITHOUT_PROSE = re.compile(r"(?: {4,}|.*\S {3,}\S|\s*\|)")  # an equation, a row
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    for node in ast.walk(tree):
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
             if text:
                 yield node.body[0].lineno, text
+        waiting += (one for one in ast.iter_child_nodes(node) if not isinstance(one, ast.expr))  # they hold none
 
 
 def comments(source: str) -> Iterator[tuple[int, str]]:
     """Lines of comments that follow each other are one text; a comment behind code is a text of its own."""
     lines: list[str] = []
     begin = end = 0
+    if "#" not in source:
+        return
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type != tokenize.COMMENT:
             continue
@@ -71,6 +76,7 @@ def test_no_sentence_of_docstrings_and_comments_is_long_or_has_a_clause_as_its_s
 def test_a_long_docstring_a_long_comment_and_a_clause_are_found_and_an_equation_is_not() -> None:
     long = " ".join(["word"] * 26) + "."
     source = f'"""A module.\n\n{long}\n\n    {long}\n"""\nA = 1  # What is cut\n# {long[:65]}\n# {long[65:]}\n'
+    source += f'if A:\n    def go():\n        """{long}"""\n'
     assert [fault.split(":")[0] for fault in faults_written(source)] == [
-        "line 1, 26 words", "line 7, 3 words", "line 8, 26 words",
+        "line 1, 26 words", "line 12, 26 words", "line 7, 3 words", "line 8, 26 words",
     ]  # fmt: skip

@@ -71,6 +71,8 @@ NEEDS_FINER = ("swung swatch, mesh doubled and step halved",)  # than 50 mm
 
 # `test_cloth.py` has a quicker test of meshes that converge, `test_patterns.py` of a sheet on the bias.
 SLOW = (
+    "second swing",
+    "force of a load beside its own weight",
     "swung swatch, mesh doubled and step halved",
     "force of a bias extension",
     "energy over 10 s, no damping",

@@ -79,7 +79,7 @@ def test_the_result_does_not_depend_on_the_batch_width(name):
         assert np.array_equal(search.best_history, searches[0].best_history)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
 @pytest.mark.parametrize("budget", [119, 120, 121])
 def test_the_draws_of_tempering_do_not_depend_on_the_batch_width(seed, budget):
     """The first half of the budget ends within a sweep: 60 lies in the eighth, of candidates 57 to 64."""

@@ -155,8 +155,8 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
 def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
     """Write a take with rig and garment beside it, and tell of it."""
     from formats.archive import write_take
+    from formats.fault_words import doubts_of
     from formats.judgement import judge
-    from formats.missing import doubts_of
     from formats.outputs import check_description, unwritable
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points

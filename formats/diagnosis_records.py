@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from formats.fit_records import CameraFinding, FitParameter, Interval
+from formats.fit_records import CameraFinding, FitParameter, Interval, TakeState
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -186,3 +186,4 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     alternatives: dict[str, list[str]] = {}
     take_contents: list[str] = []  # sha256 of the content of each take fitted to
     camera: list[CameraFinding] = []
+    take_states: list[TakeState] = []  # of the takes fitted to, then of those held out

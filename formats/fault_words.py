@@ -1,16 +1,60 @@
-"""Words for what a take lacks and for what does not hold in its file."""
+"""The state of a take as one record, and words for what it lacks and for what does not hold in its file."""
 
 from __future__ import annotations
 
-from formats.missing import missing_words
+from typing import Literal
+
+from formats.fit_records import TakeState
+from formats.missing import DOUBTS, missing_words, noted_doubts
 from formats.plain_text import counted
 from formats.take import Take
 from formats.take_report import TakeReport
 
-TOO_LARGE = "too large"  # the word for a take of which blocks need more memory than one file may take
+TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
 EARLIER = "said of an earlier file: "
 RECOVERS_EACH = f"{RECOVERS} of each take"
+
+
+def state_of_take(take: Take) -> TakeState:
+    """Return the one record of a take's state that every command tells; of a take without a file what it says itself.
+
+    Takes of which only some frames are used keep the state of their file.
+    """
+    report = take.report
+    if report is None:
+        return TakeState(
+            take_id=take.take_id, state="sound" if take.is_complete else "incomplete", is_complete=take.is_complete,
+            missing=missing_words(take), missing_frames=0 if take.is_complete else None, missing_scans=0,
+            unread_blocks=0, damaged_blocks=0, other_blocks=0, other_takes=0, trailing_bytes=0, doubts=[],
+            earlier_doubts=noted_doubts(take.notes),
+        )  # fmt: skip
+    return TakeState(
+        take_id=take.take_id, state=state_of(report), is_complete=take.is_complete, missing=missing_words(take),
+        missing_frames=report.missing_frames, missing_scans=report.missing_scans, unread_blocks=report.unread_blocks,
+        damaged_blocks=report.damaged_blocks, other_blocks=report.other_blocks, other_takes=report.other_takes,
+        trailing_bytes=report.trailing_bytes, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
+    )  # fmt: skip
+
+
+def doubts_of(take: Take) -> list[str]:
+    """Return sentences about everything that does not hold of a take, but for missing frames; none of most takes."""
+    found = [take.notes[name] for name in DOUBTS if name in take.notes]
+    if (report := take.report) is None:
+        return found
+    if report.damaged_blocks:
+        is_one = report.damaged_blocks == 1
+        found.append(f"{counted(report.damaged_blocks, 'block')} of its file {'is' if is_one else 'are'} damaged")
+    if report.missing_scans:
+        found.append(f"it lacks {lost_scans(report)}")
+    if report.unread_blocks:
+        found.append(unread(report))
+    if report.other_blocks:
+        blocks = counted(report.other_blocks, "block")
+        found.append(f"{blocks} of other takes in its file are left out; `hangtime takes recover` saves each take")
+    if report.trailing_bytes:
+        found.append(behind(report))
+    return found
 
 
 def faults(take: Take, report: TakeReport) -> list[str]:
@@ -58,7 +102,7 @@ def lost_scans(report: TakeReport) -> str:
     return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
 
 
-def state_of(report: TakeReport) -> str:
+def state_of(report: TakeReport) -> Literal["sound", "incomplete", "damaged", "too large"]:
     """Return one word for a take: sound, incomplete, damaged, or too large."""
     if report.unread_blocks and not report.is_damaged:
         return TOO_LARGE

@@ -107,6 +107,34 @@ class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     is_left: bool = False
 
 
+class TakeState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The state of a take as its file shows it: whole or not, and everything that does not hold.
+
+    - `state`: damaged where something does not hold; too large where blocks need more memory than one file may take
+    - `missing`: the missing seconds in words, '' where none is
+    - `missing_frames`: None where the end of the take is not known
+    - `unread_blocks`: that need too much memory, which is no damage
+    - `other_blocks`, `other_takes`: blocks of other takes in the same file, and how many takes these are
+    - `trailing_bytes`: that follow the end of the take
+    - `doubts`: sentences about what the file says and what cannot be
+    - `earlier_doubts`: the same of an earlier file or of the import, '' without any
+    """
+
+    take_id: str
+    state: Literal["sound", "incomplete", "damaged", "too large"]
+    is_complete: bool
+    missing: str
+    missing_frames: int | None
+    missing_scans: int
+    unread_blocks: int
+    damaged_blocks: int
+    other_blocks: int
+    other_takes: int
+    trailing_bytes: int
+    doubts: list[str]
+    earlier_doubts: str
+
+
 class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The result of a fit."""
 
@@ -135,6 +163,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     garment_content: str = ""  # sha256 of its description
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []
+    take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
 
     @property
     def label(self) -> str:

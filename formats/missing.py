@@ -1,4 +1,4 @@
-"""Say in words which seconds of a take are missing, and what else is doubtful about it.
+"""Say in words which seconds of a take are missing, and which of its notes doubt it.
 
 Seconds in every sentence about a take count from `origin_of`, the take's first frame. That frame may show the points,
 the hanger or both.
@@ -7,10 +7,10 @@ the hanger or both.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from formats.plain_text import counted
-from formats.take import Span, Take
+from formats.take import Take
+from formats.take_report import Span
 
 MOST_SPANS = 5  # that one sentence lists
 DOUBTS = ("clock", "file")  # notes in which an import doubts clocks, or the number of frames
@@ -50,13 +50,9 @@ def incomplete_words(take: Take) -> str:
     return f"is incomplete; missing: {missing_words(take) or 'its end was never written'}"
 
 
-def doubts_of(take: Take) -> list[str]:
-    """Return sentences about what makes a take doubtful though nothing of it is missing; none of most takes."""
-    doubts = [take.notes[name] for name in DOUBTS if name in take.notes]
-    if take.other_blocks:
-        found = counted(take.other_blocks, "block")
-        doubts.append(f"{found} of other takes in its file are left out; `hangtime takes recover` saves each take")
-    return doubts
+def noted_doubts(notes: Mapping[str, str]) -> str:
+    """Return the notes of a take that doubt it, as one text; '' without any."""
+    return "; ".join(notes[name] for name in DOUBTS if notes.get(name))
 
 
 def _span(begin: float, end: float) -> str:

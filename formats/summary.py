@@ -8,8 +8,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from formats.fault_words import state_of_take
 from formats.garment import PointKind
-from formats.missing import DOUBTS, missing_words
+from formats.missing import DOUBTS
 from formats.motion import kind_of
 from formats.plain_text import counted, plain
 from formats.rig import Calibration
@@ -38,7 +39,7 @@ POINT_WORDS: dict[PointKind, str] = {
 
 
 def summarise(take: Take) -> dict[str, Any]:
-    """Return a take's figures as plain numbers and text."""
+    """Return a take's state and its figures as plain numbers and text."""
     frames = len(take.time)
     duration = float(take.time[-1] - take.time[0])
     pictures, sights = shows_points(take), shows_hanger(take)
@@ -58,10 +59,8 @@ def summarise(take: Take) -> dict[str, Any]:
         )
     swing = np.ptp(take.held[take.held_valid.all(1)], axis=0).max(0) if take.held_valid.all(1).any() else np.zeros(3)
     return {
-        "take_id": take.take_id,
+        **msgspec.to_builtins(state_of_take(take)),
         "created": take.created,
-        "is_complete": take.is_complete,
-        "missing": missing_words(take),
         "missing_s": [list(span) for span in take.missing],
         "frames": frames,
         "duration_s": round(duration, 3),

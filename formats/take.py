@@ -11,8 +11,7 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan
-
-Span = tuple[float, float]
+from formats.take_report import Span, TakeReport
 
 LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led across: half a swing
 
@@ -38,7 +37,7 @@ class Take:
     - `is_complete`: the recording was finished and every frame of it is here
     - `missing` [s]: spans of the sensor's clock without frames, lost by damage or an interruption. Each goes from the
       last frame before to the first one after; -inf and inf where the beginning or the end is not known
-    - `other_blocks`: blocks of other takes in the same file, which are not part of this one
+    - `report`: on the file that it was read from; None of a take that was never in a file
     """
 
     take_id: str
@@ -63,7 +62,7 @@ class Take:
     notes: dict[str, str] = field(default_factory=dict)
     is_complete: bool = True
     missing: tuple[Span, ...] = ()
-    other_blocks: int = 0
+    report: TakeReport | None = None
 
 
 class FrameState:

@@ -12,8 +12,8 @@ from formats.blocks import LATEST, TICKS
 from formats.plain_text import counted
 from formats.sound_blocks import is_number
 from formats.surface import SurfaceScan
-from formats.take import Span
 from formats.take_messages import Message
+from formats.take_report import Span
 from formats.take_writer import BLOCK_SECONDS
 
 

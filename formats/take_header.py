@@ -14,7 +14,7 @@ from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
-from formats.take import Span
+from formats.take_report import Span
 from formats.take_writer import PROFILE, VERSION
 from formats.wrong_fields import wrong_field
 

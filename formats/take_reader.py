@@ -9,6 +9,7 @@ from typing import Any
 
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
 from formats.errors import TakeError
+from formats.missing import noted_doubts
 from formats.plain_text import counted
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
 from formats.system_causes import step_to_read
@@ -203,18 +204,18 @@ class _Archive:
         notes = dict(words.notes)
         if doubts:  # a file that is written of this take keeps them, beside those of an import
             notes["file"] = "; ".join(filter(None, [notes.get("file"), *doubts]))
-        take = Take(
-            take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
-            notes=notes, other_blocks=other_blocks, is_complete=is_complete and not earlier,
-            missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
-        )  # fmt: skip
-        return take, TakeReport(
-            frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
+        report = TakeReport(
+            frames=len(columns["time"]), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
             earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
-            earlier_doubts=words.notes.get("file", ""),
+            earlier_doubts=noted_doubts(words.notes),
         )  # fmt: skip
+        return Take(
+            take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
+            notes=notes, is_complete=is_complete and not earlier, report=report,
+            missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
+        ), report  # fmt: skip
 
 
 def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> TakeError:

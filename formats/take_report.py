@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from formats.take import Span
+Span = tuple[float, float]  # s of the sensor's clock: begin, end
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class TakeReport:
     - `other_takes`: to which these belong
     - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
-    - `earlier_doubts`: those that its notes keep, of an earlier file of this take; '' without any
+    - `earlier_doubts`: those that its notes keep, of an earlier file of this take or of its import; '' without any
     """
 
     frames: int

@@ -43,11 +43,12 @@ def list_takes(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with takes; those below it are listed too.")],
 ) -> None:
     """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
+    from msgspec import to_builtins
+
     from formats.archive import read_with_report
     from formats.errors import TakeError
-    from formats.fault_words import RECOVERS_EACH, faults, lost_scans, state_of
+    from formats.fault_words import RECOVERS_EACH, faults, state_of_take
     from formats.files_below import files_below
-    from formats.missing import missing_words
     from formats.motion import kind_of
     from formats.plain_text import counted, plain
     from formats.system_causes import step_to_read
@@ -73,18 +74,16 @@ def list_takes(
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        state = state_of(report)
-        lost = " and ".join(filter(None, [missing_words(take), lost_scans(report) if report.missing_scans else ""]))
+        state = state_of_take(take)
         damaged = [f"{counted(report.damaged_blocks, 'block')} damaged"] if report.damaged_blocks else []
         rest = "".join(f"; {fault}" for fault in [*damaged, *faults(take, report)])
         rest += f"; {RECOVERS_EACH}" if report.other_takes else ""
         tell_entry(
             "takes",
-            f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
+            f"{state.state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
             f"{plain(take.garment.name)}, {plain(take.created)}{rest}",
-            file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
-            created=take.created, is_complete=take.is_complete, missing=lost, other_takes=report.other_takes,
-            damaged_blocks=report.damaged_blocks, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
+            file=str(path), duration_s=length, motion=kind_of(take), garment=take.garment.name, created=take.created,
+            **to_builtins(state),
         )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
@@ -113,11 +112,7 @@ def show_take(
     lost += f"\ndamaged   {counted(report.damaged_blocks, 'block')}; {RECOVERS}" if report.damaged_blocks else ""
     lost += f"\nother     {of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     lost += f"\nbehind    {behind(report)}" if report.trailing_bytes else ""
-    tell(
-        f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans,
-        unread_blocks=report.unread_blocks, other_takes=report.other_takes, damaged_blocks=report.damaged_blocks,
-        trailing_bytes=report.trailing_bytes, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
-    )  # fmt: skip
+    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary)
     if plot is not None:
         refuse_an_input(plot, [path])
         if not overwrite:
@@ -127,10 +122,11 @@ def show_take(
 
 def verify_takes(paths: Takes) -> None:
     """Read takes whole, checksums and all. Exit code 0: all sound; 2: at least one is damaged or incomplete."""
+    from msgspec import to_builtins
+
     from formats.archive import read_with_report
     from formats.errors import TakeError
-    from formats.fault_words import RECOVERS, RECOVERS_EACH, faults, state_of
-    from formats.missing import missing_words
+    from formats.fault_words import RECOVERS, RECOVERS_EACH, faults, state_of_take
     from formats.plain_text import counted, plain
 
     all_sound = True
@@ -143,18 +139,13 @@ def verify_takes(paths: Takes) -> None:
             continue
         rest = f", {report.damaged_blocks} damaged" if report.damaged_blocks else ""
         rest += "".join(f"; {fault}" for fault in faults(take, report))
-        word = state_of(report)
-        if word in ("damaged", "incomplete"):
+        state = state_of_take(take)
+        if state.state in ("damaged", "incomplete"):
             rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
         held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
         tell_entry(
-            "takes", f"{word:<11} {plain(path)}: {held}{rest}",
-            file=str(path), state=word, frames=report.frames, blocks=report.blocks,
-            damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
-            missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes,
-            other_blocks=report.other_blocks, other_takes=report.other_takes, unread_blocks=report.unread_blocks,
-            is_complete=take.is_complete, missing=missing_words(take), doubts=list(report.doubts),
-            earlier_doubts=report.earlier_doubts,
+            "takes", f"{state.state:<11} {plain(path)}: {held}{rest}", file=str(path), frames=report.frames,
+            blocks=report.blocks, **to_builtins(state),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -287,12 +278,15 @@ def export_takes(
 
     Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
-    from formats.archive import read_with_report
+    from msgspec import to_builtins
+
+    from formats.archive import read_take
     from formats.errors import HangtimeError, TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
-    from formats.missing import doubts_of, missing_words
+    from formats.fault_words import doubts_of, state_of_take
+    from formats.missing import incomplete_words
     from formats.outputs import output_folder
     from formats.plain_text import counted, plain
 
@@ -305,17 +299,17 @@ def export_takes(
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
         _refuse_a_target(out, paths, overwrite=overwrite)
-        read: list[tuple[Path, Take, TakeReport]] = []
+        read: list[tuple[Path, Take]] = []
         for path in paths:
             try:
-                read.append((path, *read_with_report(path)))
+                read.append((path, read_take(path)))
             except TakeError as error:
                 lost[path] = error
         if read:
-            write_parquet(out, [take for _, take, _ in read], overwrite=overwrite)
-            lacking = {str(path): words for path, take, report in read if (words := _lacks(take, report))}
+            write_parquet(out, [take for _, take in read], overwrite=overwrite)
+            lacking = {str(path): words for path, take in read if (words := incomplete_words(take))}
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-            doubted = {str(path): found for path, take, _ in read if (found := doubts_of(take))}
+            doubted = {str(path): found for path, take in read if (found := doubts_of(take))}
             told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
             tell(
                 f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
@@ -327,18 +321,17 @@ def export_takes(
         for path, target in zip(paths, targets, strict=True):
             try:
                 _refuse_a_target(target, paths, overwrite=overwrite)
-                take, report = read_with_report(path)
+                take = read_take(path)
                 moved = writers[to](target, take, overwrite=overwrite)
             except HangtimeError as error:
                 lost[path] = error
                 continue
-            told, doubts = f"; {moved}" if moved else "", doubts_of(take)
-            told += f"; the take {words}" if (words := _lacks(take, report)) else ""
-            told += "".join(f"; {doubt}" for doubt in doubts)
+            told = f"; {moved}" if moved else ""
+            told += f"; the take {words}" if (words := incomplete_words(take)) else ""
+            told += "".join(f"; {doubt}" for doubt in doubts_of(take))
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
-                is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
-                doubts=doubts, moved=moved or None,
+                moved=moved or None, **to_builtins(state_of_take(take)),
             )  # fmt: skip
         end_with(lost, len(paths))
 
@@ -356,12 +349,3 @@ def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:
         tell_entry("lost", f"{_state_after(error)}: {error}", file=str(path), error=str(error))
     if lost:
         raise typer.Exit(2)
-
-
-def _lacks(take: Take, report: TakeReport) -> str:
-    """Return a sentence about the missing parts of a take; nothing of a whole one."""
-    from formats.fault_words import lost_scans
-    from formats.missing import incomplete_words
-
-    scans = f"lacks {lost_scans(report)}" if report.missing_scans else ""
-    return " and ".join(filter(None, [incomplete_words(take), scans]))

@@ -14,7 +14,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from fit.identification.request import Plan
-from fit.recordings.intact import incomplete_notes
+from fit.recordings.intact import flaw_notes
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
@@ -68,7 +68,7 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
             except (ResultError, BatchError) as error:
                 state, sentence = "refused", f"its result cannot be read: {error}"
         if result is not None:
-            sentence = " ".join([sentence, *incomplete_notes(result.notes)]).strip()
+            sentence = " ".join([sentence, *flaw_notes(result.notes)]).strip()
         rows.append(Row(take=take, key=key, state=state, sentence=sentence, result=result))
     return rows
 

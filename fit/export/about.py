@@ -6,7 +6,7 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
-from fit.recordings.intact import describe_flaws, incomplete_notes
+from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
 from formats.plain_text import plain
@@ -28,7 +28,7 @@ def provenance(result: FitResult) -> dict[str, Any]:
         "take_sha256": list(result.take_contents),
         "held_out_takes": list(result.held_out_ids),
         "mean_error_m": error.mean_m,
-        "incomplete_takes": incomplete_notes(result.notes),
+        "take_warnings": flaw_notes(result.notes),
         "error_is_held_out": result.error.held_out_after is not None,
     }
 
@@ -60,8 +60,8 @@ def origin_lines(result: FitResult) -> list[str]:
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return a sentence for each incomplete take, and for each number that is not what it looks like."""
-    lines = [plain(note) for note in incomplete_notes(result.notes)]
+    """Return a sentence for each flaw of a take, and for each number that is not what it looks like."""
+    lines = [plain(note) for note in flaw_notes(result.notes)]
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_told:
@@ -79,7 +79,7 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
 
 
 def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
-    """Say what is odd about a take whose garment moves: it is of another garment, or incomplete."""
+    """Say what is odd about a take whose garment moves: it is of another garment, incomplete, damaged or doubted."""
     if take is None:
         return []
     other = other_garment(result, take)

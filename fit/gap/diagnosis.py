@@ -39,6 +39,7 @@ from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.runtime import one_thread_of_algebra
 from formats.diagnosis_records import Cost, Diagnosis
+from formats.fault_words import state_of_take
 from formats.take import Take
 
 Progress = Callable[[str, float], None]
@@ -185,6 +186,7 @@ def diagnose(
         alternatives=verdict.alternatives,
         take_contents=takes.contents,
         camera=camera,
+        take_states=[state_of_take(take) for take in (*training, *held_out)],
     )
     progress("done", 1.0)
     return Findings(

@@ -47,6 +47,7 @@ from fit.search.intervals import Intervals, check_blocks, draw_intervals
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.arrays import Floats
+from formats.fault_words import state_of_take
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.fit_records import FitError as FitErrors
 from formats.impossible_points import describe_impossible
@@ -214,7 +215,10 @@ def calibrate(
     found = run(model, request, saved, progress)
     result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
-        result, notes=[*result.notes, *describe_flaws([*training, *held_out])], camera=describe_camera(train + test)
+        result,
+        notes=[*result.notes, *describe_flaws([*training, *held_out])],
+        camera=describe_camera(train + test),
+        take_states=[state_of_take(take) for take in (*training, *held_out)],
     )
 
 

@@ -19,7 +19,8 @@ from itertools import pairwise
 import numpy as np
 
 from formats.arrays import Floats
-from formats.missing import doubts_of, listed, missing_words, origin_of, span_words
+from formats.fault_words import doubts_of
+from formats.missing import listed, missing_words, origin_of, span_words
 from formats.motion import STILL_MOTION
 from formats.sights import SETTLING
 from formats.take import LONGEST_GAP, Take
@@ -31,7 +32,7 @@ FRAME_FIELDS = (
 )  # fmt: skip
 
 
-IS_INCOMPLETE = "is incomplete ("  # of every note that `describe_missing` gives
+OF_A_TAKE = "Warning: the take "  # begins every note that `describe_flaws` gives
 
 
 def stretches(take: Take) -> list[slice]:
@@ -114,7 +115,7 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
             continue
         used = intact_part(take)
         words = missing_words(take) or "its end was never written"
-        note = f"Warning: the take {take.take_id} {IS_INCOMPLETE}{len(take.time)} frames are left; missing: {words})"
+        note = f"{OF_A_TAKE}{take.take_id} is incomplete ({len(take.time)} frames are left; missing: {words})"
         parts, origin = stretches(used), origin_of(take)
         if len(parts) > 1 or len(used.time) < len(take.time):
             spans = [span_words(used.time[p.start] - origin, used.time[p.stop - 1] - origin) for p in parts]
@@ -128,18 +129,18 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
 
 
 def describe_doubts(takes: Sequence[Take]) -> list[str]:
-    """Return a warning for everything that makes a take doubtful though nothing of it is missing."""
-    return [f"Warning: the take {take.take_id}: {doubt}." for take in takes for doubt in doubts_of(take)]
+    """Return a warning for everything that does not hold of a take, but for its missing frames."""
+    return [f"{OF_A_TAKE}{take.take_id}: {doubt}." for take in takes for doubt in doubts_of(take)]
 
 
 def describe_flaws(takes: Sequence[Take]) -> list[str]:
-    """Return the warnings about takes: of missing parts, then of doubts."""
+    """Return the warnings about takes: of missing parts, then of all else that does not hold."""
     return describe_missing(takes) + describe_doubts(takes)
 
 
-def incomplete_notes(notes: Sequence[str]) -> list[str]:
-    """Return those notes of a result that say that a take is incomplete."""
-    return [note for note in notes if IS_INCOMPLETE in note]
+def flaw_notes(notes: Sequence[str]) -> list[str]:
+    """Return those notes of a result that `describe_flaws` gave: of missing parts, damage and doubts of its takes."""
+    return [note for note in notes if note.startswith(OF_A_TAKE)]
 
 
 def _rows_of(used: Take, take: Take) -> slice:

@@ -11,7 +11,7 @@ import msgspec
 from markupsafe import Markup
 
 from fit.errors import FitError
-from fit.recordings.intact import describe_doubts, incomplete_notes
+from fit.recordings.intact import describe_doubts, flaw_notes
 from fit.report.again import one_of, results_in
 from fit.report.page import packaged
 from fit.report.tables import row_of, table
@@ -92,7 +92,7 @@ def compare(paths: Sequence[Path]) -> SideBySide:
         {"file": str(path)} | (summarise(one) if isinstance(one, Take) else msgspec.to_builtins(one))
         for path, one in zip(paths, found, strict=True)
     )
-    remarks = [note for one in found if isinstance(one, FitResult | Diagnosis) for note in incomplete_notes(one.notes)]
+    remarks = [note for one in found if isinstance(one, FitResult | Diagnosis) for note in flaw_notes(one.notes)]
     remarks += describe_doubts([one for one in found if isinstance(one, Take)])
     left_out = [text for path in paths if path.is_dir() and (text := results_in(path).left_out)]
     kinds = f"{kind}s" if kind != "diagnosis" else "diagnoses"

@@ -13,10 +13,11 @@ import pytest
 
 from fit.export.about import remarks_on_take
 from fit.export.kinds import EXPORT_KINDS, Order
-from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_missing
+from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_flaws, describe_missing
 from fit.virtual_tests.sheet import sheet_of
 from formats.archive import read_take, write_take
-from formats.results import save_fit_result
+from formats.fault_words import state_of_take
+from formats.results import load_fit_result, save_fit_result
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
 from tests.formats.damage import chunks_of
@@ -115,7 +116,7 @@ def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp
     (tmp_path / "both.mcap").write_bytes(alone + other)
     joined = read_take(tmp_path / "both.mcap")
     beside = "Warning: the take a: 5 blocks of other takes in its file are left out; `hangtime takes"
-    assert [doubt.startswith(beside) for doubt in describe_doubts([joined, a_take()])] == [True]
+    assert [doubt.startswith(beside) for doubt in describe_doubts([joined, a_take()])] == [True, False]
     doubted = replace(a_take(), notes={"clock": "its clocks differ", "who": "me", "file": "lacks frames"})
     assert describe_doubts([doubted]) == [
         "Warning: the take a: its clocks differ.", "Warning: the take a: lacks frames."
@@ -125,6 +126,72 @@ def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp
     told = hangtime_here("takes", "export", "both.mcap", "b.mcap", "--to", "csv", "--out", ".", folder=tmp_path).stdout
     assert told.splitlines() == [
         "both.csv: 150 frames; 5 blocks of other takes in its file are left out; "
-        "`hangtime takes recover` saves each take",
+        f"`hangtime takes recover` saves each take; {len(other)} bytes follow its end",
         "b.csv: 150 frames",
     ]
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """Takes that another one follows, that ten bytes follow, without a block of 31 frames, and that its import doubts.
+
+    Beside each lies a folder with a fit to it.
+    """
+    folder = tmp_path_factory.mktemp("odd")
+    alone = write_take(folder / "sound.mcap", a_take()).read_bytes()
+    other = write_take(folder / "other.mcap", replace(a_take(), take_id="b")).read_bytes()
+    broken, third = bytearray(alone), next(at for at, _, told in chunks_of(alone) if told.get("first") == 62)
+    broken[third + 200] ^= 1
+    (folder / "other.mcap").unlink()
+    for name, raw in {"joined": alone + other, "behind": alone + b"ten bytes!", "broken": bytes(broken)}.items():
+        (folder / f"{name}.mcap").write_bytes(raw)
+    write_take(folder / "doubted.mcap", replace(a_take(), notes={"file": "line 406 may be cut off"}))
+    for path in folder.glob("*.mcap"):
+        take = read_take(path)
+        fit = msgspec.structs.replace(
+            a_fit(), notes=["Another.", *describe_flaws([take])], take_states=[state_of_take(take)]
+        )
+        save_fit_result(folder / path.stem / "fit.json", fit)
+    return folder
+
+
+NOT_HOLDING = {
+    "joined": ["5 blocks of other takes in its file are left out; `hangtime takes recover` saves each take",
+               "{behind} bytes follow its end"],
+    "behind": ["10 bytes follow its end"],
+    "broken": ["1 block of its file is damaged"],
+    "doubted": ["line 406 may be cut off"],
+    "sound": [],
+}  # fmt: skip
+
+
+def test_every_command_tells_the_same_state_of_a_take(odd):
+    names = [f"{name}.mcap" for name in sorted(NOT_HOLDING)]
+    told = {
+        words: json.loads(hangtime_here(*words.split(), *given, "--json", folder=odd).stdout)
+        for words, given in {"compare": names, "takes list": ["."], "takes verify": names}.items()
+    }
+    shown = [json.loads(hangtime_here("takes", "show", name, "--json", folder=odd).stdout) for name in names]
+    states = [msgspec.to_builtins(state_of_take(read_take(odd / name))) for name in names]
+    assert [one["state"] for one in states] == ["damaged", "damaged", "sound", "damaged", "sound"]
+    of_fits = json.loads(hangtime_here("compare", *sorted(NOT_HOLDING), "--json", folder=odd).stdout)["compared"]
+    assert [fit["take_states"] for fit in of_fits] == [[state] for state in states]
+    for entries in (told["compare"]["compared"], told["takes list"]["takes"], told["takes verify"]["takes"], shown):
+        assert [{key: entry.get(key) for key in states[0]} for entry in entries] == states
+
+
+def test_takes_and_fits_side_by_side_and_exports_tell_everything_that_does_not_hold(odd):
+    bytes_behind = (odd / "joined.mcap").stat().st_size - (odd / "sound.mcap").stat().st_size
+    for name, doubts in NOT_HOLDING.items():
+        doubts = [doubt.format(behind=bytes_behind) for doubt in doubts]
+        takes = hangtime_here("compare", "sound.mcap", f"{name}.mcap", folder=odd).stderr.splitlines()
+        assert takes == [f"Warning: the take a: {doubt}." for doubt in doubts]
+        fits = hangtime_here("compare", "sound", name, folder=odd).stderr.splitlines()
+        assert fits[len(fits) - len(doubts) :] == [f"Warning: the take a: {doubt}." for doubt in doubts]
+        assert len(fits) == len(doubts) + (name == "broken")
+        exported = hangtime_here(
+            "takes", "export", f"{name}.mcap", "--to", "csv", "--out", "out", "--overwrite", folder=odd
+        ).stdout.rstrip("\n")
+        assert exported.endswith("".join(f"; {doubt}" for doubt in doubts) or " frames")
+        made = EXPORT_KINDS["csv"].make(Order(result=load_fit_result(odd / name / "fit.json")))
+        assert all(doubt in next(iter(made.values())).decode() for doubt in doubts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import replace
 
 import msgpack
 import numpy as np
@@ -12,12 +13,22 @@ import zstandard
 from formats.archive import take_of
 from formats.chunks import Findings, messages_in
 from formats.errors import TakeError
+from formats.take_report import TakeReport
 
 PAGE = 4096
 COLUMNS = (
     "time", "state", "quality", "pitch", "pitch_sd", "held", "markers", "points", "held_sd", "points_sd", "held_valid",
     "points_valid", "points_hidden",
 )  # fmt: skip
+
+
+def a_report(**found):
+    """The report on a sound file of one second, but for what is found in it."""
+    sound = TakeReport(
+        frames=30, blocks=1, scans=0, damaged_blocks=0, is_complete=True, missing_frames=0, missing_scans=0, spans=(),
+        earlier=(), trailing_bytes=0, other_blocks=0, other_takes=0, unread_blocks=0, doubts=(), earlier_doubts="",
+    )  # fmt: skip
+    return replace(sound, **found)
 
 
 def chunks_of(raw):

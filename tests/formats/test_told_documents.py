@@ -29,6 +29,7 @@ from tests.formats.test_marker_oddities import hanging
 def desk(tmp_path_factory):
     """Takes that are whole, cut off after 4.97 s, without a block of 31 frames, and without one of two scans; no take.
 
+    Ten bytes follow another one, and the notes of the last one doubt its clocks and its number of frames.
     Two recordings of others lie beside them: one of 30 frames in 0.29 s, of which marker 5 was never seen, and one
     whose hanger and points have clocks of their own.
     """
@@ -46,6 +47,10 @@ def desk(tmp_path_factory):
     scanned.write_bytes(damaged)
     (folder / "takes/e.mcap").write_bytes(b"no take")
     write_take(folder / "mended.mcap", read_take(folder / "takes/c.mcap"))
+    (folder / "odd").mkdir()
+    (folder / "odd/behind.mcap").write_bytes(raw + b"ten bytes!")
+    doubts = {"clock": "its clocks differ", "file": "line 406 may be cut off"}
+    write_take(folder / "odd/doubted.mcap", replace(a_take(), notes=doubts))
     places = hanging().positions.copy()
     places[:, 5] = np.nan
     write_marker_csv(folder / "m.csv", replace(hanging(), positions=places))
@@ -55,13 +60,19 @@ def desk(tmp_path_factory):
 
 
 AFTER, WITHIN = "from 4.97 s on", "2.03 to 3.10 s"
-LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z", "other_takes": 0,
-        "damaged_blocks": 0, "doubts": [], "earlier_doubts": ""}  # fmt: skip
-SOUND = {"state": "sound", "missing": "", "is_complete": True}
+BLOCK, SCAN = "1 block of its file is damaged", "it lacks 1 scan of the surface"
+SOUND = {"take_id": "a", "state": "sound", "is_complete": True, "missing": "", "missing_frames": 0, "missing_scans": 0,
+         "unread_blocks": 0, "damaged_blocks": 0, "other_blocks": 0, "other_takes": 0, "trailing_bytes": 0,
+         "doubts": [], "earlier_doubts": ""}  # fmt: skip
+CUT = {**SOUND, "state": "incomplete", "missing": AFTER, "missing_frames": None, "is_complete": False}
+HOLED = {**SOUND, "state": "damaged", "missing": WITHIN, "missing_frames": 31, "damaged_blocks": 1,
+         "is_complete": False}  # fmt: skip
+SCANNED = {**SOUND, "take_id": "d", "state": "damaged", "damaged_blocks": 1, "missing_scans": 1}
+BEHIND = {**SOUND, "state": "damaged", "trailing_bytes": 10}
+DOUBTED = {**SOUND, "earlier_doubts": "its clocks differ; line 406 may be cut off"}
+LIST = {"duration_s": 149 / 30, "motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z"}
 LOST = {"state": "lost", "error": ""}
-VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0,
-          "trailing_bytes": 0, "other_blocks": 0, "other_takes": 0, "unread_blocks": 0, "doubts": [],
-          "earlier_doubts": ""}  # fmt: skip
+VERIFY = {"frames": 150, "blocks": 5}
 
 # Findings about an imported recording, and what to do.
 WORDS = ("words", "advice")
@@ -76,26 +87,26 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
     ("words", "code", "entries"),
     [
         ("takes list takes", 2, {"takes": [
-            {"file": "takes/a.mcap", "duration_s": 149 / 30, **LIST, **SOUND},
-            {"file": "takes/b.mcap.partial", "duration_s": 149 / 30, **LIST, "state": "incomplete", "missing": AFTER,
-             "is_complete": False},
-            {"file": "takes/c.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged", "missing": WITHIN,
-             "damaged_blocks": 1, "is_complete": False},
-            {"file": "takes/d.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged",
-             "damaged_blocks": 1, "missing": "1 scan of the surface", "is_complete": True},
+            {"file": "takes/a.mcap", **LIST, **SOUND},
+            {"file": "takes/b.mcap.partial", **LIST, **CUT},
+            {"file": "takes/c.mcap", **LIST, **HOLED},
+            {"file": "takes/d.mcap", **LIST, **SCANNED},
             {"file": "takes/e.mcap", **LOST},
         ]}),
         ("takes verify takes/a.mcap takes/b.mcap.partial takes/c.mcap takes/d.mcap takes/e.mcap", 2, {"takes": [
             {"file": "takes/a.mcap", **VERIFY, **SOUND},
-            {"file": "takes/b.mcap.partial", **VERIFY, "missing_frames": None, "state": "incomplete", "missing": AFTER,
-             "is_complete": False},
-            {"file": "takes/c.mcap", **VERIFY, "blocks": 4, "frames": 119, "damaged_blocks": 1, "missing_frames": 31,
-             "state": "damaged", "missing": WITHIN, "is_complete": False},
-            {"file": "takes/d.mcap", **VERIFY, "damaged_blocks": 1, "missing_scans": 1, "state": "damaged",
-             "missing": "", "is_complete": True},
+            {"file": "takes/b.mcap.partial", **VERIFY, **CUT},
+            {"file": "takes/c.mcap", **VERIFY, **HOLED, "blocks": 4, "frames": 119},
+            {"file": "takes/d.mcap", **VERIFY, **SCANNED},
             {"file": "takes/e.mcap", **LOST},
         ]}),
         ("takes verify takes/a.mcap", 0, {"takes": [{"file": "takes/a.mcap", **VERIFY, **SOUND}]}),
+        ("takes list odd", 0, {"takes": [
+            {"file": "odd/behind.mcap", **LIST, **BEHIND}, {"file": "odd/doubted.mcap", **LIST, **DOUBTED},
+        ]}),
+        ("takes verify odd/behind.mcap odd/doubted.mcap", 2, {"takes": [
+            {"file": "odd/behind.mcap", **VERIFY, **BEHIND}, {"file": "odd/doubted.mcap", **VERIFY, **DOUBTED},
+        ]}),
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
             {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN,
              "lost_scans": 0, "doubts": [], "earlier_doubts": ""},
@@ -103,17 +114,14 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
              "lost_scans": 1, "doubts": [], "earlier_doubts": ""},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
-            {"file": "files/a.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 0, "doubts": [], "moved": None},
-            {"file": "files/c.csv", "frames": 119, "is_complete": False,
-             "missing": WITHIN, "missing_scans": 0, "doubts": [], "moved": None},
-            {"file": "files/d.csv", "frames": 150, "is_complete": True,
-             "missing": "", "missing_scans": 1, "doubts": [], "moved": None},
+            {"file": "files/a.csv", "frames": 150, "moved": None, **SOUND},
+            {"file": "files/c.csv", "frames": 119, "moved": None, **HOLED},
+            {"file": "files/d.csv", "frames": 150, "moved": None, **SCANNED},
         ]}),
         ("takes export takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
             "files": ["all.parquet"], "takes": 2, "incomplete": {
-                "takes/c.mcap": f"is incomplete; missing: {WITHIN}", "takes/d.mcap": "lacks 1 scan of the surface"},
-            "doubts": {},
+                "takes/c.mcap": f"is incomplete; missing: {WITHIN}"},
+            "doubts": {"takes/c.mcap": [BLOCK], "takes/d.mcap": [BLOCK, SCAN]},
         }),
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
             {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
@@ -182,14 +190,14 @@ HINT = "; `hangtime takes recover` makes a sound file"
             f"sound       mended.mcap: 119 frames in 4 blocks; an earlier file had lost {WITHIN}",
         ]),
         ("takes export takes/a.mcap takes/d.mcap --to npz --out npz", [
-            "npz/a.npz: 150 frames", "npz/d.npz: 150 frames; the take lacks 1 scan of the surface",
+            "npz/a.npz: 150 frames", f"npz/d.npz: 150 frames; {BLOCK}; {SCAN}",
         ]),
         ("takes export takes/c.mcap --to parquet --out one.parquet", [
-            "one.parquet: 1 take", f"takes/c.mcap is incomplete; missing: {WITHIN}",
+            "one.parquet: 1 take", f"takes/c.mcap is incomplete; missing: {WITHIN}", f"takes/c.mcap: {BLOCK}",
         ]),
         ("takes export takes/c.mcap takes/d.mcap --to parquet --out two.parquet", [
-            "two.parquet: 2 takes", f"takes/c.mcap is incomplete; missing: {WITHIN}",
-            "takes/d.mcap lacks 1 scan of the surface",
+            "two.parquet: 2 takes", f"takes/c.mcap is incomplete; missing: {WITHIN}", f"takes/c.mcap: {BLOCK}",
+            f"takes/d.mcap: {BLOCK}", f"takes/d.mcap: {SCAN}",
         ]),
         ("import m.csv --garment swatch.toml --out words", [
             "words/m.mcap: 30 frames, 0.3 s, its front looks along -y",

@@ -27,6 +27,7 @@ from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from tests.fit.gap.verdict_scene import signature
 from tests.fit.scenes import hung, material, shared, sheet, simulate_take, swing, take_of
+from tests.formats.damage import a_report
 
 FRAME = 1 / 30
 COARSE = Resolution(spacing=0.1)
@@ -350,9 +351,13 @@ def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_n
 
     monkeypatch.setattr(whole, "fit_base", unpredictable)
     takes = [a_take("a", "hem", 0.02), a_take("b", "hem", 0.02, hz=1.0, seed=1)]
-    takes[1] = dataclasses.replace(takes[1], other_blocks=1)
+    takes[1] = dataclasses.replace(takes[1], report=a_report(other_blocks=1, trailing_bytes=10))
     found = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=COARSE).diagnosis
     assert any(note.startswith("Warning: the take b: 1 block of other takes") for note in found.notes)
+    assert "Warning: the take b: 10 bytes follow its end." in found.notes
+    assert [(one.take_id, one.state, one.trailing_bytes) for one in found.take_states] == [
+        ("a", "sound", 0), ("b", "damaged", 10)
+    ]  # fmt: skip
     assert found.verdict != "inconclusive"
     assert next(g for g in found.gates if g.name == "predictability").passed
 

@@ -15,6 +15,7 @@ from fit.methods import SI
 from fit.recordings.recording import prepare
 from formats.fit_records import ErrorFigure, TrivialFigure
 from tests.fit.scenes import hung, material, sheet, simulate_take, take_of
+from tests.formats.damage import a_report
 
 
 def shaken(amplitude=0.01, hz=0.5, seconds=12.0):
@@ -77,9 +78,12 @@ def test_every_fit_has_both_beside_it():
     garment, (time, moved) = sheet(), shaken(amplitude=0.06, hz=0.7, seconds=2.5)
     row = material(garment, velocity_damping=2.0)
     takes = [simulate_take(garment, time, k * moved, row, noise=0.001, name=f"take-{k}") for k in (1, 0.7)]
-    takes[1] = dataclasses.replace(takes[1], other_blocks=1)
+    takes[1] = dataclasses.replace(takes[1], report=a_report(other_blocks=1, other_takes=1, trailing_bytes=10))
     result = calibrate(takes[:1], takes[1:], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
     assert any(note.startswith("Warning: the take take-0.7: 1 block of other takes") for note in result.notes)
+    assert "Warning: the take take-0.7: 10 bytes follow its end." in result.notes
+    states = [(one.take_id, one.state, one.trailing_bytes) for one in result.take_states]
+    assert states == [("take-1", "sound", 0), ("take-0.7", "damaged", 10)]
     assert [one.name for one in result.trivial] == ["vertical", "pendulum"]
     assert all(one.held_out is not None for one in result.trivial)
     assert set(result.trivial[1].parameters) == {"length_m", "damping_per_s"}

@@ -142,7 +142,7 @@ def batch_command(
     from fit.batch.ending import ending_of
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store
-    from fit.batch.summary import rows_of, sentence_of, write_summary
+    from fit.batch.summary import as_facts, rows_of, sentence_of, write_summary
     from fit.identification.request import Plan
     from formats.terminal import ProgressLine
 
@@ -189,8 +189,7 @@ def batch_command(
             say(f"{row.take}: {row.sentence}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     shown = str(place)
-    told = [{"take": row.take, "state": row.state, "sentence": row.sentence} for row in rows]
-    tell(f"{sentence_of(rows)}\nSummary: {shown}", summary=shown, takes=told)
+    tell(f"{sentence_of(rows)}\nSummary: {shown}", summary=shown, takes=as_facts(rows))
     if morning is not None:
         page = results.path("morning.html") or f"{results.url}/morning.html"
         for who, what in morning.needs:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+import msgspec
+
 from fit.batch.jobs import result_name
 from fit.batch.kept import kept
 from fit.batch.pages import render_page
@@ -84,6 +86,17 @@ def sentence_of(rows: Sequence[Row]) -> str:
     counts = Counter(row.state for row in rows)
     parts = [f"{counts[state]} {word}" for state, word in STATE_WORDS.items() if counts[state]]
     return f"{len(rows)} take{'s' if len(rows) != 1 else ''}: {', '.join(parts)}."
+
+
+def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:
+    """Return the outcome of every take as plain values, with the state of the take where it was fitted."""
+    return [
+        {
+            "take": row.take, "state": row.state, "sentence": row.sentence,
+            "take_states": msgspec.to_builtins(row.result.take_states) if row.result else [],
+        }
+        for row in rows
+    ]  # fmt: skip
 
 
 def as_csv(rows: Sequence[Row]) -> str:

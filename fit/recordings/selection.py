@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,7 +13,10 @@ from fit.errors import FitError
 from fit.recordings.copies import Track, are_copies
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
+from formats.plain_text import counted
 from formats.take import Take
+
+MOST_FIELDS = 2  # of a garment that one sentence names
 
 
 def content_of(take: Take) -> str:
@@ -29,6 +33,31 @@ def content_of_garment(garment: Garment) -> str:
     return hashlib.sha256(msgspec.json.encode(garment)).hexdigest()
 
 
+def _differences(one: Take, other: Take) -> str:
+    """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'`; of several fields two, and how many more."""
+    fields = [field.name for field in msgspec.structs.fields(Garment)]
+    found = []
+    for name in sorted(fields, key=lambda field: field != "name"):
+        here, there = (msgspec.to_builtins(getattr(take.garment, name)) for take in (one, other))
+        if here != there:
+            found.append(_first_difference(name, here, there, (one.take_id, other.take_id)))
+    rest = len(found) - MOST_FIELDS
+    return "; ".join(found[:MOST_FIELDS]) + (f"; and {counted(rest, 'more field')}" if rest > 0 else "")
+
+
+def _first_difference(place: str, one: Any, other: Any, ids: tuple[str, str]) -> str:
+    """Return the first place at which two plain values differ, and both values there."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        key = next(key for key in one if one[key] != other.get(key))
+        return _first_difference(f"{place}.{key}", one[key], other.get(key), ids)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        if len(one) != len(other):
+            return f"{place} has the length {len(one)} in {ids[0]!r} and {len(other)} in {ids[1]!r}"
+        k = next(k for k in range(len(one)) if one[k] != other[k])
+        return _first_difference(f"{place}[{k}]", one[k], other[k], ids)
+    return f"{place} is {one!r} in {ids[0]!r} and {other!r} in {ids[1]!r}"
+
+
 def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
     """Check that takes can be fitted to, and judged on, together, and return their contents, in their order.
 
@@ -41,10 +70,9 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
     for take in every[1:]:
         if take.garment != every[0].garment:
             raise FitError(
-                f"takes of different garments: {every[0].garment.name!r} and {take.garment.name!r}",
-                where=take.take_id,
-                advice="fit and diagnose one garment at a time",
-            )
+                f"takes of different garments: {_differences(every[0], take)}", where=take.take_id,
+                advice="fit and diagnose one garment at a time, and give all its takes one description",
+            )  # fmt: skip
     contents = [content_of(take) for take in every]
     tracks = [Track(take) for take in every]
     for place, take in enumerate(every):

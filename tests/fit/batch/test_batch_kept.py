@@ -14,14 +14,16 @@ from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_nam
 from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
 from fit.batch.runner import survey
 from fit.batch.store import open_store
-from fit.batch.summary import as_csv, as_html, rows_of
+from fit.batch.summary import as_csv, as_facts, as_html, rows_of
 from fit.batch.worker import Errand, run_errand
 from fit.errors import UnreachableError
 from fit.identification.request import Plan
-from fit.recordings.intact import describe_missing
+from fit.recordings.intact import describe_flaws
 from formats.archive import write_take
+from formats.fault_words import state_of_take
 from formats.results import result_bytes
 from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.formats.damage import a_report
 from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import a_take
 
@@ -173,15 +175,26 @@ def test_a_full_disk_is_waited_for_as_a_bucket_out_of_reach_is(night):
 
 def test_a_take_that_lacks_seconds_is_named_in_the_nights_table_and_page(night):
     """From 2.50 to 3.50 s of the sensor's clock, whose first frame is at 0.25 s."""
-    take = replace(a_take(150), is_complete=False, missing=((2.5, 3.5),))
-    (note,) = describe_missing([take])
+    take = replace(
+        a_take(150), is_complete=False, missing=((2.5, 3.5),),
+        report=a_report(trailing_bytes=10, missing_frames=29),
+    )  # fmt: skip
+    note, behind = describe_flaws([take])
+    state = state_of_take(take)
     assert "missing: 2.25 to 3.25 s" in note
     _, results = night
     found = survey(*night, PLAN)
     (key,) = found.keys.values()
-    damaged = msgspec.structs.replace(fit_result(), notes=["Another note.", note])
+    damaged = msgspec.structs.replace(fit_result(), notes=["Another note.", note, behind], take_states=[state])
     keep(results, result_name(key), result_bytes(damaged, results.path("k")))
     rows = rows_of(survey(*night, PLAN), results)
-    assert [row.sentence for row in rows] == [note]
+    assert [row.sentence for row in rows] == [f"{note} {behind}"]
     for shown in (as_csv(rows), as_html(rows, PLAN)):
         assert "missing: 2.25 to 3.25 s" in shown
+        assert "10 bytes follow its end." in shown
+    (told,) = as_facts(rows)
+    assert (told["state"], told["sentence"]) == ("known", rows[0].sentence)
+    assert told["take_states"] == [msgspec.to_builtins(state)]
+    assert (state.state, state.missing, state.trailing_bytes) == ("damaged", "2.25 to 3.25 s", 10)
+    (waiting,) = as_facts([replace(rows[0], state="waiting", result=None)])
+    assert waiting["take_states"] == []

@@ -77,6 +77,26 @@ def test_what_cannot_be_used_together_is_refused(training, held_out, sentence):
         check_together([known[k] for k in training], [known[k] for k in held_out])
 
 
+def test_takes_of_different_garments_are_refused_with_the_field_and_both_values():
+    one, points = a_take("a"), a_take("a").garment.points
+    moved = (*points[:3], msgspec.structs.replace(points[3], at_m=(0.1, -0.2)), *points[4:])
+    x = points[3].at_m[0]
+    for change, told in (
+        ({"mass_kg": 0.041}, f"mass_kg is {one.garment.mass_kg} in 'a' and 0.041 in 'b'"),
+        ({"layers": 2, "name": "other"}, "name is 'sheet' in 'a' and 'other' in 'b'; layers is 1 in 'a' and 2 in 'b'"),
+        ({"points": moved}, f"points[3].at_m[0] is {x} in 'a' and 0.1 in 'b'"),
+        ({"points": points[1:]}, f"points has the length {len(points)} in 'a' and {len(points) - 1} in 'b'"),
+        ({"points_are": "silhouette"}, "points_are is None in 'a' and 'silhouette' in 'b'"),
+        ({"layers": 2, "held": "corners", "grain_degrees": 3.0, "mass_kg": 0.041},
+         f"mass_kg is {one.garment.mass_kg} in 'a' and 0.041 in 'b'; held is 'edge' in 'a' and 'corners' in 'b'; and 2 "
+         "more fields"),
+    ):  # fmt: skip
+        other = dataclasses.replace(one, take_id="b", garment=msgspec.structs.replace(one.garment, **change))
+        with pytest.raises(FitError) as refused:
+            check_together([one, other], [])
+        assert refused.value.what == f"takes of different garments: {told}"
+
+
 @pytest.mark.parametrize("kept", [slice(0, 40), slice(30, None), np.r_[0:20, 35:60]])
 def test_a_cut_or_damaged_copy_is_the_same_recording(kept):
     """It has another content, and judging on it would judge on frames that were fitted to."""

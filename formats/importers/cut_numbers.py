@@ -6,7 +6,7 @@ the same digits behind the point, and it has them as well. Without them it is cu
 that leave out zeros, or where numbers have no point, nothing proves either.
 
 A line that has its end may have been given one after the cut, by an editor. Its last number is whole unless its form
-shows the cut. Where forms vary, its place may leap as no cloth does (`formats.importers.strays`).
+shows the cut. Where forms vary, its place may lie off its path (`formats.importers.broken_numbers`).
 """
 
 from __future__ import annotations
@@ -15,12 +15,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-import numpy as np
-
-from formats.arrays import Floats
 from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import Form, form_of, is_number, is_seen, magnitude_of
-from formats.importers.strays import leaps_ahead
 
 # Lines before and after one in which digits are counted: numbers without their last zeros differ in one of ten places.
 LINES_AROUND = 32
@@ -137,14 +133,6 @@ def _beside_one_form(cell: str, beside: _Beside, *, lacks_end: bool) -> Ending:
     is_fixed = bool(form.power) or len(beside.magnitudes) > 1
     is_proven = is_fixed or (is_seen(cell) and magnitude_of(cell) >= min(beside.magnitudes))
     return Ending.WHOLE if mine == form and is_of_one and is_proven else Ending.DOUBTFUL
-
-
-def leaps(time: Floats, path: Floats) -> bool:
-    """Return whether the last place of a path leaps from the two seen before; time [s] and path [m], (frames,)."""
-    seen = np.flatnonzero(np.isfinite(path))[-3:]
-    if len(seen) < 3 or seen[-1] != len(path) - 1:
-        return False
-    return bool((np.diff(time[seen]) > 0).all() and leaps_ahead(time[seen], path[seen])[0])
 
 
 def lacks_digits(rows: Rows, at: int, column: int) -> bool:

@@ -88,6 +88,13 @@ class Rows(Sequence[list[str]]):
         """Yield the cells of each line."""
         return map(self._as_stated, map(self._cells, self.lines), self.numbers)
 
+    def last_cell(self, at: int) -> str:
+        """Return the last cell of a line."""
+        line = self.lines[at]
+        if '"' in line:
+            return self[at][-1]
+        return self._as_stated([line[line.rfind(self.separator) + 1 :]], self.numbers[at])[0]
+
     def frames(self) -> Rows:
         """Return the same lines, of which all are frames."""
         found = self[:]

@@ -13,7 +13,8 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
-from formats.importers.cut_numbers import Ending, ending_of, is_part, lacks_digits, leaps, lines_around
+from formats.importers.broken_numbers import broken_lines
+from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
@@ -24,6 +25,8 @@ WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 SAY_WHICH = "say which with --decimal comma or --decimal point"
+WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
+MOST_LINES_NAMED = 3  # of those that may be cut off
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 
 
@@ -75,7 +78,7 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     cells = np.empty(len(rows), int)
     first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
     time = table.clock(first)
-    refuse_a_cut_time(rows, cells, time, width, path)
+    refuse_a_cut_time(rows, cells, first, time, min(table.markers, default=width), width, path)
     if signs.may_part_thousands:
         first, large = _numbers(rows, table, columns, path, DecimalSigns(comma_parts_thousands=True), cells)
         if may_be_motion(table.clock(first), large):
@@ -84,13 +87,36 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
                 f"{signs.comma.replace(',', '')}", where=path,
                 advice=SAY_WHICH,
             )  # fmt: skip
-    doubt = _doubt_of_the_last(rows, columns, width, time, places, path)
-    if not doubt and last_may_be_cut(rows, cells, width):
-        doubt = (
-            f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers behind "
-            "them count as not seen there"
+    broken = broken_lines(rows, cells, columns, time, places, table.metres)
+    last = _doubt_of_the_last(rows, columns, width, places, path, is_broken=bool(broken[-1:].any()))
+    if not last and last_may_be_cut(rows, cells, width):
+        last = (
+            f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers from the "
+            "last one on count as not seen there"
         )
-    return Frames(time, places, doubt)
+        _take_out_the_last(places, len(rows) - 1, cells, columns)
+    within = np.flatnonzero(broken[:-1]).tolist()
+    for at in within:
+        _take_out_the_last(places, at, cells, columns)
+    return Frames(time, places, "; ".join(filter(None, [_doubt_of([rows.numbers[at] for at in within]), last])))
+
+
+def _take_out_the_last(places: Floats, at: int, cells: Integers, columns: Integers) -> None:
+    """Count the marker of a line's last cell as not seen there."""
+    places[at, (columns == cells[at] - 1).any(1)] = np.nan
+
+
+def _doubt_of(lines: list[int]) -> str:
+    """Return a sentence about lines that may end within a number, '' without any."""
+    if not lines:
+        return ""
+    if len(lines) == 1:
+        return f"line {lines[0]} {WITHIN_ITS_LAST}"
+    more = f" and {len(lines) - MOST_LINES_NAMED} more" * (len(lines) > MOST_LINES_NAMED)
+    named = ", ".join(map(str, lines[:MOST_LINES_NAMED]))
+    return (
+        f"lines {named}{more} may be cut off within their last numbers, so the last marker of each counts as not seen"
+    )
 
 
 def _numbers(
@@ -120,7 +146,9 @@ def _numbers(
     return first, places
 
 
-def _doubt_of_the_last(rows: Rows, columns: Integers, width: int, time: Floats, places: Floats, path: Path) -> str:
+def _doubt_of_the_last(
+    rows: Rows, columns: Integers, width: int, places: Floats, path: Path, *, is_broken: bool
+) -> str:
     """Refuse a last number that is cut. Take out the marker of one that may be, and return a sentence that says so."""
     at, row = len(rows) - 1, rows[-1] if len(rows) else []
     markers = np.flatnonzero(columns[:, 2] == min(len(row) - 1, columns.max(initial=0)))
@@ -134,20 +162,16 @@ def _doubt_of_the_last(rows: Rows, columns: Integers, width: int, time: Floats, 
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
     if ending is Ending.CUT:
-        raise _within_a_number(number, last + 1, width, path)
+        raise TakeError(
+            f"line {number} ends within a number, after {last + 1} of its {width} cells", where=path,
+            advice="the line is cut off: copy or export the file again",
+        )  # fmt: skip
     if ending is Ending.WHOLE or (np.isnan(places[at, marker]).all() and not is_part(row[last])):
         return ""
-    if ending is Ending.SHORT and not leaps(time, places[:, marker, 2]):
+    if ending is Ending.SHORT and not is_broken:
         return ""
     places[at, marker] = np.nan
-    return f"line {number} may be cut off within its last number, so its last marker counts as not seen there"
-
-
-def _within_a_number(number: int, cells: int, width: int, path: Path) -> TakeError:
-    return TakeError(
-        f"line {number} ends within a number, after {cells} of its {width} cells", where=path,
-        advice="the line is cut off: copy or export the file again",
-    )  # fmt: skip
+    return f"line {number} {WITHIN_ITS_LAST}"
 
 
 def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path: Path) -> None:
@@ -182,8 +206,6 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"line {number} ends within a marker, after {len(row)} of its {width} cells", where=path,
             advice="the line is cut off: copy or export the file again",
         )  # fmt: skip
-    if 2 < len(row) < width and len(set(row[-3:])) > 1 and lacks_digits(rows, at, len(row) - 1):
-        raise _within_a_number(number, len(row), width, path)
     if is_longer:
         raise TakeError(
             f"line {number} has {len(row)} cells, the header names {width}", where=path,

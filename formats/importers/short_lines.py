@@ -17,17 +17,20 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
+from formats.importers.broken_numbers import CLOCK, broken_of
 from formats.importers.marker_lines import Rows
 
 FEWEST_OTHERS = 3  # lines, stated by us: fewer show no habit of a program
 OF_THE_CLOCK = 2  # cells at most before the first marker: number and time of a frame
 
 
-def refuse_a_cut_time(rows: Rows, cells: Integers, time: Floats, width: int, path: Path) -> None:
+def refuse_a_cut_time(
+    rows: Rows, cells: Integers, clock: Floats, time: Floats, begin: int, width: int, path: Path
+) -> None:
     """Refuse a line that ends within its time or the number of its frame, though it has an end.
 
-    - `cells`: of each line, (rows,); `width`: of a whole line
-    - `time` [s], (rows,), NaN where a line has none
+    - `cells`: of each line, (rows,); `begin`: those before the first marker; `width`: of a whole line
+    - `clock`: the first two numbers of each line, (rows, 2); `time` [s] that they tell, (rows,), NaN without one
 
     Raises:
         TakeError: names the line.
@@ -37,6 +40,13 @@ def refuse_a_cut_time(rows: Rows, cells: Integers, time: Floats, width: int, pat
             raise TakeError(
                 f"line {rows.numbers[at]} ends after {cells[at]} of its {width} cells, and its time is not later than "
                 "that of the line before", where=path, advice="the line is cut off: copy or export the file again",
+            )  # fmt: skip
+    order = np.arange(len(rows), dtype=float)
+    for column in range(min(begin, OF_THE_CLOCK)):
+        for at in np.flatnonzero(broken_of(rows, cells == column + 1, order, clock[:, column], CLOCK)).tolist():
+            raise TakeError(
+                f"line {rows.numbers[at]} ends within a number, after {column + 1} of its {width} cells", where=path,
+                advice="the line is cut off: copy or export the file again",
             )  # fmt: skip
 
 

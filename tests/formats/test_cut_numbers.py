@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers.cut_numbers import leaps
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_numbers import Table, read_frames
 from tests.formats.test_marker_tables import read
@@ -87,9 +86,9 @@ def test_a_cut_line_of_fixed_digits_that_was_given_an_end_is_refused(tmp_path, l
         read(tmp_path, own()[:-lost] + "\n", "m", "own.csv")
 
 
-@pytest.mark.parametrize(("last", "is_read"), [("998.5", True), ("998", True), ("99", False), ("9", False)])
-def test_a_short_number_that_leaps_is_left_out_of_a_line_with_its_end(tmp_path, last, is_read):
-    """Zeros at the end are left out here, so nothing but the leap of 0.9 m within 10 ms shows the cut."""
+@pytest.mark.parametrize(("last", "is_read"), [("998.5", True), ("998", False), ("99", False), ("9", False)])
+def test_a_short_number_off_its_path_is_left_out_of_a_line_with_its_end(tmp_path, last, is_read):
+    """Zeros at the end are left out here, so nothing but the path, which leads to 998.906, shows the cut."""
     rows = [f"{k}\t{k / 100:g}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t{998 + k / 32:g}\n" for k in range(29)]
     found = read(tmp_path, TRC + "".join(rows) + f"29\t0.29\t1.5\t2.5\t3.125\t4.5\t5.5\t{last}\n", None, "a.trc")
     assert np.isfinite(found.positions[-1, 1]).all() == is_read
@@ -101,17 +100,6 @@ def test_a_line_with_its_end_that_ends_within_a_marker_is_refused(tmp_path):
     for last, cells in (("4.5", 6), ("4.5\t5", 7)):
         with pytest.raises(TakeError, match=f"line 35 ends within a marker, after {cells} of its 8 cells; .* cut off"):
             read(tmp_path, TRC + "".join(rows[:-1]) + f"29\t0.29\t1.25\t2.25\t3.25\t{last}\n", None, "a.trc")
-
-
-@pytest.mark.parametrize(("beside", "is_leap"), [(0.044, False), (0.046, True)])
-def test_a_place_leaps_that_no_acceleration_carries_there(beside, is_leap):
-    """At 100 frames a second 150 m/s^2 carry it 15 mm beside the line through two others, and noise 30 mm."""
-    path = np.array([0.0, np.nan, 0.1, 0.2, 0.3 + beside])
-    assert leaps(np.arange(5) / 100, path) == is_leap
-    assert not leaps(np.arange(4) / 100, path[:-1])
-    assert not leaps(np.arange(2) / 100, path[-2:])
-    assert not leaps(np.zeros(5), path)
-    assert not leaps(np.arange(5) / 100, np.append(path[1:], np.nan))
 
 
 @pytest.mark.parametrize("gap", ["0", "0.000"])
@@ -251,7 +239,7 @@ def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp
 def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
     """One line so far away writes fewer digits, as a program does that leaves out zeros."""
     lines = own(40).splitlines(keepends=True)
-    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.2")
+    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.5")
     text = "".join(lines)[:-3]
     if is_cut:
         with pytest.raises(
@@ -311,15 +299,3 @@ def test_a_file_that_ends_behind_its_last_separator_is_cut(tmp_path):
 def test_three_cells_of_one_text_at_the_end_are_a_marker_that_was_not_seen(tmp_path, gap):
     found = read(tmp_path, own().rpartition("0.44444")[0] + ",".join([gap] * 3), "m", "own.csv")
     assert found.positions[-1, 0, 2] == 0.33333
-
-
-def test_a_line_that_has_its_end_must_lack_three_digits(tmp_path):
-    """Its last cells were left out, as its program leaves out zeros: it lacks two digits by chance."""
-    rows = [f"{k}\t{k / 100}\t1.125\t2.125\t3.125\t4.5\t5.5\t6.5\n" for k in range(30)]
-    for last, is_cut in (("3.1", False), ("3", True)):
-        rows[20] = f"20\t0.2\t1.125\t2.125\t{last}\n"
-        if is_cut:
-            with pytest.raises(TakeError, match="ends within a number, after 5 of its 8 cells"):
-                read(tmp_path, TRC + "".join(rows), None, "a.trc")
-        else:
-            assert read(tmp_path, TRC + "".join(rows), None, "a.trc").positions[20, 0, 2] == pytest.approx(3.1e-3)

@@ -1,0 +1,142 @@
+"""A line in the middle of a file that ends within a number, though it has an end, is left out or refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.broken_numbers import Writing, broken_of, writing_of
+from formats.importers.marker_lines import Rows
+from tests.formats.test_cut_numbers import DOUBT, TRC, VICON
+from tests.formats.test_marker_tables import read
+
+FRAMES, CUT = 150, 70
+LINE = CUT + 6  # in a file of Vicon
+MANY = "lines {} may be cut off within their last numbers, so the last marker of each counts as not seen"
+
+
+def places(noise: float = 0.2):
+    """Two markers that swing [mm], with the noise of cameras."""
+    rng = np.random.default_rng(0)
+    swing = 60 * np.sin(np.arange(FRAMES)[:, None] / 8 + np.arange(6))
+    return np.array([310, -145, 1205, 410, -145, 1190]) + swing + rng.normal(0, noise, (FRAMES, 6))
+
+
+def vicon(write, where, scale=1.0):
+    return [f"{k + 1},0,{','.join(map(write, row * scale))}" for k, row in enumerate(where)]
+
+
+def imported(tmp_path, lines, head=VICON):
+    return read(tmp_path, head + "".join(f"{line}\n" for line in lines), None, "v.csv")
+
+
+WRITERS = {
+    "%.0f": lambda value: f"{value:.0f}", "%.1f": lambda value: f"{value:.1f}", "%.3f": lambda value: f"{value:.3f}",
+    "%g": lambda value: f"{value:g}", "%.6e": lambda value: f"{value:.6e}", "repr": lambda value: repr(float(value)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("marker", [0, 1])
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_number_in_the_middle_that_is_cut_is_never_read_as_another_one(tmp_path, writer, marker):
+    """The number may be the last of a line or of a marker before. What is read is off by the noise at most."""
+    where = places()
+    lines = vicon(WRITERS[writer], where)
+    cells = lines[CUT].split(",")[: 5 + 3 * marker]
+    for kept in range(1, len(cells[-1])):
+        if cells[-1][kept - 1] in "e+":
+            continue  # this is no number, and refused
+        broken = ",".join([*cells[:-1], cells[-1][:kept]])
+        found = imported(tmp_path, [*lines[:CUT], broken, *lines[CUT + 1 :]])
+        left = found.positions[CUT, marker, 2] * 1e3
+        assert np.isnan(left) == (found.doubt == DOUBT.format(LINE))
+        assert np.isnan(left) or abs(left - where[CUT, 2 + 3 * marker]) < 1.5
+        assert np.isnan(left) or writer in ("%g", "repr", "%.6e")  # others have all digits
+        others = np.delete(found.positions, CUT, 0)
+        assert np.isfinite(others).all()
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_lines_whose_empty_cells_are_left_out_are_read_as_they_are(tmp_path, writer):
+    for noise in (0.0, 0.2, 2.0):
+        where = places(noise)
+        lines = vicon(WRITERS[writer], where)
+        for k in (0, 5, *range(40, 70), 100, 101, 148):
+            lines[k] = ",".join(lines[k].split(",")[:5])
+        found = imported(tmp_path, lines)
+        assert found.doubt == ""
+        assert np.isfinite(found.positions[:, 0]).all()
+
+
+def test_several_lines_are_named_and_two_of_them_may_follow_each_other(tmp_path):
+    lines = vicon(WRITERS["%g"], places())
+    for k, which in enumerate((0, 20, 40, 41, 60)):
+        cells = lines[which].split(",")
+        lines[which] = ",".join([*cells[:4], cells[4][:1]])
+        found = imported(tmp_path, lines)
+        assert np.isnan(found.positions[:, 0, 2]).sum() == k + 1
+    assert found.doubt == MANY.format("6, 26, 46 and 2 more")
+
+
+def test_a_place_that_leaps_is_no_rest_of_the_one_that_should_be_there(tmp_path):
+    """Another marker was taken for it: no number of 1200 begins with 9."""
+    lines = vicon(WRITERS["%.0f"], places())
+    lines[CUT] = lines[CUT].rpartition(",")[0] + ",9"
+    assert imported(tmp_path, lines).doubt == ""
+    assert imported(tmp_path, lines).positions[CUT, 1, 2] == pytest.approx(0.009)
+
+
+@pytest.mark.parametrize("time", ["0.7", "0.70"])
+def test_a_time_in_the_middle_that_is_cut_is_refused(tmp_path, time):
+    """It is later than that of the line before, and earlier than that of the line behind."""
+    lines = [f"{k + 1}\t{k / 99.7:.4f}\t1\t2\t{k}.5\t4\t5\t{k}.25\n" for k in range(FRAMES)]
+    assert [line.split()[1] for line in lines[CUT - 1 : CUT + 2]] == ["0.6921", "0.7021", "0.7121"]
+    lines[CUT] = f"{CUT + 1}\t{time}\n"
+    words = "line 76 ends within a number, after 2 of its 8 cells; the line is cut off"
+    with pytest.raises(TakeError, match=re.escape(words)):
+        read(tmp_path, TRC.replace("30", str(FRAMES)) + "".join(lines), None, "a.trc")
+    lines[CUT] = f"{CUT + 1}\t0.7021\n"
+    assert read(tmp_path, TRC.replace("30", str(FRAMES)) + "".join(lines), None, "a.trc").doubt == ""
+
+
+def rows_of(*cells: str) -> Rows:
+    return Rows(cells, range(len(cells)), ",", Path("a"))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "always"),
+    [
+        ([f"{k}.25" for k in range(99)], 0),
+        ([f"{k}.25" for k in range(100)], 2),
+        ([f"{k}.25" for k in range(98)] + ["1.5", "2.5"], 2),
+        ([f"{k}.25" for k in range(97)] + ["1.5", "2.5", "3"], 0),
+        ([f"{k}.25" for k in range(100)] + ["1e5"], 0),
+        (["1.25", "2.25"] * 60, 0),
+    ],
+)
+def test_a_hundred_numbers_of_which_at_most_two_are_shorter_show_that_zeros_are_kept(numbers, always):
+    assert writing_of(rows_of(*numbers), [0]).always == always
+
+
+def test_without_any_number_nothing_is_known_of_others():
+    assert writing_of(rows_of("0", "", "-"), [0]) == Writing(9)
+    assert writing_of(rows_of(), [0]) == Writing(9)
+
+
+def test_a_path_of_two_places_or_without_increasing_time_tells_nothing():
+    path, time, ends = np.full(9, 1.25), np.arange(9.0), np.arange(9) == 4
+    path[4] = 1
+    rows = rows_of(*map("{:g}".format, path))
+    assert broken_of(rows, ends, time, path, Writing(2)).tolist() == ends.tolist()
+    assert not broken_of(rows, ends, time * 0, path, Writing(2)).any()
+    assert not broken_of(rows, ends, np.where(time < 7, np.nan, time), path, Writing(2)).any()
+
+
+def test_a_line_in_quotation_marks_is_looked_at_by_its_cells(tmp_path):
+    lines = [re.sub(r"[^,]+", r'"\g<0>"', line) for line in vicon(WRITERS["%.1f"], places())]
+    lines[CUT] = lines[CUT].rpartition(",")[0] + ',"1"'
+    assert imported(tmp_path, lines).doubt == DOUBT.format(LINE)

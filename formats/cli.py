@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
@@ -101,7 +102,10 @@ def import_recordings(
         up=up, frames=frames, unit=unit, decimal=decimal or "", subject=subject, anyway=anyway
     )  # fmt: skip
     for path in paths:
-        if [other.stem for other in paths].count(path.stem) > 1:
+        same = [os.path.realpath(other) for other in paths if other.stem == path.stem]
+        if same.count(os.path.realpath(path)) > 1:
+            raise TakeError("was given twice", where=path, advice="give it once")
+        if len(same) > 1:
             raise OutputError(
                 f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
             )

@@ -19,7 +19,7 @@ TO_WRITE = {
     errno.ENAMETOOLONG: "choose a shorter name: the system allows no longer one",
     errno.EISDIR: "give another name: a folder has this one",
     errno.ENOTDIR: "give another path: a part of this one is a file",
-    errno.EEXIST: "give another name: a file or a broken link has this one",
+    errno.EEXIST: "give another name: a file, a device, a pipe or a broken link has this one",
     errno.ENOENT: "make its folder first, or give another path",
     errno.ELOOP: "give another path: a link of this one leads to itself",
     errno.EIO: "choose another disk: this one fails",

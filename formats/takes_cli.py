@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,7 @@ import typer
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from formats.errors import HangtimeError
     from formats.take import Take
@@ -172,7 +173,7 @@ def recover_takes(
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
-    refuse_the_same_name(targets, "recover one of them into another --out")
+    refuse_the_same_name(paths, targets, "recover one of them into another --out")
     all_written, is_alone = True, len(paths) == 1
     for path, target in zip(paths, targets, strict=True):
         try:
@@ -250,7 +251,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     )  # fmt: skip
 
 
-def refuse_the_same_name(targets: list[Path], advice: str) -> None:
+def refuse_the_same_name(paths: Sequence[Path], targets: Sequence[Path], advice: str) -> None:
     """Refuse, before anything is written, files of which one would replace another.
 
     Raises:
@@ -258,8 +259,11 @@ def refuse_the_same_name(targets: list[Path], advice: str) -> None:
     """
     from formats.errors import OutputError
 
-    for target in targets:
-        if targets.count(target) > 1:
+    for path, target in zip(paths, targets, strict=True):
+        same = [os.path.realpath(other) for other, one in zip(paths, targets, strict=True) if one == target]
+        if same.count(os.path.realpath(path)) > 1:
+            raise OutputError("was given twice", where=path, advice="give it once")
+        if len(same) > 1:
             raise OutputError(f"two takes would become {target.name}", where=target.parent, advice=advice)
 
 
@@ -295,7 +299,7 @@ def export_takes(
     }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
     if to is not ExportKind.PARQUET:
-        refuse_the_same_name(targets, "export one of them elsewhere")
+        refuse_the_same_name(paths, targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
         _refuse_a_target(out, paths, overwrite=overwrite)

@@ -1,7 +1,8 @@
-"""Tell whether the commas of a file of marker paths part decimals or thousands.
+"""Tell whether the commas or points of a file of marker paths part decimals or thousands.
 
 A point beside a comma shows that one of them parts thousands. Commas alone part decimals, unless each has one to three
 digits before it and three behind, as in 1,234. Then the file may hold whole numbers, of which commas part thousands.
+The same holds of points alone where semicolons part cells, as where commas part decimals.
 Such places are 1000 times as far away, and so is the noise of cameras: most places then leap as no cloth does.
 """
 
@@ -17,25 +18,28 @@ from formats.importers.number_cells import LONGEST_SHOWN, is_number
 from formats.importers.strays import MOST_STRAYS, leaps_ahead
 from formats.plausible import SLOWEST
 
-OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.ASCII)
+OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[,.]\d{3}\s*", re.ASCII)
 
 
 @dataclass
 class DecimalSigns:
     """The first number of a file with a decimal point, and the first one with a comma, '' without one.
 
-    - `comma_parts_thousands`: the file is read so
+    - `parts_thousands`: the sign with which the file is read so, '' for none
     """
 
     point: str = ""
     comma: str = ""
-    comma_parts_thousands: bool = False
+    parts_thousands: str = ""
     _all_of_thousands: bool = True
 
-    @property
-    def may_part_thousands(self) -> bool:
-        """Whether the commas that were seen may part thousands as well as decimals."""
-        return bool(self.comma) and self._all_of_thousands
+    def of_thousands(self, separator: str) -> str:
+        """Return the first number whose sign may part thousands as well as decimals, '' without one.
+
+        separator: of cells
+        """
+        found = self.comma or (self.point if separator == ";" else "")
+        return found if self._all_of_thousands else ""
 
     @property
     def are_mixed(self) -> bool:
@@ -54,8 +58,9 @@ class DecimalSigns:
             self.comma = _first_with(",", cells)
         if self.are_mixed:
             raise ValueError(f"{self.comma!r} beside {self.point!r}: which of them parts decimals?")
-        if "," in text and self._all_of_thousands:
-            self._all_of_thousands = all(map(OF_THOUSANDS.fullmatch, (cell for cell in cells if "," in cell)))
+        if self._all_of_thousands and ("," in text or "." in text):
+            signed = (cell for cell in cells if "," in cell or "." in cell)
+            self._all_of_thousands = all(map(OF_THOUSANDS.fullmatch, signed))
 
 
 def _first_with(sign: str, cells: list[str]) -> str:

@@ -61,7 +61,7 @@ class Rows(Sequence[list[str]]):
         - `are_frames`: a header above them may hold other numbers, such as a version
         """
         self.lines, self.numbers, self.separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
-        self._decimal, self._are_frames = decimal, are_frames
+        self.decimal, self._are_frames = decimal, are_frames
         self.are_last = True  # of the file
 
     def __len__(self) -> int:
@@ -78,7 +78,7 @@ class Rows(Sequence[list[str]]):
             is_cut = self.is_cut and has_last
             some = Rows(
                 self.lines[place], self.numbers[place], self.separator, self._path, is_cut=is_cut,
-                decimal=self._decimal, are_frames=self._are_frames,
+                decimal=self.decimal, are_frames=self._are_frames,
             )  # fmt: skip
             some.are_last = self.are_last and has_last
             return some
@@ -102,12 +102,12 @@ class Rows(Sequence[list[str]]):
         return found
 
     def _as_stated(self, cells: list[str], number: int) -> list[str]:
-        if not self._decimal:
+        if not self.decimal:
             return cells
-        found = [with_point(cell, self._decimal) for cell in cells]
+        found = [with_point(cell, self.decimal) for cell in cells]
         if self._are_frames and None in found:
             wrong = cells[found.index(None)].strip()[:LONGEST_SHOWN]
-            word = next(word for word, sign in DECIMALS.items() if sign == self._decimal)
+            word = next(word for word, sign in DECIMALS.items() if sign == self.decimal)
             raise TakeError(
                 f"line {number} holds {wrong!r}, which is no number with a decimal {word}", where=self._path,
                 advice="give the other --decimal, or mend that line",

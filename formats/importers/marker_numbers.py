@@ -18,7 +18,7 @@ from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_arou
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen
-from formats.importers.number_cells import is_number, may_be_grouped, number_of
+from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
@@ -27,6 +27,7 @@ MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a se
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
 MOST_LINES_NAMED = 3  # of those that may be cut off
+NO_THOUSANDS = "export numbers without a sign between thousands"
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 
 
@@ -79,12 +80,13 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
     time = table.clock(first)
     refuse_a_cut_time(rows, cells, first, time, min(table.markers, default=width), width, path)
-    if signs.may_part_thousands:
-        first, large = _numbers(rows, table, columns, path, DecimalSigns(comma_parts_thousands=True), cells)
+    if not rows.decimal and (number := signs.of_thousands(rows.separator)):
+        sign, name = (",", "commas") if "," in number else (".", "points")
+        first, large = _numbers(rows, table, columns, path, DecimalSigns(parts_thousands=sign), cells)
         if may_be_motion(table.clock(first), large):
             raise TakeError(
-                f"commas may part decimals or thousands: {signs.comma!r} is {signs.comma.replace(',', '.')} or "
-                f"{signs.comma.replace(',', '')}", where=path,
+                f"{name} may part decimals or thousands: {number!r} is {number.replace(sign, '.')} or "
+                f"{number.replace(sign, '')}", where=path,
                 advice=SAY_WHICH,
             )  # fmt: skip
     broken = broken_lines(rows, cells, columns, time, places, table.metres)
@@ -138,7 +140,8 @@ def _numbers(
             try:
                 numbers[k, :width] = _row(cells, signs)
             except ValueError as error:
-                advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else "mend that line"
+                advice = NO_THOUSANDS if are_grouped(row) else "mend that line"
+                advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else advice
                 raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice=advice) from error
         piece = slice(begin, begin + len(some))
         first[piece] = numbers[: len(some), :2]
@@ -231,12 +234,12 @@ def _row(cells: list[str], signs: DecimalSigns) -> Floats:
     text = "".join(cells)
     signs.look(cells, text)
     plain = cells
-    if "," in text:
-        sign = "" if signs.comma_parts_thousands else "."
-        text, plain = text.replace(",", sign), [cell.replace(",", sign) for cell in cells]
+    if sign := signs.parts_thousands or ("," if "," in text else ""):
+        instead = "" if signs.parts_thousands else "."
+        text, plain = text.replace(sign, instead), [cell.replace(sign, instead) for cell in cells]
     if text.isascii() and not text.encode().translate(None, PLAIN):
         with contextlib.suppress(ValueError):
             numbers = np.array([float(cell) if cell else np.nan for cell in plain])
             if not np.isinf(numbers).any():
                 return numbers
-    return np.array([number_of(cell) for cell in (plain if signs.comma_parts_thousands else cells)])
+    return np.array([number_of(cell) for cell in (plain if signs.parts_thousands else cells)])

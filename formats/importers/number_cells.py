@@ -11,9 +11,11 @@ import numpy as np
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
 WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 DECIMALS = {"comma": ",", "point": "."}  # by the words in which somebody states the sign that parts decimals
+# A space of any width or an apostrophe between thousands, as in 1 500,25 and 1'500.25.
+GROUPED = re.compile(r"[+-]?\d{1,3}([ \u00a0\u2009\u202f'\u2019]\d{3})+([.,]\d*)?", re.ASCII)
 LONGEST_SHOWN = 40  # characters of a cell in a message
 # Of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
-GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)"}
+GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "nan(snan)"}
 # The older one pads `1.#QNAN` with zeros, or rounds its letters: to two places 1.#R, to three 1.#QO.
 # It rounds `-1.#IND`, its sign of 0/0, to -1.$, -1.#J and -1.#IO, and infinity to the same letters.
 # `IND` always has a minus: without one, they are infinite, and no gap.
@@ -64,6 +66,11 @@ def may_be_grouped(cells: Iterable[str]) -> bool:
     """Return whether one of some cells is a number with both signs, of which one parts thousands, as 1.234,5 is."""
     signed = (cell for cell in cells if "." in cell and "," in cell)
     return any(with_point(cell, sign) not in (None, cell) for cell in signed for sign in DECIMALS.values())
+
+
+def are_grouped(cells: Iterable[str]) -> bool:
+    """Return whether a space or an apostrophe parts the thousands of one of some cells."""
+    return any(GROUPED.fullmatch(cell.strip()) for cell in cells)
 
 
 def is_number(cell: str) -> bool:

@@ -175,7 +175,7 @@ def test_import_replaces_nothing_unless_told_to(tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("import", "r.npz", "r.npz"), "two recordings would become r.mcap"),
+        (("import", "r.npz", "./r.npz"), "r.npz: was given twice; give it once"),
         (("import", "r.npz", "--out", "r.npz"), "r.npz: cannot be made"),
         (("swatch", "gone/s.toml", "--mass", 0.1), "gone/s.toml: cannot be written"),
         (("swatch", "r.npz", "--mass", 0.1), "r.npz: is already there"),

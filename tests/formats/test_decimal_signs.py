@@ -7,6 +7,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.decimal_signs import may_be_motion
+from formats.importers.marker_text import read_marker_text
 from tests.formats.test_marker_tables import read
 
 HEAD = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDESCRIPTION\t--\nMARKER_NAMES\ta\tb\n"
@@ -62,3 +63,34 @@ def test_places_that_leap_in_one_frame_of_twenty_and_times_of_seconds_are_no_mot
     assert not may_be_motion(time, leaping)
     unseen = np.full_like(still, np.nan)
     assert may_be_motion(time, unseen)
+
+
+@pytest.mark.parametrize("start", [1200.0, 800.0])
+def test_thousands_that_points_part_are_refused_where_semicolons_part_cells(tmp_path, start):
+    """As a German spreadsheet writes whole millimetres: 1.500 beside 998 and -250."""
+    text = vicon(lambda value: f"{value:,.0f}".replace(",", "."), start)
+    with pytest.raises(TakeError) as refused:
+        read(tmp_path, text, None, "a.csv")
+    first = next(cell for cell in text.replace("\n", ";").split(";") if "." in cell)
+    assert str(refused.value) == (
+        f"{tmp_path}/a.csv: points may part decimals or thousands: {first!r} is {first} or {first.replace('.', '')}; "
+        "say which with --decimal comma or --decimal point"
+    )
+    for decimal, metres in ((",", start / 1000), (".", start / 1e6 if start > 1000 else 0.8)):
+        found = read_marker_text(tmp_path / "a.csv", None, decimal)
+        assert found.positions[0, 0, 0] == pytest.approx(metres)
+
+
+def test_points_between_commas_or_tabs_and_of_moving_markers_part_decimals(tmp_path):
+    text = vicon(lambda value: f"{value:,.0f}".replace(",", "."), 1200.0)
+    for other in ",\t":
+        assert read(tmp_path, text.replace(";", other), None, "a.csv").positions[0, 0, 0] == pytest.approx(0.0012)
+    found = read(tmp_path, vicon(lambda value: f"{value:.3f}", 100.0, noise=0.1), None, "a.csv")
+    assert found.positions[0, 0, 0] == pytest.approx(0.1, abs=1e-3)
+
+
+def vicon(write, start, noise=0.0):
+    """A table of Vicon whose cells semicolons part."""
+    lines = table(write, start=start, noise=noise)[0].splitlines()[5:]
+    head = "Trajectories\n100\n;;a;;;b;;\nFrame;Sub Frame;X;Y;Z;X;Y;Z\n;;mm;mm;mm;mm;mm;mm\n"
+    return head + "".join(f"{k};0;{line}\n".replace("\t", ";") for k, line in enumerate(lines, 1))

@@ -65,6 +65,8 @@ def desk(tmp_path):
         ),
         ("import m.csv", "m.csv: motion capture needs to know the garment; give --garment FILE; `hangtime swatch` "
          "writes one"),
+        ("takes export a.mcap other/../a.mcap --to csv --out here", "a.mcap: was given twice; give it once"),
+        ("import m.csv other/../m.csv", "m.csv: was given twice; give it once"),
         ("import m.csv other/m.csv", "m.csv: two recordings would become m.mcap; import one of them elsewhere"),
         (
             "import m.csv --garment swatch.toml --hanger m.csv",

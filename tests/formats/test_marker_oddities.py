@@ -54,7 +54,9 @@ def test_a_line_in_the_middle_that_is_cut_within_a_number_is_named(tmp_path, nam
         read_marker_tracks(path)
 
 
-@pytest.mark.parametrize("word", ["NaN", "-nan(ind)", "1.#QNAN", "-1.#IND00", "#N/A", "NA", "null", "-", "-0.000"])
+@pytest.mark.parametrize(
+    "word", ["NaN", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "#N/A", "NA", "null", "-", "-0.000"]
+)
 def test_a_gap_is_a_gap_in_every_programs_word(tmp_path, word):
     path = tmp_path / "a.csv"
     path.write_text(vicon(drawn(), gap=lambda value: word if np.isnan(value) else cell(value)))

@@ -86,6 +86,7 @@ def test_what_c3d_cannot_count_is_refused():
     ("cell", "number"),
     [("1.5", 1.5), (" -2 ", -2.0), ("+.5e-3", 5e-4), ("1,25", 1.25), ("-1,5E2", -150.0), ("7.", 7.0),
      ("", np.nan), (" NaN ", np.nan), ("-nan(ind)", np.nan), ("1.#QNAN0", np.nan), ("#N/A", np.nan), ("--", np.nan),
+     ("-NaN(sNaN)", np.nan),
      ("-1.#IND00", np.nan), ("1.#QNB", np.nan), ("-1.#QO", np.nan), ("1.#R", np.nan), ("1.#SNAN", np.nan),
      ("-1.#IO", np.nan), ("-1.#J", np.nan), ("-1.$", np.nan), ("-1,#IND00", np.nan), ("-1.#IND00E+000", np.nan)],
 )  # fmt: skip

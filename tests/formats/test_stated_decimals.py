@@ -17,6 +17,7 @@ from tests.formats.test_marker_oddities import GARMENT
 
 PLACES = 1200 + np.arange(6) * 150 + 40 * np.sin(np.arange(30) / 8)[:, None]  # mm, (frames, 2 markers of x, y, z)
 SAY_WHICH = "say which with --decimal comma or --decimal point"
+NO_THOUSANDS = "export numbers without a sign between thousands"
 
 
 def rows(before, separator, comma):
@@ -93,7 +94,17 @@ def test_points_beside_commas_are_refused_with_the_option_that_says_which_parts_
 
 @pytest.mark.parametrize(
     ("number", "advice"),
-    [("1.234,5", SAY_WHICH), ("1,234.5", SAY_WHICH), ("1.23,4.5", "mend that line"), ("1,2.x", "mend that line")],
+    [
+        ("1.234,5", SAY_WHICH),
+        ("1,234.5", SAY_WHICH),
+        ("1.23,4.5", "mend that line"),
+        ("1,2.x", "mend that line"),
+        *((f"{sign}1{mark}500{mark}250", NO_THOUSANDS) for sign in ("", "-") for mark in " '\u00a0\u2009\u202f\u2019"),
+        *((f"1\u00a0500{behind}", NO_THOUSANDS) for behind in (",25", ".25", ",", "")),
+        ("1 50", "mend that line"),
+        ("1 500 kg", "mend that line"),
+        ("1500 250", "mend that line"),
+    ],
 )
 def test_a_number_with_both_signs_is_refused_with_the_option_that_reads_it(tmp_path, number, advice):
     path = tmp_path / "own.csv"

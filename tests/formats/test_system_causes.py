@@ -73,8 +73,9 @@ def test_every_cause_has_its_own_step_and_a_disk_that_is_full_is_tried_again(mon
     [
         (LONG + "/" + LONG * 2, "choose a shorter name"),
         ("file/below", "give another path: a part of this one is a file"),
-        ("file", "give another name: a file or a broken link has this one"),
-        ("link", "give another name: a file or a broken link has this one"),
+        ("file", "give another name: a file, a device, a pipe or a broken link has this one"),
+        ("link", "give another name: a file, a device, a pipe or a broken link has this one"),
+        ("pipe", "give another name: a file, a device, a pipe or a broken link has this one"),
         ("loop", "give another path: a link of this one leads to itself"),
         ("loop/below", "give another path: a link of this one leads to itself"),
     ],
@@ -83,6 +84,7 @@ def test_every_writer_of_a_folder_asks_for_the_same_step(tmp_path, path, step):
     (tmp_path / "file").touch()
     (tmp_path / "link").symlink_to("nowhere")
     (tmp_path / "loop").symlink_to("loop")
+    os.mkfifo(tmp_path / "pipe")
     makers = (make_output_folder, make_folder, lambda folder: make_parent(folder / "a"))
     for make in makers:
         with pytest.raises(HangtimeError) as refused:

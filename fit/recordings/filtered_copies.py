@@ -1,22 +1,29 @@
 """Know one recording that was moved to other axes, filtered, rounded or sampled anew: its noise is still there.
 
-Places x of one take and y of another, smoothed over a time tau and read at steps of tau, are fitted to each other:
+Places x of one take and y of another are smoothed over a time tau and read at steps of tau / 2. They are fitted:
 
-    y_p(t) = c + R sum_k h_k x_p(t + l + k tau) + e_p(t)
+    y_p(t) = c + R sum_k h_k x_p(t + l + k tau / 2) + e_p(t)
 
 Here p is a point, l a lag, R orthogonal, and h a filter of a few taps. Two recordings do not share the noise of their
 sensors, so the residual e holds the noise of both, whatever they have in common. A copy leaves far less:
 
     q = median_p ( mean_t |e_p|^2 / N_p ) n / (n - m),   q >= 1 for two recordings, q = 0 for a copy
-    N_p = ( s_x^2 d_x sum_jk h_j h_k exp(-(j - k)^2 / 4) + s_y^2 d_y ) / (2 sqrt(pi) tau)
+    N_p = ( s_x^2 d_x g + s_y^2 d_y ) / (2 sqrt(pi) tau),   g = min(1, sum_jk h_j h_k exp(-(j - k)^2 / 16))
 
-N is the power of white noise s of frames d apart, behind the smoothing. The fit takes m of the n independent numbers.
+N is the power of white noise s of frames d apart, behind the smoothing. The gain g of a copy's filter is 1 at most: the
+taps may magnify only noise that a filter took out of x. The fit takes m of the n independent numbers.
+
 The median of sixth differences of frames measures s, and that of sixth differences behind the smoothing measures N.
-Motion hardly shows in them at 20 frames a second, and the smaller N counts. Of slower takes, s is `SAME_PLACE`: their
-copies are known in other axes, but not filtered. No s is smaller. The lag has the largest RV coefficient of the second
-differences u, v of both,
+Motion hardly shows in them at 30 frames a second, and the smaller N counts. Of slower takes, s is not measured.
+
+No s is below `SAME_PLACE`. No s is below the step, of 1 mm at most, to which a take's numbers are rounded. So takes of
+a motion that a machine repeats with noise below 0.4 of that step count as copies.
+
+The lag has the largest RV coefficient of the second differences u, v of both,
 
     RV = |C|^2 / (|A| |B|),   C = sum u v^T, A = sum u u^T, B = sum v v^T,   1 where v = R u, for any R
+
+Frames that are split in turn between two takes have no noise in common, and are not known.
 
 Sources: Y. Escoufier, Biometrics 29 (1973) (RV); W. Kabsch, Acta Crystallographica A32 (1976) (R).
 """
@@ -28,7 +35,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.ndimage import gaussian_filter1d
+from scipy.sparse import csr_array
+from scipy.special import ndtr
 
 from formats.arrays import Booleans, Floats, Integers
 
@@ -37,21 +45,26 @@ from formats.arrays import Booleans, Floats, Integers
 SAME_PLACE = 1.0e-4
 AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
 # Of the noise of two recordings. Pairs of the synthetic world leave 1.3 times that noise and more, and motions that a
-# machine repeats with noise above 0.1 mm leave 0.7. Rounding of noise s to steps of 2 s leaves 0.14.
+# machine repeats with noise above 0.1 mm leave 0.7. Rounding to steps s leaves a twelfth.
 MOST_LEFT = 0.25
 LEAST_TIME = 2.0  # s in common in which the cloth has moved
 LEAST_SHARE = 0.2  # of the shorter take in common
 FEWEST_NUMBERS = 80  # independent ones in common: chance brings q below `MOST_LEFT` in 1e-10 of fits (chi-squared)
-NUMBERS_A_PLACE = 1.2  # independent ones of three: neighbours of places smoothed over one step are alike
+NUMBERS_A_PLACE = 0.6  # independent ones of three: neighbours of smoothed places are alike
+REACH = 4.0  # tau: a Gaussian rounds corners farther off by 1e-5 of what it rounds those at hand
 SMOOTHING = 2.0  # frames of the slower take: between frames, resampling changes the noise
 RUNGS = 4  # of smoothing, per octave: takes of nearly one rate are smoothed once for all
-TAPS = 4  # to each side: a filter of 9 steps, half a second at 30 frames a second
+READS = 2  # per tau: with one, copies of lively motion whose clocks differ by half a step are not known
+TAPS = 4 * READS  # to each side: a filter of 8 tau, half a second at 30 frames a second
 LEAST_SEEN = 0.6  # of the frames around an instant
 MOST_EMPTY = 10  # times the frames: a clock that jumps so far is not followed
 MOST_SLOWER = 20.0  # times the interval of the other take: of a copy, one frame in ten, taken twice as fast
 MOST_STEPS = 3000  # that are fitted to: more cost time and tell little more
 LAGS = 3  # that are tried: swings look alike a period apart
-LONGEST_INTERVAL = 0.05  # s between frames: at 10 a second, half of made pairs that differ by 5 mm passed for copies
+# s between frames in which motion hardly shows. At 25 a second, flutter of 3 cm at 4 Hz measures as 1.2 mm of noise.
+LONGEST_INTERVAL = 0.036
+FRAMES_OF_STEP = 2000  # frames whose numbers show the step to which they are rounded
+LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: less is no step; marker files are not rounded to more
 NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
 SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps
 WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # of sixth differences
@@ -79,62 +92,100 @@ class Motion:
         """Keep instants [s], (frames,), places [m], (frames, points, 3), and which were seen, (frames, points)."""
         fresh = np.ones(len(time), bool)  # a slower tracker holds its frames
         fresh[1:] = (seen[1:, :, None] & (places[1:] != places[:-1])).any((1, 2))
+        fresh[1:] &= time[1:] > np.maximum.accumulate(time)[:-1]
         time, self._places, self._seen = time[fresh], places[fresh], seen[fresh]
         steps = np.diff(time)
-        self.interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+        self.interval = float(np.median(steps)) if len(steps) else 0.0
         self._time = time - time[0] if self.interval else np.zeros(0)
+        self._rounding = _step_of(self._places[:: -(-len(time) // FRAMES_OF_STEP)]) if len(time) else 0.0
         self._noise: dict[tuple[int, float], float] = {}
         self._smoothed: dict[tuple[int, float], tuple[Floats, Booleans]] = {}
+        self._near: dict[float, _Near] = {}
 
     @property
     def can_be_compared(self) -> bool:
         """Whether the clock goes on, without jumps that are far longer than the take."""
         return bool(self.interval) and self._time[-1] < MOST_EMPTY * len(self._time) * self.interval
 
-    def noise(self, points: Integers, step: float) -> Floats:
-        """Return the noise that smoothing over a step [s] leaves of points, (n,), of the three axes together [m^2]."""
-        return np.array([self._noise_of(int(point), step) for point in points])
+    def noise(self, points: Integers, tau: float) -> Floats:
+        """Return the noise that smoothing over tau [s] leaves of points, (n,), of the three axes together [m^2]."""
+        return np.array([self._noise_of(int(point), tau) for point in points])
 
-    def smoothed(self, points: Integers, step: float) -> _Smoothed:
-        """Return the places of points, (n,), smoothed over a step [s] and read once a step."""
-        each = [self._smoothed_point(int(point), step) for point in points]
+    def smoothed(self, points: Integers, tau: float) -> _Smoothed:
+        """Return the places of points, (n,), smoothed over tau [s] and read twice in it."""
+        each = [self._smoothed_point(int(point), tau) for point in points]
         return _Smoothed(np.stack([places for places, _ in each], 1), np.stack([seen for _, seen in each], 1))
 
-    def _noise_of(self, point: int, step: float) -> float:
-        if (point, step) not in self._noise:
-            white = self.interval / (2 * np.sqrt(np.pi) * step)
-            noise = 3 * SAME_PLACE**2 * white
+    def _noise_of(self, point: int, tau: float) -> float:
+        if (point, tau) not in self._noise:
+            white = self.interval / (2 * np.sqrt(np.pi) * tau)
+            noise = 3 * max(SAME_PLACE, self._rounding) ** 2 * white
             if self.interval <= LONGEST_INTERVAL:
-                places, seen = self._smoothed_point(point, step)
-                behind = _noise_in(np.where(seen[:, None], places, np.nan)) / _power(WEIGHTS)
+                places, seen = self._smoothed_point(point, tau)
+                behind = _noise_in(np.where(seen[:, None], places, np.nan)[::READS]) / _power(WEIGHTS, 1.0)
                 frames = _noise_in(self._places[self._seen[:, point], point]) / (WEIGHTS @ WEIGHTS)
                 noise = max(noise, min(frames * white, behind))
-            self._noise[point, step] = noise
-        return self._noise[point, step]
+            self._noise[point, tau] = noise
+        return self._noise[point, tau]
 
-    def _smoothed_point(self, point: int, step: float) -> tuple[Floats, Booleans]:
-        if (point, step) not in self._smoothed:
-            seen = self._seen[:, point]
-            time, width = self._time[seen], step / self.interval
-            frames = np.arange(round(self._time[-1] / self.interval) + 1)
-            there = np.zeros(len(frames))
-            there[np.rint(time / self.interval).astype(int).clip(0, len(frames) - 1)] = 1.0
-            there = gaussian_filter1d(there, width, mode="nearest")
-            read = np.arange(0.0, self._time[-1], step) / self.interval
-            places = np.empty((len(read), 3))
-            for axis in range(3):
-                even = np.interp(frames * self.interval, time, self._places[seen, point, axis])
-                places[:, axis] = np.interp(read, frames, gaussian_filter1d(even, width, mode="nearest"))
-            is_seen = np.interp(read, frames, there) >= LEAST_SEEN
-            is_seen[:2] = is_seen[-2:] = False  # smoothed over what was not recorded
-            self._smoothed[point, step] = places, is_seen
-        return self._smoothed[point, step]
+    def _smoothed_point(self, point: int, tau: float) -> tuple[Floats, Booleans]:
+        if (point, tau) not in self._smoothed:
+            if tau not in self._near:
+                self._near[tau] = _Near(self._time, np.arange(0.0, self._time[-1], tau / READS), tau)
+            seen, near = self._seen[:, point], self._near[tau]
+            is_seen = near.share_seen(seen) * self.interval >= LEAST_SEEN
+            is_seen[: 2 * READS] = is_seen[-2 * READS :] = False  # smoothed over what was not recorded
+            self._smoothed[point, tau] = near.smoothed(self._places[seen, point], seen), is_seen
+        return self._smoothed[point, tau]
 
 
-def _power(weights: Floats) -> float:
-    """Return the variance of a weighted sum of neighbours of white noise, smoothed over a step to variance 1."""
-    steps = np.arange(len(weights))
-    return float(weights @ np.exp(-((steps[:, None] - steps) ** 2) / 4) @ weights)
+class _Near:
+    """Frames near the instants at which a motion is read, smoothed by a Gaussian of deviation tau.
+
+    Places f lead straight from frame to frame, wherever the frames are on the clock. With c_i, by which the velocity
+    changes at frame i, and D the part by which a Gaussian rounds a corner,
+
+        smoothed f(t) = f(t) + sum_i c_i D(t - t_i),   D(u) = tau phi(u / tau) - |u| Phi(-|u| / tau)
+    """
+
+    def __init__(self, time: Floats, read: Floats, tau: float) -> None:
+        """Take frames' instants [s], rising, (frames,), those to read at [s], rising, (steps,), and tau [s]."""
+        begin, end = (np.searchsorted(time, read + side * REACH * tau) for side in (-1, 1))
+        ends = np.concatenate([[0], np.cumsum(end - begin)])
+        at = np.arange(ends[-1]) - np.repeat(ends[:-1] - begin, end - begin)
+        away = np.abs(np.repeat(read, end - begin) - time[at]) / tau
+        bell = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi)
+        self._time, self._read, shape = time, read, (len(read), len(time))
+        self._corners = csr_array((tau * (bell - away * ndtr(-away)), at, ends), shape=shape)
+        self._bells = csr_array((bell / tau, at, ends), shape=shape)
+
+    def share_seen(self, seen: Booleans) -> Floats:
+        """Return how many frames a second saw a point about each step, (steps,)."""
+        return np.asarray(self._bells @ seen.astype(float))
+
+    def smoothed(self, places: Floats, seen: Booleans) -> Floats:
+        """Return smoothed places, (steps, 3), of those in the frames that saw a point, (n, 3)."""
+        time = self._time[seen]
+        if not len(time):
+            return np.zeros((len(self._read), 3))
+        speeds = np.zeros((len(time) + 1, 3))
+        speeds[1:-1] = np.diff(places, axis=0) / np.diff(time)[:, None]
+        corners = np.zeros((len(seen), 3))
+        corners[seen] = np.diff(speeds, axis=0)
+        straight = np.stack([np.interp(self._read, time, along) for along in places.T], 1)
+        return np.asarray(straight + self._corners @ corners)
+
+
+def _step_of(places: Floats) -> float:
+    """Return the least difference [m] of coordinates, (frames, points, 3): the step to which they are rounded."""
+    steps = np.diff(np.sort(places.reshape(len(places), -1), axis=0), axis=0)
+    return float(steps[steps > LEAST_STEP].min(initial=MOST_ROUNDED))
+
+
+def _power(weights: Floats, apart: float) -> float:
+    """Return the variance of a weighted sum of white noise, smoothed to variance 1 and read so many tau apart."""
+    at = apart * np.arange(len(weights))
+    return float(weights @ np.exp(-((at[:, None] - at) ** 2) / 4) @ weights)
 
 
 def _noise_in(places: Floats) -> float:
@@ -153,10 +204,10 @@ def noise_left(one: Motion, other: Motion, points: Integers) -> float:
         return np.inf
     if not 1 / MOST_SLOWER <= one.interval / other.interval <= MOST_SLOWER:
         return np.inf
-    step = float(2 ** (np.ceil(RUNGS * np.log2(SMOOTHING * max(one.interval, other.interval))) / RUNGS))
-    x, y = one.smoothed(points, step), other.smoothed(points, step)
-    fewest = max(LEAST_TIME / step, LEAST_SHARE * min(len(x.seen), len(y.seen)))
-    noises = one.noise(points, step), other.noise(points, step)
+    tau = float(2 ** (np.ceil(RUNGS * np.log2(SMOOTHING * max(one.interval, other.interval))) / RUNGS))
+    x, y = one.smoothed(points, tau), other.smoothed(points, tau)
+    fewest = max(LEAST_TIME / tau * READS, LEAST_SHARE * min(len(x.seen), len(y.seen)))
+    noises = one.noise(points, tau), other.noise(points, tau)
     either = (
         min(_left(x, y, lag, fewest, noises), _left(y, x, -lag, fewest, noises[::-1])) for lag in _lags(x, y, fewest)
     )
@@ -211,7 +262,7 @@ def _left(x: _Smoothed, y: _Smoothed, lag: int, fewest: float, noises: tuple[Flo
     """Return q at a lag, with noises of both [m^2], (points,)."""
     at = np.arange(max(0, -lag) + TAPS, min(len(x.seen), len(y.seen) - lag) - TAPS)
     at = at[x.moved[at] & y.moved[at + lag]] if len(at) else at
-    used = y.seen[at + lag] & x.seen[at[:, None] + SHIFTS[2:-2]].all(1)
+    used = y.seen[at + lag] & x.seen[at[:, None] + SHIFTS[2 * READS : len(SHIFTS) - 2 * READS]].all(1)
     if used.any(1).sum() < fewest:
         return np.inf
     stride = -(-len(at) // MOST_STEPS)
@@ -221,7 +272,7 @@ def _left(x: _Smoothed, y: _Smoothed, lag: int, fewest: float, noises: tuple[Flo
         return np.inf
     shifted = np.stack([x.places[at + shift][used] for shift in SHIFTS])
     error, taps = _residual(shifted, y.places[at + lag][used])
-    gain = _power(taps)
+    gain = min(_power(taps, 1 / READS), 1.0)
     power = np.bincount(np.nonzero(used)[1], (error**2).sum(1), used.shape[1])
     counts = used.sum(0)
     known = counts > 0

@@ -11,11 +11,11 @@ import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from fit.recordings.copies import Track, are_copies, share_places
-from fit.recordings.filtered_copies import LEAST_TIME, Motion, noise_left
+from fit.recordings.filtered_copies import Motion, noise_left
 from formats.archive import read_take, write_take
 from formats.importers.swung_cloth import import_swung_cloth
 from tests.fit.recordings.test_copies import part, recorded, with_lost
-from tests.fit.scenes import sheet
+from tests.fit.scenes import hung, sheet, take_of
 from tests.shared_data import SHARED_DATA
 
 REAL = sorted((SHARED_DATA / "swung-cloth").glob("*.npz"))
@@ -80,8 +80,9 @@ def test_recordings_of_one_motion_leave_the_noise_of_both(noise):
     one, other = recorded(noise=noise), recorded(noise=noise, seed=7)
     assert left(one, other) == pytest.approx(1.0, abs=0.35)
     assert left(one, turned(other)) == pytest.approx(1.0, abs=0.35)
-    assert left(one, smoothed(other)) > 0.65
-    assert left(smoothed(one), smoothed(other)) > 0.65
+    if noise > 1e-4:  # smoothed, noise of 0.1 mm is below what counts
+        assert left(one, smoothed(other)) > 0.65
+        assert left(smoothed(one), smoothed(other)) > 0.65
     assert left(at_rate(one, 25.0), other) > 0.65
 
 
@@ -99,21 +100,121 @@ def test_noise_is_measured_on_moving_cloth(noise, found):
     assert left == pytest.approx(found**2 / (2 * math.sqrt(math.pi)), rel=0.25)
 
 
-def test_frames_that_are_held_are_one_frame_and_slow_takes_are_known_in_other_axes_alone():
+def test_frames_that_are_held_are_one_frame_and_slow_takes_are_known_in_other_axes():
     """At 15 frames a second, each of them twice, a swing would pass for noise."""
     one, other = (part(recorded(noise=2e-3, seed=seed), np.repeat(np.arange(0, 150, 2), 2)) for seed in (1, 2))
     held = [dataclasses.replace(take, time=recorded().time) for take in (one, other)]
     assert Track(held[0]).motion.interval == pytest.approx(1 / 15)
     assert left(held[0], turned(held[0])) < 0.25
-    assert left(held[0], smoothed(held[0], 1.0)) > 0.25
     assert left(*held) > 100
+
+
+def lively(rate, seed=0, noise=1e-3, hz=2.2, flutter=0.03):
+    """A take of 10 s whose points swing fast and flutter four times a second, the lower ones more."""
+    garment, time = sheet(grid=4), np.arange(0, 10, 1 / rate)
+    begins, below = np.clip(time, 0, 1), [0.4 - point.at_m[1] for point in garment.points]
+    points = hung(garment, time)
+    for at, (point, low) in enumerate(zip(garment.points, below, strict=True)):
+        points[:, at, 1] += begins * 0.1 * np.sin(2 * np.pi * hz * (time - 0.3 * low))
+        points[:, at, 1] += begins * flutter * low * np.sin(27 * time + 9 * point.at_m[0] + 5 * low)
+    points += np.random.default_rng(seed).normal(0, noise, points.shape)
+    return take_of(garment, time, np.zeros((len(time), 3)), points.round(5))
+
+
+@pytest.mark.parametrize("rate", [20, 30])
+def test_a_copy_in_other_axes_whose_beginning_is_cut_off_is_known(rate):
+    """Its smoothed places are read between those of the other, where lively motion is not straight."""
+    take = lively(rate, hz=0.9)
+    assert left(take, part(turned(take), slice(41, None))) < 0.1
+    assert left(take, part(turned(take), slice(rate * 10 // 3, None))) < 0.1
+
+
+def test_a_copy_in_other_axes_is_known_whatever_its_frames_are_on_the_clock():
+    """The clock of a slow camera jitters. A part that is cut off moves the instants at which the copy is read."""
+    whole = lively(60, hz=0.7)
+    take = part(whole, np.sort(np.random.default_rng(5).choice(600, 150, replace=False)))
+    assert left(take, part(turned(take), slice(33, None))) < 0.25
+
+
+@pytest.mark.parametrize("step", [3e-4, 1e-3])
+def test_a_copy_of_a_slow_take_is_known_when_it_is_rounded(step):
+    """Rounding leaves a twelfth of the noise that counts, whatever the axes were before."""
+    take = lively(10, hz=0.7)
+    for copy in (take, turned(take)):
+        copy = other_places(copy, (copy.points / step).round() * step)
+        assert left(take, copy) == pytest.approx(1 / 12, rel=0.4)
+
+
+def test_rounding_to_more_than_1_mm_counts_as_1_mm():
+    """Rounded to 5 mm, two recordings of one motion leave (25 + 25) / 12 of the noise that counts, and theirs."""
+    one, other = (lively(10, seed, hz=0.7) for seed in (1, 2))
+    rounded = [other_places(take, (take.points * 200).round() / 200) for take in (one, other)]
+    assert left(*rounded) > 0.7
+
+
+@pytest.mark.parametrize("rate", [10, 20, 25, 30])
+def test_lively_motion_that_a_machine_repeats_is_no_copy(rate):
+    """Motion passes for noise in sixth differences of up to 25 frames a second."""
+    for noise in (3e-4, 1e-3):
+        one, other = lively(rate, 1, noise), lively(rate, 2, noise)
+        assert left(one, other) > 0.25
+        assert left(one, turned(other)) > 0.25
+
+
+def test_what_taps_magnify_is_no_noise_of_a_copy():
+    """Motion of low frequency leaves the taps free to undo a filter, which magnifies the noise that counts."""
+    one, other = (lively(10, seed, 3e-4, hz=0.5, flutter=0.0) for seed in (1, 2))
+    assert left(one, smoothed(other, 4.0)) > 0.5
+
+
+def test_places_beside_a_gap_of_the_copy_do_not_count():
+    take = lively(30, hz=0.9)
+    gap = (np.arange(300) > 150) & (np.arange(300) < 185)
+    copy = turned(take)
+    points = np.where(gap[:, None, None], np.nan, copy.points)
+    copy = dataclasses.replace(copy, points=points, points_valid=copy.points_valid & ~gap[:, None])
+    assert left(take, copy) < 0.25
+
+
+def test_places_are_smoothed_as_lines_from_frame_to_frame_whatever_the_clock():
+    """Against sums over a fine clock; a straight motion stays straight."""
+    random = np.random.default_rng(8)
+    time = np.sort(random.uniform(0, 3, 60))
+    time[0] = 0.0
+    places = random.normal(size=(60, 1, 3))
+    motion, fine = Motion(time, places, np.ones((60, 1), bool)), np.arange(-2, 6, 1e-3)
+    found = motion.smoothed(np.array([0]), 0.2).places[:, 0]
+    at = 0.1 * np.arange(len(found))
+    bells = np.exp(-((at[:, None] - fine) ** 2) / (2 * 0.2**2))
+    wanted = bells @ np.stack([np.interp(fine, time, places[:, 0, k]) for k in range(3)], 1)
+    assert found == pytest.approx(wanted / bells.sum(1)[:, None], abs=2e-3)
+    straight = Motion(time, time[:, None, None] * np.ones(3), np.ones((60, 1), bool))
+    inner = straight.smoothed(np.array([0]), 0.2)
+    middle = (at > 0.8) & (at < time[-1] - 0.8)
+    assert inner.places[middle, 0, 0] == pytest.approx(at[middle], abs=1e-5)
+
+
+def test_a_pause_may_last_ten_times_as_long_as_the_frames():
+    take = recorded()
+    for pause, is_known in ((8, True), (11, False)):
+        later = take.time + np.where(take.time > 0.5, pause * take.time[-1], 0.0)
+        assert Motion(later, take.points, take.points_valid).can_be_compared == is_known
+
+
+def test_a_point_seen_in_no_frame_of_a_rising_clock_is_not_compared():
+    take = recorded()
+    time, seen = take.time.copy(), take.points_valid.copy()
+    time[50] = time[10]
+    seen[:, 1] = np.arange(len(time)) == 50
+    motion = Motion(time, take.points, seen)
+    assert noise_left(motion, motion, np.arange(3)) < 1e-6
 
 
 def test_cloth_at_rest_and_short_pieces_tell_nothing():
     still = recorded(amplitude=0.0)
     assert left(still, turned(still)) == math.inf
     take = recorded(garment=sheet(grid=4))
-    for seconds, is_known in ((LEAST_TIME - 0.2, False), (LEAST_TIME + 1.0, True)):
+    for seconds, is_known in ((1.8, False), (3.0, True)):
         assert (left(take, part(turned(take), slice(60, 60 + int(30 * seconds)))) < 0.25) == is_known
 
 
@@ -130,7 +231,7 @@ def test_takes_of_far_apart_rates_are_not_compared(times):
     other = Motion(take.time * times, take.points, take.points_valid)
     own = Motion(take.time, take.points, take.points_valid)
     assert noise_left(other, own, points) == noise_left(own, other, points) == math.inf
-    assert noise_left(own, own, points) < 1e-9
+    assert noise_left(own, own, points) < 1e-6
 
 
 def test_a_few_frames_are_not_compared():

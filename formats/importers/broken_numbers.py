@@ -54,7 +54,7 @@ CLOCK = Writing(MOST_DIGITS)  # a time may go on with any digits
 def writing_of(rows: Rows, columns: Iterable[int]) -> Writing:
     """Return how the numbers of some columns are written, by some of the lines."""
     texts = set[str]()
-    for at in np.unique(np.linspace(0, len(rows) - 1, LINES_LOOKED_AT, dtype=int)).tolist() if len(rows) else []:
+    for at in range(0, len(rows), 1 + len(rows) // LINES_LOOKED_AT):
         row = rows[at]
         texts.update(cell for k in columns if k < len(row) and is_seen(cell := row[k].strip()))
     forms = Counter(map(form_of, texts))
@@ -91,7 +91,7 @@ def broken_of(rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writi
     """
     found = np.zeros(len(rows), bool)
     seen = np.flatnonzero(np.isfinite(path) & np.isfinite(time))
-    if len(seen) < 3 or not (np.diff(time[seen]) > 0).all():
+    if not ends_here[seen].any() or len(seen) < 3 or not (np.diff(time[seen]) > 0).all():
         return found
     should, bounds = _should_be(time[seen], path[seen])
     bounds += 10.0**-writing.most

@@ -21,7 +21,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
-from formats.importers.marker_tracks import MarkerTracks, as_seen
+from formats.importers.marker_tracks import MarkerTracks, as_seen, take_out_signs
 from formats.importers.units import metres_of
 from formats.plain_text import sized
 
@@ -65,8 +65,10 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames) / rate, float)
-    doubt = _doubt_of_length(path, size, header, frames)
-    return MarkerTracks(tuple(labels), time, _places(path, header, frames, scale), header.rate, doubt)
+    places = _places(path, header, frames, scale)
+    signs_of_gaps = take_out_signs(places, scale, lambda frame: f"frame {frame + 1}")
+    doubt = "; ".join(filter(None, [_doubt_of_length(path, size, header, frames), signs_of_gaps]))
+    return MarkerTracks(tuple(labels), time, places, header.rate, doubt)
 
 
 def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str:

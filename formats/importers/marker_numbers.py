@@ -17,7 +17,7 @@ from formats.importers.broken_numbers import broken_lines
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
-from formats.importers.marker_tracks import as_seen
+from formats.importers.marker_tracks import as_seen, take_out_signs
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time
 
@@ -79,6 +79,8 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     cells = np.empty(len(rows), int)
     first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
     time = table.clock(first)
+    metres = np.full(len(columns), table.metres)
+    signs_of_gaps = take_out_signs(places, metres, lambda frame: f"line {rows.numbers[frame]}")
     refuse_a_cut_time(rows, cells, first, time, min(table.markers, default=width), width, path)
     if not rows.decimal and (number := signs.of_thousands(rows.separator)):
         sign, name = (",", "commas") if "," in number else (".", "points")
@@ -100,7 +102,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     within = np.flatnonzero(broken[:-1]).tolist()
     for at in within:
         _take_out_the_last(places, at, cells, columns)
-    return Frames(time, places, "; ".join(filter(None, [_doubt_of([rows.numbers[at] for at in within]), last])))
+    return Frames(
+        time, places, "; ".join(filter(None, [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]))
+    )
 
 
 def _take_out_the_last(places: Floats, at: int, cells: Integers, columns: Integers) -> None:

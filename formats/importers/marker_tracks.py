@@ -5,13 +5,16 @@ One header line, then one line per frame, metres and seconds, an empty cell wher
     time_s,row1_column1_x_m,row1_column1_y_m,row1_column1_z_m,row1_column2_x_m,...
     0.000000,0.0123,-0.2500,1.4800,...
 
-In every format, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen.
+In every format, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen. A sign such
+as -9999, or NDI's -3.697314e28, stands in all three coordinates, twice as far out as any other place.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +23,11 @@ import numpy as np
 from formats.arrays import Booleans, Floats
 from formats.importers.units import axes_of
 from formats.outputs import write_text
+from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
+
+FARTHER_OUT = 2.0  # times as far as any other coordinate lies a number that stands for a marker that was not seen
+MOST_SIGNS = 3  # of which each is told
 
 
 @dataclass(frozen=True)
@@ -55,6 +62,27 @@ def as_seen(positions: Floats, absent: Booleans | None = None) -> Floats:
     if absent is not None:
         gone |= absent
     return np.where(gone[..., None], np.nan, positions)
+
+
+def take_out_signs(places: Floats, metres: Floats, name: Callable[[int], str]) -> str:
+    """Take out the places that are one number for all coordinates, far out; return a sentence on them.
+
+    - `places` [m], (frames, markers, 3), NaN where not seen; `metres`: of the unit that each marker's had, (markers,)
+    - `name`: names the line or the frame of a place in the file
+    """
+    same = (places[..., 0] == places[..., 1]) & (places[..., 1] == places[..., 2])
+    if not same.any():
+        return ""
+    others = [np.abs(places[..., axis][~same & np.isfinite(places[..., axis])]) for axis in range(3)]
+    farthest = max(float(one.max(initial=0)) for one in others)
+    frames, markers = np.nonzero(same & (np.abs(places[..., 0]) > FARTHER_OUT * farthest) & (farthest > 0))
+    numbers = [f"{number:.8g}" for number in (places[frames, markers, 0] / metres[markers]).tolist()]
+    places[frames, markers] = np.nan
+    return "; ".join(
+        f"{number} stands in all three coordinates of a marker {counted(count, 'time')}, first in "
+        f"{name(int(frames[numbers.index(number)]))}, and counts as not seen"
+        for number, count in Counter(numbers).most_common(MOST_SIGNS)
+    )
 
 
 def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from formats.arrays import Booleans
+from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN, HARDLY_EVER, HARDLY_MOVED, SHORTEST_DIAGNOSED, Finding
 from formats.garment import Garment
 from formats.hanger import held_ends
@@ -19,6 +19,7 @@ MOST_STRETCHED = 1.25  # of a flat distance, more than apparel stretches under i
 MEASURED_APART = 0.06  # m beside that: held ends and points are measured by different means, 26 mm apart on real takes
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
 RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
+DEVIATIONS_TO_PERCENTILE = 1.645  # of a normal distribution, by which its percentile 95 lies above the middle
 HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: the synthetic motions have below 1
 MOST_NAMES = 5  # of points in one sentence
 ENOUGH = 10  # frames that both points of a distance must be seen in
@@ -192,9 +193,32 @@ def _apart(take: Take, pair: tuple[int, int]) -> tuple[float, float, str, str] |
     both = take.points_valid[:, pair].all(1)
     if both.sum() < ENOUGH:
         return None
-    apart = np.linalg.norm(take.points[both, pair[0]] - take.points[both, pair[1]], axis=1)
+    ways = take.points[both, pair[0]] - take.points[both, pair[1]]
+    apart = np.linalg.norm(ways, axis=1)
     told = float(np.linalg.norm(np.subtract(first.at_m, second.at_m)))
-    return float(np.percentile(apart, RIGHT_MOST)), told, first.name, second.name
+    seen = float(np.percentile(apart, RIGHT_MOST))
+    if seen > told:
+        seen = max(told, _without_noise(ways, take.points_sd[both][:, pair]))
+    return seen, told, first.name, second.name
+
+
+def _without_noise(ways: Floats, deviations: Floats) -> float:
+    """Return how far two points are apart at most [m] but for the noise that their deviations state.
+
+    - `ways` [m], (frames, 3): from one to the other; `deviations` [m], (frames, 2, 3)
+
+    Noise along the way, of deviation s, lifts the percentile 95 of a length d that stays the same to d + 1.645 s. It
+    leaves the median as it is: a length that is too large in the median is no noise. Noise across it, of variance v,
+    makes d the root of d^2 + v in the mean square. So the length is
+
+        root of  max(median, percentile 95 - 1.645 s)^2 - v
+    """
+    variances = np.square(np.where(np.isfinite(deviations), deviations, 0.0)).sum(1)
+    apart = np.linalg.norm(ways, axis=1)
+    along = float((variances * (ways / apart[:, None]) ** 2).sum(1).mean())
+    across = float(variances.sum(1).mean()) - along
+    most = max(np.median(apart), np.percentile(apart, RIGHT_MOST) - DEVIATIONS_TO_PERCENTILE * np.sqrt(along))
+    return float(np.sqrt(max(most**2 - across, 0.0)))
 
 
 def _pairs(garment: Garment) -> list[tuple[int, int]]:

@@ -129,6 +129,26 @@ def test_a_garment_of_another_size_than_its_file_says_is_told(scale, names):
     assert named(with_points(take, middle + scale * (take.points - middle))) == names
 
 
+@pytest.mark.parametrize(("scale", "names"), [(1.0, []), (1.05, []), (1.2, ["garment_larger"])])
+@pytest.mark.parametrize("deviation", [0.02, 0.03])
+def test_noise_that_the_take_states_makes_no_garment_larger(scale, names, deviation):
+    """The percentile 95 of a distance between two such places is 1.645 x 1.41 x 30 mm = 70 mm larger."""
+    take = swung(seconds=10.0)
+    middle = take.points.mean(1, keepdims=True)
+    noise = np.random.default_rng(0).normal(0, deviation, take.points.shape)
+    take = with_points(take, middle + scale * (take.points - middle) + noise)
+    assert named(dataclasses.replace(take, points_sd=np.full(take.points.shape, deviation))) == names
+    unknown = dataclasses.replace(take, points_sd=np.full(take.points.shape, np.inf))
+    assert named(unknown) == ["garment_larger"]
+
+
+def test_noise_that_is_stated_and_not_there_hides_no_larger_garment():
+    take = swung()
+    middle = take.points.mean(1, keepdims=True)
+    take = with_points(take, middle + 1.15 * (take.points - middle))
+    assert named(dataclasses.replace(take, points_sd=np.full(take.points.shape, 0.03))) == ["garment_larger"]
+
+
 def test_a_take_of_two_seconds_is_too_short():
     assert named(swung(seconds=2.0)) == ["too_short"]
 

@@ -105,8 +105,8 @@ MEASURE = "measure it again, or choose the file of the garment that hangs there"
          "the garment is smaller than described: top_right and bottom_right are at "
          "most 38 cm apart, 45 cm in its file", MEASURE),
         (scaled(1.11), "garment_larger", False,
-         "the garment is larger than described: top_right and bottom_right are at "
-         "most 50 cm apart, 45 cm in its file", MEASURE),
+         "the garment is larger than described: bottom_right and bottom_left are at "
+         "most 55 cm apart, 50 cm in its file", MEASURE),
     ],
     ids=range(17),
 )  # fmt: skip

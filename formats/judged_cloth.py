@@ -10,7 +10,7 @@ from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
 from formats.plain_text import counted
-from formats.sights import Sights, away_from_held, fitted_sights, longest_without_cloth, standing
+from formats.sights import SAME_PLACE, Sights, away_from_held, fitted_sights, longest_without_cloth, standing
 from formats.take import Take
 from formats.two_clocks import shows_points
 
@@ -215,7 +215,7 @@ def _without_noise(ways: Floats, deviations: Floats) -> float:
     """
     variances = np.square(np.where(np.isfinite(deviations), deviations, 0.0)).sum(1)
     apart = np.linalg.norm(ways, axis=1)
-    along = float((variances * (ways / apart[:, None]) ** 2).sum(1).mean())
+    along = float((variances * (ways / np.maximum(apart, SAME_PLACE)[:, None]) ** 2).sum(1).mean())
     across = float(variances.sum(1).mean()) - along
     most = max(np.median(apart), np.percentile(apart, RIGHT_MOST) - DEVIATIONS_TO_PERCENTILE * np.sqrt(along))
     return float(np.sqrt(max(most**2 - across, 0.0)))

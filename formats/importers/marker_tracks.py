@@ -6,13 +6,15 @@ One header line, then one line per frame, metres and seconds, an empty cell wher
     0.000000,0.0123,-0.2500,1.4800,...
 
 In every format, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen. A sign such
-as -9999, or NDI's -3.697314e28, stands in all three coordinates, twice as far out as any other place.
+as -9999 or NDI's -3.697314e28 stands in all three coordinates. It has three nines or more and no other digit, or is
+1e6 of any unit or more. It lies twice as far out as any other number.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,6 +29,8 @@ from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
 
 FARTHER_OUT = 2.0  # times as far as any other coordinate lies a number that stands for a marker that was not seen
+NINES = re.compile(r"-?9{3,}(\.9+)?")
+BEYOND_ALL = 1e6  # of any unit: no place is 1000 m away
 MOST_SIGNS = 3  # of which each is told
 
 
@@ -76,12 +80,14 @@ def take_out_signs(places: Floats, metres: Floats, name: Callable[[int], str]) -
     others = [np.abs(places[..., axis][~same & np.isfinite(places[..., axis])]) for axis in range(3)]
     farthest = max(float(one.max(initial=0)) for one in others)
     frames, markers = np.nonzero(same & (np.abs(places[..., 0]) > FARTHER_OUT * farthest) & (farthest > 0))
-    numbers = [f"{number:.8g}" for number in (places[frames, markers, 0] / metres[markers]).tolist()]
-    places[frames, markers] = np.nan
+    words = [f"{number:.7g}" for number in (places[frames, markers, 0] / metres[markers]).tolist()]  # all of 4 bytes
+    found = [k for k, word in enumerate(words) if abs(float(word)) >= BEYOND_ALL or NINES.fullmatch(word)]
+    frames, signs = frames[found], [words[k] for k in found]
+    places[frames, markers[found]] = np.nan
     return "; ".join(
-        f"{number} stands in all three coordinates of a marker {counted(count, 'time')}, first in "
-        f"{name(int(frames[numbers.index(number)]))}, and counts as not seen"
-        for number, count in Counter(numbers).most_common(MOST_SIGNS)
+        f"{sign} stands in all three coordinates of a marker {counted(count, 'time')}, first in "
+        f"{name(int(frames[signs.index(sign)]))}, and counts as not seen"
+        for sign, count in Counter(signs).most_common(MOST_SIGNS)
     )
 
 

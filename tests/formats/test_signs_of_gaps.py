@@ -39,16 +39,22 @@ def test_one_number_far_out_in_all_three_cells_is_a_gap(tmp_path, sign, told, ma
 def test_once_is_enough_and_each_sign_is_told(tmp_path):
     lines = with_sign("-9999", frames=1)
     assert imported(tmp_path, lines).doubt == SIGN.format("-9999", "1 time", LINE)
-    lines[CUT + 2] = with_sign("7777.5", frames=3)[CUT + 2]
-    lines[CUT + 3] = with_sign("7777.5", frames=4)[CUT + 3]
-    both = SIGN.format("7777.5", "2 times", f"line {CUT + 8}"), SIGN.format("-9999", "1 time", LINE)
+    lines[CUT + 2] = with_sign("99999", frames=3)[CUT + 2]
+    lines[CUT + 3] = with_sign("99999", frames=4)[CUT + 3]
+    both = SIGN.format("99999", "2 times", f"line {CUT + 8}"), SIGN.format("-9999", "1 time", LINE)
     assert imported(tmp_path, lines).doubt == "; ".join(both)
 
 
-@pytest.mark.parametrize(("times", "is_gap"), [(1.9, False), (2.1, True), (-1.9, False), (-2.1, True)])
-def test_a_number_within_twice_the_largest_other_one_is_a_place(tmp_path, times, is_gap):
-    largest = float(np.abs(places()).max())
-    found = imported(tmp_path, with_sign(f"{times * largest:.2f}", frames=1, marker=0))
+@pytest.mark.parametrize(
+    ("number", "is_gap"),
+    [
+        ("9999", True), ("-99999.9", True), ("7777", False), ("9998.00", False), ("999.99", False), ("999999", True),
+        ("1000000", True), ("-777777", False), ("-7777777", True), ("9999.90", True), ("9999.50", False),
+    ],
+)  # fmt: skip
+def test_only_nines_or_a_number_beyond_all_places_is_a_sign_and_only_far_out(tmp_path, number, is_gap):
+    """The largest other number is 1260 mm, so 999.99 may be a place."""
+    found = imported(tmp_path, with_sign(number, frames=1, marker=0))
     assert np.isnan(found.positions[CUT, 0]).all() == is_gap
     assert bool(found.doubt) == is_gap
 
@@ -60,7 +66,7 @@ def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_places(tmp_path
     assert np.isfinite(imported(tmp_path, alone).positions[:, 0]).all()
 
 
-@pytest.mark.parametrize("sign", [-9999.0, -3.697314e28])
+@pytest.mark.parametrize("sign", [-9999.0, 9999.99, -3.697314e28])
 def test_a_c3d_file_names_the_frame(tmp_path, sign):
     where = places().reshape(-1, 2, 3)
     where[CUT : CUT + 4, 1] = sign

@@ -249,6 +249,7 @@ def test_motions_start_and_end_at_rest_and_stay_gentle(kind):
         assert np.linalg.norm(ends[:, 3:] - ends[:, :3], axis=1) == pytest.approx(0.4)
 
 
+@pytest.mark.slow  # `test_blind_sets.py` reads the cases of a set
 def test_a_case_is_five_sound_takes_that_the_tool_can_read(tmp_path):
     truth = a_truth(OWN_GENERATOR.plants(["draught"])[0])
     paths = write_case(tmp_path / "case", truth, side=COARSE)

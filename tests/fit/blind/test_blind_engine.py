@@ -147,11 +147,11 @@ def test_a_weight_on_a_string_pulls_its_corner_down():
 
 
 def test_effects_that_are_off_change_nothing_and_effects_that_are_on_do():
-    moved = nudged(0.3, size=0.05)
+    moved = nudged(0.15, size=0.05)
     places = np.array([[0.075, -0.2], [0.0, -0.1]])
 
     def bottom(**changes):
-        return Engine(Cloth(width=0.15, height=0.2, **changes), side=0.05).run(bar(0.15, moved), 0.3, places).points
+        return Engine(Cloth(width=0.15, height=0.2, **changes), side=0.05).run(bar(0.15, moved), 0.15, places).points
 
     plain = bottom()
     assert np.array_equal(plain, bottom(gust_phase=1.0, corner=-1, wake_time=0.2, bob_length=0.1))

@@ -30,6 +30,7 @@ def dropped(contact, seconds=1.0, *, rate=30, gravity=GRAVITY, **changes):
 FLOOR = half_space((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
 
 
+@pytest.mark.slow  # a body carries a sheet below, and another floor bounces one
 def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_weighs_what_it_weighs():
     """-50 mm + 2 mm - g / omega^2 = -48.01 mm; 18 g are 0.1765 N."""
     ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.25, 1.5, 1.75)]

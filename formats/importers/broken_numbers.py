@@ -7,11 +7,13 @@ a broken number. All three lines miss it by more than b. Another number that beg
 
     b  =  NOISES q c  +  10^-d        c = h1 h2 / h^2 between two,  h1 (h1 + h2) / h^2 ahead of two
 
-- `q`: half of the places of the path are no farther than that from the straight line between their neighbours
+- `q`: half of the places of a stretch are no farther than that from the straight line between their neighbours. The
+  largest of a stretch and those beside it counts, as cloth that rests begins to move
 - `h1`, `h2`: the steps of time; `h`: the median step
-- `d`: digits behind the point
+- `d`: digits behind the point of that number before or after it which has more
 
-In a file that leaves out no zeros, a number with fewer digits than others is broken however near it lies.
+In a file that leaves out no zeros, a number with fewer digits than others is broken however near it lies. In one that
+writes powers of ten, as in 1.2e+03, a number without its power is broken.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import form_of, is_seen
 
 NOISES = 7.0  # of normal noise, q is 0.67 standard deviations: one place of 400,000 is farther off
+STRETCH = 50  # places: half a swing at 100 frames a second
 LINES_LOOKED_AT = 200  # of a file, to learn how it writes numbers
 # Of programs that leave out zeros, one number of ten has fewer digits. So of 100 at most 2 have in one file of 500.
 FEWEST_NUMBERS, MOST_SHORTER = 100, 0.02
@@ -40,12 +43,13 @@ class Writing:
 
     - `most`: digits behind the point at most
     - `always`: digits that all numbers have, 0 where they vary
-    - `has_powers`: some are written as 1.5e-05
+    - `has_powers`, `all_powers`: some and all are written as 1.5e-05
     """
 
     most: int
     always: int = 0
     has_powers: bool = False
+    all_powers: bool = False
 
 
 CLOCK = Writing(MOST_DIGITS)  # a time may go on with any digits
@@ -53,18 +57,19 @@ CLOCK = Writing(MOST_DIGITS)  # a time may go on with any digits
 
 def writing_of(rows: Rows, columns: Iterable[int]) -> Writing:
     """Return how the numbers of some columns are written, by some of the lines."""
-    texts = set[str]()
-    for at in range(0, len(rows), 1 + len(rows) // LINES_LOOKED_AT):
+    texts = Counter[str]()
+    for at in np.unique(np.linspace(0, len(rows) - 1, LINES_LOOKED_AT, dtype=int)).tolist() if len(rows) else []:
         row = rows[at]
         texts.update(cell for k in columns if k < len(row) and is_seen(cell := row[k].strip()))
-    forms = Counter(map(form_of, texts))
+    forms = [(form_of(text), count) for text, count in texts.items()]
     if not forms:
         return CLOCK
-    most = min(max(form.digits for form in forms), MOST_DIGITS)
-    has_powers = any(form.power for form in forms)
-    shorter = sum(count for form, count in forms.items() if form.digits < most)
-    is_fixed = not has_powers and len(texts) >= FEWEST_NUMBERS and shorter <= MOST_SHORTER * len(texts)
-    return Writing(most, most if is_fixed else 0, has_powers)
+    most = min(max(form.digits for form, _ in forms), MOST_DIGITS)
+    powers = [bool(form.power) for form, _ in forms]
+    shorter = sum(count for form, count in forms if form.digits < most)
+    is_known = len(texts) >= FEWEST_NUMBERS
+    is_fixed = not any(powers) and is_known and most < MOST_DIGITS and shorter <= MOST_SHORTER * texts.total()
+    return Writing(most, most if is_fixed else 0, any(powers), is_known and all(powers))
 
 
 def broken_lines(
@@ -97,16 +102,26 @@ def broken_of(rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writi
     bounds += 10.0**-writing.most
     is_off = np.asarray(~(np.abs(path[seen] - should) <= bounds).any(0))
     for k in np.flatnonzero(ends_here[seen]).tolist():
-        at = int(seen[k])
-        if not is_off[k] and not writing.always:
+        if not (is_off[k] or writing.always or writing.all_powers):
             continue
-        cell = rows.last_cell(at)
-        if (is_off[k] or form_of(cell).digits < writing.always) and any(
-            _may_begin(cell, place - bound, place + bound, writing)
-            for place, bound in zip(should[:, k], bounds[:, k], strict=True)
-        ):
-            found[at] = True
+        at, cell = int(seen[k]), rows.last_cell(int(seen[k]))
+        around = bounds[:, k]
+        if not writing.always:
+            column, beside = len(rows[at]) - 1, [rows[int(seen[n])] for n in (k - 1, k + 1) if 0 <= n < len(seen)]
+            digits = [form_of(row[column]).digits for row in beside if column < len(row)]
+            around = around + 10.0 ** -max(digits, default=writing.most)
+        found[at] = _is_broken(cell, path[at], should[:, k], around, writing)
     return found
+
+
+def _is_broken(cell: str, number: float, should: Floats, bounds: Floats, writing: Writing) -> bool:
+    """Return whether a cell, which holds a number, begins one that should be there, within some bounds, (3,)."""
+    form = form_of(cell)
+    if writing.all_powers and not form.power:
+        return True
+    if (np.abs(number - should) <= bounds).any() and form.digits >= writing.always:
+        return False
+    return any(_may_begin(cell, place - off, place + off, writing) for place, off in zip(should, bounds, strict=True))
 
 
 def _should_be(time: Floats, path: Floats) -> tuple[Floats, Floats]:
@@ -121,7 +136,11 @@ def _should_be(time: Floats, path: Floats) -> tuple[Floats, Floats]:
     reach[1, 2:] = after * (before + after)
     should[2, :-2] = path[1:-1] - slope[1:] * before
     reach[2, :-2] = before * (before + after)
-    noise = float(np.median(np.abs(path - should[0])[1:-1]))
+    off = np.abs(path - should[0])
+    off[[0, -1]] = off[[1, -2]]
+    stretches = np.array_split(off, -(-len(off) // STRETCH))
+    halves = np.pad([np.median(stretch) for stretch in stretches], 1, mode="edge")
+    noise = np.repeat(np.max([halves[:-2], halves[1:-1], halves[2:]], 0), [len(stretch) for stretch in stretches])
     return should, NOISES * noise * np.maximum(1.0, reach / np.median(step) ** 2)
 
 

@@ -140,3 +140,34 @@ def test_a_line_in_quotation_marks_is_looked_at_by_its_cells(tmp_path):
     lines = [re.sub(r"[^,]+", r'"\g<0>"', line) for line in vicon(WRITERS["%.1f"], places())]
     lines[CUT] = lines[CUT].rpartition(",")[0] + ',"1"'
     assert imported(tmp_path, lines).doubt == DOUBT.format(LINE)
+
+
+def test_places_that_rest_exactly_are_whole(tmp_path):
+    """Held for a second, 1.0 comes a hundred times: the program leaves out zeros."""
+    angle = 0.3 * np.sin(5 * np.maximum(np.arange(400) / 100 - 1, 0))
+    where = np.stack([0.25 + 0 * angle, np.sin(angle), 1.5 - 0.5 * np.cos(angle)], 1)
+    lines = vicon(lambda value: repr(float(value)), np.tile(where, 2))
+    found = imported(tmp_path, lines)
+    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)
+
+
+@pytest.mark.parametrize("writer", ["%.14g", "%.15g", "%.4g", "%g"])
+@pytest.mark.parametrize("rest", [0, 600])
+def test_no_whole_number_of_a_program_that_leaves_out_zeros_is_broken(tmp_path, writer, rest):
+    """Places move over 1000 mm, where %.4g writes whole numbers; or they rest for longer than they move."""
+    rng, time = np.random.default_rng(1), np.arange(1000)
+    moved = 260 * np.sin(time[:, None] / 9 + np.arange(6)) * (time > rest)[:, None]
+    where = np.array([310, -145, 1005, 410, -145, 1090]) + moved + rng.normal(0, 0.05, (1000, 6))
+    found = imported(tmp_path, vicon(lambda value: writer % value, where))
+    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)
+
+
+def test_a_number_without_its_power_is_broken_where_all_others_have_one(tmp_path):
+    """1.2649 of 1.264990e+03, where the marker rested before."""
+    where = places()
+    where[:CUT] = where[0]
+    lines = vicon(WRITERS["%.6e"], where)
+    lines[CUT] = lines[CUT][:-6]
+    found = imported(tmp_path, lines)
+    assert found.doubt == DOUBT.format(LINE)
+    assert np.isnan(found.positions[CUT, 1]).all()

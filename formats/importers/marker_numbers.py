@@ -19,7 +19,7 @@ from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen, take_out_signs
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
-from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time
+from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
@@ -169,10 +169,7 @@ def _doubt_of_the_last(
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
     if ending is Ending.CUT:
-        raise TakeError(
-            f"line {number} ends within a number, after {last + 1} of its {width} cells", where=path,
-            advice="the line is cut off: copy or export the file again",
-        )  # fmt: skip
+        raise within_a_number(number, last + 1, width, path)
     if ending is Ending.WHOLE or (np.isnan(places[at, marker]).all() and not is_part(row[last])):
         return ""
     if ending is Ending.SHORT and not is_broken:

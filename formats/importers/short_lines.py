@@ -44,10 +44,15 @@ def refuse_a_cut_time(
     order = np.arange(len(rows), dtype=float)
     for column in range(min(begin, OF_THE_CLOCK)):
         for at in np.flatnonzero(broken_of(rows, cells == column + 1, order, clock[:, column], CLOCK)).tolist():
-            raise TakeError(
-                f"line {rows.numbers[at]} ends within a number, after {column + 1} of its {width} cells", where=path,
-                advice="the line is cut off: copy or export the file again",
-            )  # fmt: skip
+            raise within_a_number(rows.numbers[at], column + 1, width, path)
+
+
+def within_a_number(number: int, cells: int, width: int, path: Path) -> TakeError:
+    """Return the error of a line that ends within the last of so many cells, of a whole line's `width`."""
+    return TakeError(
+        f"line {number} ends within a number, after {cells} of its {width} cells", where=path,
+        advice="the line is cut off: copy or export the file again",
+    )  # fmt: skip
 
 
 def last_may_be_cut(rows: Rows, cells: Integers, width: int) -> bool:

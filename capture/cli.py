@@ -245,6 +245,7 @@ def record_command(
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
     from formats.plausible_rig import check_plausible_hold
+    from formats.takes_cli import tell_aside
 
     check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
     if not overwrite:
@@ -292,7 +293,7 @@ def record_command(
             report = record(
                 source, described_rig, described_garment, out, take_id=out.stem,
                 created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
-                announce=announce, picks=picks, scans=scans, overwrite=overwrite, stop=stop,
+                announce=announce, picks=picks, scans=scans, overwrite=overwrite, tell_aside=tell_aside, stop=stop,
             )  # fmt: skip
         points = ", ".join(
             f"{name} {100 * share:.0f} %"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +10,7 @@ import typer
 
 from formats.anyway import Anyway
 from formats.command_groups import TAKES, group_of
-from formats.takes_cli import add_takes_commands, end_with
+from formats.takes_cli import add_takes_commands, end_with, refuse_the_same_name, tell_aside
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
@@ -22,7 +19,6 @@ if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
-ANOTHER_FOLDER = "choose another folder with --out"
 
 
 class DecimalSign(StrEnum):
@@ -86,11 +82,14 @@ def import_recordings(
     Exit code 2: at least one recording cannot be imported; the others are, and the end names each that is lost.
     """
     from formats.descriptions import load_garment
-    from formats.errors import HangtimeError, OutputError, TakeError
+    from formats.descriptions_beside import settle
+    from formats.errors import HangtimeError, TakeError
     from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, output_folder, refuse_to_replace
+    from formats.plain_text import plain
+    from formats.unfinished import ANOTHER_FOLDER
 
     for path in paths:
         if path.suffix.lower() == DESCRIBED_AS:
@@ -101,14 +100,9 @@ def import_recordings(
     options = MarkerOptions(
         up=up, frames=frames, unit=unit, decimal=decimal or "", subject=subject, anyway=anyway
     )  # fmt: skip
+    targets = [out / f"{path.stem}.mcap" for path in paths]
+    refuse_the_same_name(paths, targets, "import one of them elsewhere")
     for path in paths:
-        same = [os.path.realpath(other) for other in paths if other.stem == path.stem]
-        if same.count(os.path.realpath(path)) > 1:
-            raise TakeError("was given twice", where=path, advice="give it once")
-        if len(same) > 1:
-            raise OutputError(
-                f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
-            )
         if path.suffix.lower() == ".npz":
             given = {"--frames": frames, "--unit": unit, "--decimal": decimal, "--subject": subject or None}
             _refuse_options_of_markers(path, given)
@@ -126,17 +120,18 @@ def import_recordings(
                 )
     lost: dict[Path, HangtimeError] = {}
     with output_folder(out):
-        for path in paths:
+        for settled in settle(out):
+            words = f"{plain(settled)}: is now that of a take whose import was killed before it was replaced"
+            tell_entry("settled", words, file=str(settled))
+        for path, target in zip(paths, targets, strict=True):
             try:
                 check_name(path)
-                target = out / f"{path.stem}.mcap"
-                if not overwrite or target.is_dir():
-                    refuse_to_replace(target, instead=ANOTHER_FOLDER)
+                refuse_to_replace(target, overwrite=overwrite, instead=ANOTHER_FOLDER)
                 if path.suffix.lower() in FILE_ENDINGS and described is not None:
                     take = import_marker_take(path, described, options)
                 else:
                     take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
-                _write_imported(take, out, overwrite)
+                _write_imported(take, target, overwrite=overwrite)
             except HangtimeError as error:
                 if str(error.where).startswith("--"):  # an option is wrong for every recording
                     raise
@@ -156,21 +151,28 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
             )  # fmt: skip
 
 
-def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
+def _write_imported(take: Take, target: Path, *, overwrite: bool) -> None:
     """Write a take with rig and garment beside it, and tell of it."""
+    from msgspec import to_builtins
+
     from formats.archive import write_take
-    from formats.fault_words import doubts_of
+    from formats.descriptions_beside import check_description, described_beside
+    from formats.fault_words import doubts_of, state_of_take
     from formats.judgement import judge
-    from formats.outputs import check_description, unwritable
+    from formats.outputs import unwritable
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
+    from formats.unfinished import ANOTHER_FOLDER, DESCRIBED_BESIDE
 
-    target = out / f"{take.take_id}.mcap"
-    described: dict[Path, Garment | Rig] = {out / "rig.toml": take.rig, out / "garment.toml": take.garment}
-    for path, one in described.items():
-        check_description(path, one, overwrite=overwrite, instead=ANOTHER_FOLDER)
+    pair: tuple[Rig, Garment] = (take.rig, take.garment)
+    described: dict[str, Garment | Rig] = dict(zip(DESCRIBED_BESIDE, pair, strict=True))
+    for name, one in described.items():
+        check_description(target.with_name(name), one, overwrite=overwrite)
     try:
-        write_take(target, take, overwrite=overwrite, beside=_described(described, overwrite=overwrite))
+        write_take(
+            target, take, overwrite=overwrite, beside=described_beside(target, described, overwrite=overwrite),
+            instead=ANOTHER_FOLDER, tell_aside=tell_aside,
+        )  # fmt: skip
     except OSError as error:
         raise unwritable(target, error) from error
     length = float(take.time[-1])
@@ -189,22 +191,8 @@ def _write_imported(take: Take, out: Path, overwrite: bool) -> None:
         "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front,
         never_seen=[p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()],
         clock=take.notes.get("clock"), file_doubt=take.notes.get("file"), findings=[one.as_fact() for one in findings],
+        **to_builtins(state_of_take(take)),
     )  # fmt: skip
-
-
-@contextmanager
-def _described(descriptions: Mapping[Path, Garment | Rig], *, overwrite: bool) -> Iterator[None]:
-    """Write the descriptions of a take that is whole, and then let the take have its name.
-
-    A process that is killed before that leaves the whole take under its unfinished name, of which the next import says
-    so. Behind it nothing is left to do.
-    """
-    from formats.outputs import put_back_on_failure, write_description
-
-    with put_back_on_failure(*descriptions):
-        for path, description in descriptions.items():
-            write_description(path, description, overwrite=overwrite, instead=ANOTHER_FOLDER)
-        yield
 
 
 def describe_swatch(

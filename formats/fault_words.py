@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from formats.fit_records import TakeState
-from formats.missing import DOUBTS, missing_words, noted_doubts
+from formats.missing import missing_words, noted_doubts
 from formats.plain_text import counted
 from formats.take import Take
 from formats.take_report import TakeReport
+from formats.unfinished import prepared_name
 
 TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
@@ -21,14 +23,7 @@ def state_of_take(take: Take) -> TakeState:
 
     Takes of which only some frames are used keep the state of their file.
     """
-    report = take.report
-    if report is None:
-        return TakeState(
-            take_id=take.take_id, state="sound" if take.is_complete else "incomplete", is_complete=take.is_complete,
-            missing=missing_words(take), missing_frames=0 if take.is_complete else None, missing_scans=0,
-            unread_blocks=0, damaged_blocks=0, other_blocks=0, other_takes=0, trailing_bytes=0, doubts=[],
-            earlier_doubts=noted_doubts(take.notes),
-        )  # fmt: skip
+    report = _report_of(take)
     return TakeState(
         take_id=take.take_id, state=state_of(report), is_complete=take.is_complete, missing=missing_words(take),
         missing_frames=report.missing_frames, missing_scans=report.missing_scans, unread_blocks=report.unread_blocks,
@@ -37,11 +32,17 @@ def state_of_take(take: Take) -> TakeState:
     )  # fmt: skip
 
 
+def _report_of(take: Take) -> TakeReport:
+    """Return the report on a take's file; of a take without a file what it says itself."""
+    return take.report or TakeReport(
+        is_complete=take.is_complete, missing_frames=0 if take.is_complete else None,
+        earlier_doubts="; ".join(noted_doubts(take.notes)),
+    )  # fmt: skip
+
+
 def doubts_of(take: Take) -> list[str]:
     """Return sentences about everything that does not hold of a take, but for missing frames; none of most takes."""
-    found = [take.notes[name] for name in DOUBTS if name in take.notes]
-    if (report := take.report) is None:
-        return found
+    report, found = _report_of(take), noted_doubts(take.notes)
     if report.damaged_blocks:
         is_one = report.damaged_blocks == 1
         found.append(f"{counted(report.damaged_blocks, 'block')} of its file {'is' if is_one else 'are'} damaged")
@@ -54,7 +55,7 @@ def doubts_of(take: Take) -> list[str]:
         found.append(f"{blocks} of other takes in its file are left out; `hangtime takes recover` saves each take")
     if report.trailing_bytes:
         found.append(behind(report))
-    return found
+    return found + unsettled(report)
 
 
 def faults(take: Take, report: TakeReport) -> list[str]:
@@ -77,7 +78,18 @@ def faults(take: Take, report: TakeReport) -> list[str]:
         found.append(f"an earlier file had lost {missing_words(take, report.earlier)}")
     if report.earlier_doubts:
         found.append(f"{EARLIER}{report.earlier_doubts}")
-    return found
+    return found + unsettled(report)
+
+
+def unsettled(report: TakeReport) -> list[str]:
+    """Word what a killed recording or import has left to do: a take without its name, descriptions without theirs."""
+    path = Path(report.file)
+    if path.name.endswith(".mcap.partial") and report.is_sound:
+        return [f"it is whole and never got its name, {path.stem}; {RECOVERS} of it"]
+    return [
+        f"its import was killed before {name} beside it was replaced; rename {prepared_name(path, name).name} to {name}"
+        for name in report.left
+    ]
 
 
 def of_another(report: TakeReport) -> str:

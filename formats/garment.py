@@ -68,6 +68,11 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return self.points_are or ("material" if self.kind == "swatch" else "silhouette")
 
     @property
+    def as_meant(self) -> Garment:
+        """The garment with every default spelled out: two descriptions that mean the same are then equal."""
+        return msgspec.structs.replace(self, format="hangtime-garment/2", points_are=self.point_kind)
+
+    @property
     def areal_density(self) -> float:
         """Mass per area [kg/m^2], all layers together, but for a back that is sewn on: that has an area of its own."""
         return self.mass_kg / (self.area_m2 * (2 if self.seams else 1))

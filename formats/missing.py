@@ -50,9 +50,9 @@ def incomplete_words(take: Take) -> str:
     return f"is incomplete; missing: {missing_words(take) or 'its end was never written'}"
 
 
-def noted_doubts(notes: Mapping[str, str]) -> str:
-    """Return the notes of a take that doubt it, as one text; '' without any."""
-    return "; ".join(notes[name] for name in DOUBTS if notes.get(name))
+def noted_doubts(notes: Mapping[str, str]) -> list[str]:
+    """Return the notes of a take that doubt it."""
+    return [notes[name] for name in DOUBTS if notes.get(name)]
 
 
 def _span(begin: float, end: float) -> str:

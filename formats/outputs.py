@@ -3,30 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-import msgspec
-
-from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig, refuse_codes
-from formats.errors import DescriptionError, OutputError
-from formats.garment import Garment
-from formats.rig import Rig
+from formats.errors import OutputError
 from formats.system_causes import step_to_write
-from formats.unfinished import (
-    ANOTHER_NAME,
-    already_there,
-    left_unfinished,
-    not_utf8,
-    refuse_what_is_no_file,
-    unfinished_name,
-)
+from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
-
-NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.ENOSYS}  # of file systems without second names, as `man 2 link` says
 
 
 def check_name(path: Path) -> None:
@@ -53,17 +37,27 @@ def check_stem(name: str) -> None:
         )
 
 
-def refuse_to_replace(path: Path, text: str | None = None, *, instead: str = ANOTHER_NAME) -> None:
+def refuse_to_replace(
+    path: Path, text: str | None = None, *, overwrite: bool = False, instead: str = ANOTHER_NAME
+) -> None:  # fmt: skip
     """Do nothing unless a file of this name is there, or the beginning of a take that was never finished.
 
     - `text`: the content to write, where a file that holds just this may stay
+    - `overwrite`: refuse only what cannot be replaced or put aside: a folder, or the file of another writer
     - `instead`: a person's next step who wants both
 
     Raises:
         OutputError: it is there, or its name is too long.
     """
     partial = unfinished_name(path)
-    is_left = path.suffix == ".mcap" and _is_left(partial, path)  # takes alone are written under this name
+    try:
+        is_left = path.suffix == ".mcap" and is_left_over(path, instead=instead)  # takes alone are written like this
+    except OSError as error:
+        raise unwritable(path, error) from error
+    if overwrite:
+        if path.is_dir():
+            raise already_there(path, instead=instead)
+        return
     if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
         left = f", and {partial.name} is what an interrupted recording or import of it left" * is_left
         raise already_there(path, instead=instead, what=f"is already there{left}")
@@ -71,17 +65,10 @@ def refuse_to_replace(path: Path, text: str | None = None, *, instead: str = ANO
         raise left_unfinished(partial, instead=instead)
 
 
-def _is_left(partial: Path, path: Path) -> bool:
-    """Return whether an unfinished take is there; an empty one lost nothing, or its writer's lock refuses."""
-    try:
-        refuse_what_is_no_file(partial)
-        return partial.exists() and partial.stat().st_size > 0
-    except OSError as error:
-        raise unwritable(path, error) from error
-
-
-def refuse_an_input(target: Path, inputs: Iterable[Path]) -> None:
+def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOTHER_NAME) -> None:
     """Refuse to write over one of the files that are read, whatever may be replaced.
+
+    instead: as of `refuse_to_replace`
 
     Raises:
         OutputError: the target is one of them.
@@ -89,7 +76,7 @@ def refuse_an_input(target: Path, inputs: Iterable[Path]) -> None:
     for path in inputs:
         with contextlib.suppress(OSError):
             if target.samefile(path):
-                raise OutputError("would replace the take that is read", where=target, advice="give another name")
+                raise OutputError("would replace the take that is read", where=target, advice=instead)
 
 
 def _holds(path: Path, content: bytes) -> bool:
@@ -139,47 +126,6 @@ def output_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-@contextlib.contextmanager
-def put_back_on_failure(*paths: Path) -> Iterator[None]:
-    """Let work replace files of a folder that is there; work that fails leaves them as they were, or absent.
-
-    Until its end each file has a second name, so that a full disk keeps none from being put back.
-
-    Raises:
-        OutputError: the folder cannot be written to.
-    """
-    former = {path: path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial") for path in paths}
-    there = {path for path in paths if os.path.lexists(path)}
-    try:
-        for path in there:
-            if path.is_file() or path.is_symlink():  # nothing else can be replaced
-                _name_twice(path, former[path])
-        yield
-    except BaseException:
-        for path in paths:
-            if os.path.lexists(former[path]):
-                former[path].replace(path)
-            elif path not in there:
-                path.unlink(missing_ok=True)
-        raise
-    finally:
-        for second in former.values():
-            second.unlink(missing_ok=True)
-
-
-def _name_twice(path: Path, second: Path) -> None:
-    """Give a file a second name, or a copy where its file system knows no second names."""
-    try:
-        try:
-            second.hardlink_to(path)
-        except OSError as error:
-            if error.errno not in NO_LINKS:
-                raise
-            shutil.copy2(path, second, follow_symlinks=False)
-    except OSError as error:
-        raise unwritable(path, error) from error
-
-
 def make_parent(path: Path) -> None:
     """Make the folder of a file to be written, with those above it that are missing.
 
@@ -222,53 +168,3 @@ def write_bytes(path: Path, content: bytes, *, overwrite: bool = True) -> None:
 def unwritable(path: Path, error: OSError) -> OutputError:
     """Return the error of a file that cannot be written, with the next step by its cause."""
     return OutputError(f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error))
-
-
-def check_description(
-    path: Path, description: Garment | Rig, *, overwrite: bool, instead: str = ANOTHER_NAME
-) -> None:  # fmt: skip
-    """Check that a rig or garment of a take may be written; one that is there and says the same is no hindrance.
-
-    instead: as of `refuse_to_replace`
-
-    Raises:
-        DescriptionError: an impossible rig or garment, which no command would read.
-        OutputError: another one is there, or a folder.
-    """
-    is_rig = isinstance(description, Rig)
-    if isinstance(description, Rig):
-        check_rig(description, path)
-    else:
-        check_garment(description, path)
-    refuse_codes(path, msgspec.to_builtins(description))
-    if os.path.lexists(path) and (not overwrite or path.is_dir()) and not _says(path, description):
-        what = f"is already there and describes another {'rig' if is_rig else 'garment'} than that of this take"
-        raise already_there(path, instead=instead, what=what)
-
-
-def write_description(
-    path: Path, description: Garment | Rig, *, overwrite: bool, instead: str = ANOTHER_NAME
-) -> None:  # fmt: skip
-    """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
-
-    Raises:
-        DescriptionError: as `check_description`.
-        OutputError: another one is there, or it cannot be written.
-    """
-    check_description(path, description, overwrite=overwrite, instead=instead)
-    make_parent(path)
-    if _says(path, description):
-        return
-    try:
-        write_text(path, dump_description(description), overwrite=overwrite)
-    except OutputError:
-        if not _says(path, description):  # another command may have written the same just now
-            raise
-
-
-def _says(path: Path, description: Garment | Rig) -> bool:
-    """Return whether a file is there that says what a description says."""
-    if path.exists():
-        with contextlib.suppress(DescriptionError):
-            return (load_rig(path) if isinstance(description, Rig) else load_garment(path)) == description
-    return False

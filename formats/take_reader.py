@@ -19,6 +19,7 @@ from formats.take_end import Held, contradictions, is_end, missing_spans, stray_
 from formats.take_header import described, possible_spans
 from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
+from formats.unfinished import left_beside
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
@@ -209,7 +210,8 @@ class _Archive:
             is_complete=end is not None, missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
             earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
-            earlier_doubts=noted_doubts(words.notes),
+            earlier_doubts="; ".join(noted_doubts(words.notes)), file=str(self._where),
+            left=left_beside(self._where) if isinstance(self._where, Path) else (),
         )  # fmt: skip
         return Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,

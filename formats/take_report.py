@@ -20,23 +20,27 @@ class TakeReport:
     - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
     - `doubts`: sentences about what its header and its end say and what cannot be
     - `earlier_doubts`: those that its notes keep, of an earlier file of this take or of its import; '' without any
+    - `file`: whence it was read, '' of a take that was never in a file
+    - `left`: the rig or garment beside it that a killed import left, as `formats.unfinished.left_beside` finds them
     """
 
-    frames: int
-    blocks: int
-    scans: int
-    damaged_blocks: int
     is_complete: bool
     missing_frames: int | None
-    missing_scans: int
-    spans: tuple[Span, ...]
-    earlier: tuple[Span, ...]
-    trailing_bytes: int
-    other_blocks: int
-    other_takes: int
-    unread_blocks: int
-    doubts: tuple[str, ...]
     earlier_doubts: str
+    frames: int = 0
+    blocks: int = 0
+    scans: int = 0
+    damaged_blocks: int = 0
+    missing_scans: int = 0
+    spans: tuple[Span, ...] = ()
+    earlier: tuple[Span, ...] = ()
+    trailing_bytes: int = 0
+    other_blocks: int = 0
+    other_takes: int = 0
+    unread_blocks: int = 0
+    doubts: tuple[str, ...] = ()
+    file: str = ""
+    left: tuple[str, ...] = ()
 
     @property
     def is_sound(self) -> bool:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from importlib.resources import files
-from os import SEEK_END
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, Self
 
 import msgpack
 import msgspec
@@ -16,19 +15,17 @@ import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 from formats.blocks import Columns, Frame, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
-from formats.chunks import Findings, messages_in, profile_of
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
-from formats.unfinished import UnfinishedFile, not_utf8
+from formats.unfinished import ANOTHER_NAME, TellAside, UnfinishedFile, not_utf8
 from formats.whole_files import make_folders
 
 VERSION = 2
-OF_TAKES = "hangtime-take/"
-PROFILE = f"{OF_TAKES}{VERSION}"
+PROFILE = f"hangtime-take/{VERSION}"
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
@@ -38,7 +35,6 @@ NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes 
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
 MOST_MISSING = 20_000  # that are missing: a reader accepts a header of three times as many lists
-LOOKED_THROUGH = 1 << 26  # bytes of an unfinished file that is looked through: ten hours of a skirt have fewer
 
 
 def binding_of(header: bytes) -> bytes:
@@ -57,10 +53,11 @@ class TakeWriter:
     def __init__(
         self, path: Path, *, take_id: str, created: str, rig: Rig, garment: Garment, source: str = "",
         notes: dict[str, str] | None = None, overwrite: bool = True, missing: Sequence[tuple[float, float]] = (),
+        instead: str = ANOTHER_NAME, tell_aside: TellAside | None = None,
     ) -> None:  # fmt: skip
         """Open the partial file, lock it, and write the header.
 
-        - `overwrite`: replace a take of this name; frames that an interrupted recording left are put aside
+        - `overwrite`, `instead`, `tell_aside`: as of `UnfinishedFile`
         - `missing` [s]: spans of the sensor's clock whose frames an earlier file of this take lost
 
         Raises:
@@ -79,7 +76,7 @@ class TakeWriter:
             **({"missing": [list(span) for span in missing]} if missing else {}),
         }  # fmt: skip
         make_folders(path.parent)
-        self._unfinished = UnfinishedFile(path, overwrite=overwrite, holds_something=may_hold_frames)
+        self._unfinished = UnfinishedFile(path, overwrite=overwrite, instead=instead, tell_aside=tell_aside)
         self.path, self.partial = path, self._unfinished.partial
         self._waiting: list[Columns] = []
         self._first_time = self._last_time = -np.inf
@@ -236,26 +233,13 @@ class TakeWriter:
         self._mcap.add_message(self._channels[topic], stamp, content, stamp)
 
 
-def may_hold_frames(file: BinaryIO) -> bool:
-    """Return whether an unfinished file holds more than zeros or the headers of a take that never had a block.
-
-    Damaged blocks, those of a newer version and whatever else somebody may still make use of count.
-    """
-    if file.seek(0, SEEK_END) > LOOKED_THROUGH:
-        return True
-    file.seek(0)
-    raw, findings = file.read(), Findings()
-    are_headers = all(OF_TAKES.encode() in data[:64] for data in messages_in(raw, findings))
-    is_beginning = are_headers and not findings.damaged and (profile_of(raw) or "").startswith(OF_TAKES)
-    return not is_beginning and raw.count(0) < len(raw)
-
-
 def write_take(
-    path: Path, take: Take, *, overwrite: bool = True, beside: AbstractContextManager[None] | None = None
+    path: Path, take: Take, *, overwrite: bool = True, beside: AbstractContextManager[None] | None = None,
+    instead: str = ANOTHER_NAME, tell_aside: TellAside | None = None,
 ) -> Path:  # fmt: skip
     """Write a whole take at once.
 
-    - `overwrite`: whether a take of this name may be replaced
+    - `overwrite`, `instead`, `tell_aside`: as of `UnfinishedFile`
     - `beside`: as of `TakeWriter.finish`
 
     Raises:
@@ -265,7 +249,7 @@ def write_take(
     """
     writer = TakeWriter(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
-        notes=take.notes, overwrite=overwrite, missing=take.missing,
+        notes=take.notes, overwrite=overwrite, missing=take.missing, instead=instead, tell_aside=tell_aside,
     )  # fmt: skip
     frames = len(take.time)
     absent = np.full(frames, np.nan)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formats.telling import tell, tell_entry
+from formats.telling import know, tell, tell_entry
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from collections.abc import Callable, Sequence
@@ -71,7 +71,7 @@ def list_takes(
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            tell_entry("takes", f"lost        {error}", file=str(path), state="lost", error=str(error))
+            tell_entry("takes", f"lost        {error}", **_lost(path, error))
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
@@ -84,7 +84,7 @@ def list_takes(
             f"{state.state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
             f"{plain(take.garment.name)}, {plain(take.created)}{rest}",
             file=str(path), duration_s=length, motion=kind_of(take), garment=take.garment.name, created=take.created,
-            **to_builtins(state),
+            left=list(report.left), **to_builtins(state),
         )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
@@ -100,20 +100,26 @@ def show_take(
 ) -> None:
     """Show the content of a take: length, rate, garment, how often each point was seen and how noisy it is."""
     from formats.archive import read_with_report
-    from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread
+    from formats.errors import TakeError
+    from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread, unsettled
     from formats.outputs import refuse_an_input, refuse_to_replace
     from formats.plain_text import counted
     from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
-    take, report = read_with_report(path)
+    try:
+        take, report = read_with_report(path)
+    except TakeError as error:
+        know(**_lost(path, error))
+        raise
     summary = summarise(take)
     lost = f"\nlost      {lost_scans(report)}" if report.missing_scans else ""
     lost += f"\nnot read  {unread(report)}" if report.unread_blocks else ""
     lost += f"\ndamaged   {counted(report.damaged_blocks, 'block')}; {RECOVERS}" if report.damaged_blocks else ""
     lost += f"\nother     {of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     lost += f"\nbehind    {behind(report)}" if report.trailing_bytes else ""
-    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary)
+    lost += "".join(f"\nleft      {one}" for one in unsettled(report))
+    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, left=list(report.left))
     if plot is not None:
         refuse_an_input(plot, [path])
         if not overwrite:
@@ -135,7 +141,7 @@ def verify_takes(paths: Takes) -> None:
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            tell_entry("takes", f"lost        {error}", file=str(path), state="lost", error=str(error))
+            tell_entry("takes", f"lost        {error}", **_lost(path, error))
             all_sound = False
             continue
         rest = f", {report.damaged_blocks} damaged" if report.damaged_blocks else ""
@@ -146,7 +152,7 @@ def verify_takes(paths: Takes) -> None:
         held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
         tell_entry(
             "takes", f"{state.state:<11} {plain(path)}: {held}{rest}", file=str(path), frames=report.frames,
-            blocks=report.blocks, **to_builtins(state),
+            blocks=report.blocks, left=list(report.left), **to_builtins(state),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -183,7 +189,7 @@ def recover_takes(
             for one in free[1:]:
                 _refuse_a_target(one, paths, overwrite=overwrite)
         except HangtimeError as error:
-            _tell_lost(error, is_alone=is_alone)
+            _tell_not_recovered(path, error, is_alone=is_alone)
             all_written = False
             continue
         free.reverse()
@@ -194,7 +200,7 @@ def recover_takes(
                 _recover(*found, free[-1], overwrite=overwrite, is_another=number > 0)
                 free.pop()
             except HangtimeError as error:
-                _tell_lost(error, is_alone=is_alone)
+                _tell_not_recovered(path, error, is_alone=is_alone)
                 all_written = False
             del found  # before the next one is read
     if not all_written:
@@ -203,51 +209,62 @@ def recover_takes(
 
 def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:
     from formats.outputs import refuse_an_input, refuse_to_replace
+    from formats.unfinished import ANOTHER_FOLDER
 
-    refuse_an_input(target, paths)
-    if not overwrite:
-        refuse_to_replace(target)
+    refuse_an_input(target, paths, instead=ANOTHER_FOLDER)
+    refuse_to_replace(target, overwrite=overwrite, instead=ANOTHER_FOLDER)
 
 
-def _tell_lost(error: HangtimeError, *, is_alone: bool) -> None:
+def tell_aside(partial: Path, aside: Path) -> None:
+    """Tell of an unfinished file in the way of a take that was put aside."""
+    from formats.plain_text import plain
+
+    words = f"{plain(partial)}: is put aside as {plain(aside.name)}, which an interrupted recording or import left"
+    tell_entry("put_aside", words, file=str(partial), put_aside=str(aside))
+
+
+def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> None:
     """Tell why a take is not recovered; raise it where its file is the only one and cannot be written."""
     from formats.errors import OutputError
 
+    entry = {**_lost(path, error), "file": None}
     if is_alone and isinstance(error, OutputError):
+        know(takes=[entry])
         raise error
-    words = f"{_state_after(error)}: {error}"
-    tell_entry("takes", words, file=None, take_id=None, frames=0, missing="", lost_scans=0, error=str(error))
+    tell_entry("takes", f"{entry['state']}: {error}", **entry)
 
 
-def _state_after(error: HangtimeError) -> str:
-    """Return the word for a take of which nothing was written: one that can be read is not lost."""
+def _lost(path: Path, error: HangtimeError) -> dict[str, str | None]:
+    """Return the record of a take of which nothing is read, or written: one that can be read is not lost."""
     from formats.errors import OutputError
 
-    return "not written" if isinstance(error, OutputError) else "lost"
+    state = "not written" if isinstance(error, OutputError) else "lost"
+    return {"file": str(path), "state": state, "error": str(error)}
 
 
 def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, is_another: bool) -> None:
+    from msgspec import to_builtins
+
     from formats.archive import write_take
-    from formats.fault_words import EARLIER, lost_scans, unread
-    from formats.missing import missing_words
+    from formats.fault_words import EARLIER, lost_scans, state_of_take, unread
     from formats.outputs import unwritable
     from formats.plain_text import plain
+    from formats.unfinished import ANOTHER_FOLDER
 
     try:
-        write_take(target, take, overwrite=overwrite)
+        write_take(target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside)
     except OSError as error:
         raise unwritable(target, error) from error
-    lost = missing_words(take)
-    told = f"missing: {lost}" if lost else "nothing is missing"
+    state = state_of_take(take)
+    told = f"missing: {state.missing}" if state.missing else "nothing is missing"
     told += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
     told += f"; {unread(report)}" if report.unread_blocks else ""
     told += "".join(f"; {doubt}" for doubt in report.doubts)
     told += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
     of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
     tell_entry(
-        "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), take_id=take.take_id,
-        frames=len(take.time), missing=lost, lost_scans=report.missing_scans, doubts=list(report.doubts),
-        earlier_doubts=report.earlier_doubts,
+        "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), frames=len(take.time),
+        **to_builtins(state),
     )  # fmt: skip
 
 
@@ -264,7 +281,7 @@ def refuse_the_same_name(paths: Sequence[Path], targets: Sequence[Path], advice:
         if same.count(os.path.realpath(path)) > 1:
             raise OutputError("was given twice", where=path, advice="give it once")
         if len(same) > 1:
-            raise OutputError(f"two takes would become {target.name}", where=target.parent, advice=advice)
+            raise OutputError(f"two takes would become {target.name}", where=path, advice=advice)
 
 
 def export_takes(
@@ -291,7 +308,7 @@ def export_takes(
     from formats.exporters.rerun_file import write_rrd
     from formats.fault_words import doubts_of, state_of_take
     from formats.missing import incomplete_words
-    from formats.outputs import output_folder
+    from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
     from formats.plain_text import counted, plain
 
     writers: dict[ExportKind, Callable[..., str | None]] = {
@@ -302,7 +319,8 @@ def export_takes(
         refuse_the_same_name(paths, targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
-        _refuse_a_target(out, paths, overwrite=overwrite)
+        refuse_an_input(out, paths)
+        refuse_to_replace(out, overwrite=overwrite)
         read: list[tuple[Path, Take]] = []
         for path in paths:
             try:
@@ -315,8 +333,11 @@ def export_takes(
             told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
             doubted = {str(path): found for path, take in read if (found := doubts_of(take))}
             told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
+            records = [
+                {"file": str(path), "frames": len(take.time), **to_builtins(state_of_take(take))} for path, take in read
+            ]
             tell(
-                f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
+                f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=records,
                 incomplete=lacking, doubts=doubted,
             )  # fmt: skip
         end_with(lost, len(paths))
@@ -348,8 +369,10 @@ def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:
         typer.Exit: some are.
     """
     for path, error in lost.items():
+        entry = _lost(path, error)
         if asked == 1:
+            know(lost=[entry])
             raise error
-        tell_entry("lost", f"{_state_after(error)}: {error}", file=str(path), error=str(error))
+        tell_entry("lost", f"{entry['state']}: {error}", **entry)
     if lost:
         raise typer.Exit(2)

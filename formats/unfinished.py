@@ -17,12 +17,32 @@ from typing import BinaryIO
 from formats.errors import OutputError
 from formats.whole_files import loop_words, sync_folder
 
-ANOTHER_NAME = "give another name"
+ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
+DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an imported take
+TellAside = Callable[[Path, Path], None]  # is told the unfinished name of a file that was put aside, and its new one
 
 
 def unfinished_name(path: Path) -> Path:
     """Return the name under which a file is written that is to become `path`."""
     return path.with_name(path.name + ".partial")
+
+
+def prepared_name(take: Path, description: str) -> Path:
+    """Return the name under which the rig or garment of an imported take waits until the take has its own.
+
+    description: one of `DESCRIBED_BESIDE`
+    """
+    return unfinished_name(take.with_name(f"{take.stem}.{description}"))
+
+
+def left_beside(take: Path) -> tuple[str, ...]:
+    """Return those of `DESCRIBED_BESIDE` that a killed import did not replace after its take had got its name.
+
+    Before that moment they are as they were, and the unfinished take itself is what the import left.
+    """
+    if take.suffix != ".mcap" or os.path.lexists(unfinished_name(take)):
+        return ()
+    return tuple(name for name in DESCRIBED_BESIDE if os.path.lexists(prepared_name(take, name)))
 
 
 def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is already there") -> OutputError:
@@ -45,16 +65,14 @@ def not_utf8(path: Path) -> OutputError:
 
 def left_unfinished(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputError:
     """Return the error of a recording or import that would replace one that was never finished."""
-    if not os.access(partial, os.R_OK | os.W_OK):
-        return _locked_away(partial, instead=instead)
     look = "look at it with `hangtime takes show`"
     return OutputError(
-        "is what an interrupted recording or import left under this name, or one that is still running", where=partial,
+        "is what an interrupted recording or import left under this name", where=partial,
         advice=f"{look}; {instead}, or --overwrite to put it aside and begin anew",
     )  # fmt: skip
 
 
-def _locked_away(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputError:
+def _locked_away(partial: Path, instead: str) -> OutputError:
     """Return the error of an unfinished file without permission: nobody can tell whether another writer is at it."""
     return OutputError(
         "may not be read and written by you, and may be a recording that is still running", where=partial,
@@ -62,18 +80,27 @@ def _locked_away(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputError:
     )  # fmt: skip
 
 
-def refuse_what_is_no_file(partial: Path) -> None:
-    """Refuse an unfinished name that a folder, a pipe or a device has: nothing can be written under it or put aside.
+def is_left_over(path: Path, *, instead: str = ANOTHER_NAME) -> bool:
+    """Return whether `--overwrite` would put an unfinished file aside; an empty one lost nothing.
 
     Raises:
-        OutputError: it has.
+        OutputError: it would be refused, as by `UnfinishedFile`.
         OSError: its folder cannot be looked into.
     """
+    try:
+        with _locked(unfinished_name(path), instead, os.O_RDWR) as file:
+            return os.fstat(file.fileno()).st_size > 0
+    except FileNotFoundError:
+        return False
+
+
+def _refuse_what_is_no_file(partial: Path, instead: str) -> None:
+    """Refuse an unfinished name that a folder, a pipe or a device has: nothing can be written under it or put aside."""
     if os.path.lexists(partial) and not (partial.is_symlink() or partial.is_file()):
         kind = "folder" if partial.is_dir() else "pipe or device"
         raise OutputError(
             f"is a {kind}, and the take is written under this name until it is whole", where=partial,
-            advice="rename it, or give the take another name",
+            advice=f"rename it, or {instead}",
         )  # fmt: skip
 
 
@@ -84,30 +111,31 @@ class UnfinishedFile:
     """
 
     def __init__(
-        self, path: Path, *, overwrite: bool, holds_something: Callable[[BinaryIO], bool] | None = None
+        self, path: Path, *, overwrite: bool, instead: str = ANOTHER_NAME, tell_aside: TellAside | None = None
     ) -> None:
         """Take hold of the file.
 
-        - `overwrite`: replace the file of this name; an unfinished file is put aside
-        - `holds_something`: tells whether an unfinished file may hold anything; one that holds nothing is replaced
+        - `overwrite`: replace the file of this name; an unfinished file is put aside unless it is empty
+        - `instead`: a person's next step who wants both
+        - `tell_aside`: is told of a file that was put aside
 
         Raises:
             OutputError: another process, or another writer of this one, is writing it; it is there and may not be
                 replaced; or its unfinished name is that of a link or of a file that may not be read and written.
             OSError: it cannot be written.
         """
-        self.path, self.partial, self._may_replace = path, unfinished_name(path), overwrite
-        self.file = _locked(self.partial)
+        self.path, self.partial, self._may_replace, self._instead = path, unfinished_name(path), overwrite, instead
+        self.file = _locked(self.partial, instead)
         try:
+            is_left = os.fstat(self.file.fileno()).st_size > 0
             if not overwrite:
-                self._refuse_to_replace()
-            elif holds_something is not None and holds_something(self.file):
-                left = self.file
-                _put_aside(self.partial, path)
-                self.file = _locked(self.partial)
+                self._refuse_to_replace(is_left=is_left)
+            elif is_left:
+                left, aside = self.file, _put_aside(self.partial, path)
+                if tell_aside is not None:
+                    tell_aside(self.partial, aside)
+                self.file = _locked(self.partial, instead)
                 left.close()
-            self.file.seek(0)  # whoever looked into it has read on
-            self.file.truncate(0)
             sync_folder(self.partial.parent)
         except BaseException:
             self.keep()
@@ -122,7 +150,7 @@ class UnfinishedFile:
         """
         self.sync()
         if not self._may_replace and os.path.lexists(self.path):
-            raise already_there(self.path)
+            raise already_there(self.path, instead=self._instead)
         self.partial.replace(self.path)
         self.file.close()
         sync_folder(self.path.parent)
@@ -143,34 +171,37 @@ class UnfinishedFile:
             self.partial.unlink(missing_ok=True)
             self.keep()
 
-    def _refuse_to_replace(self) -> None:
-        is_left_over = os.fstat(self.file.fileno()).st_size > 0
+    def _refuse_to_replace(self, *, is_left: bool) -> None:
         if os.path.lexists(self.path):
-            if not is_left_over:
+            if not is_left:
                 self.partial.unlink(missing_ok=True)
-            raise already_there(self.path)
-        if is_left_over:
-            raise left_unfinished(self.partial)
+            raise already_there(self.path, instead=self._instead)
+        if is_left:
+            raise left_unfinished(self.partial, instead=self._instead)
 
 
-def _put_aside(partial: Path, path: Path) -> None:
+def _put_aside(partial: Path, path: Path) -> Path:
     """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free."""
     number = 1
     while (aside := unfinished_name(path.with_name(f"{path.stem}.left-{number}{path.suffix}"))).exists():
         number += 1
     partial.rename(aside)
     sync_folder(partial.parent)
+    return aside
 
 
-def _locked(partial: Path) -> BinaryIO:
-    """Open a file as it is, or make it, and lock it."""
-    refuse_what_is_no_file(partial)
+def _locked(partial: Path, instead: str, access: int = os.O_RDWR | os.O_CREAT) -> BinaryIO:
+    """Open a file as it is, or make it, and lock it.
+
+    access: flags of `man 2 open`; without `O_CREAT` a file that is not there raises `FileNotFoundError`
+    """
+    _refuse_what_is_no_file(partial, instead)
     while True:
         try:
-            handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+            handle = os.open(partial, access | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         except PermissionError as error:
             if os.path.lexists(partial):
-                raise _locked_away(partial) from error
+                raise _locked_away(partial, instead) from error
             raise
         except OSError as error:
             if error.errno != errno.ELOOP or not partial.is_symlink():  # a link of its folder may lead to itself
@@ -187,8 +218,9 @@ def _locked(partial: Path) -> BinaryIO:
         except BlockingIOError as error:
             file.close()
             raise OutputError(
-                "another recording is writing this", where=partial, advice="give another name, or wait until it ends"
-            ) from error
+                "another recording or import is writing this", where=partial,
+                advice=f"{instead}, or wait until it ends",
+            ) from error  # fmt: skip
         except BaseException:
             file.close()
             raise

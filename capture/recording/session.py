@@ -31,6 +31,7 @@ from formats.judgement import FEWEST_HANGERS, judge
 from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
 from formats.system_causes import step_to_write
+from formats.unfinished import TellAside
 
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
@@ -96,6 +97,7 @@ def record(
     picks: Floats | None = None,
     scans: ScanPlan | None = None,
     overwrite: bool = True,
+    tell_aside: TellAside | None = None,
     stop: StopRequest | None = None,
 ) -> RecordingReport:
     """Track every frame of a sensor and write a take.
@@ -105,7 +107,7 @@ def record(
     - `announce`: told the time [s] since the beginning and the condition, whenever it changes for good
     - `picks` [px], (2, 2): where the hanger's dots are in the first frame, left one first
     - `scans`: None for none of the surface
-    - `overwrite`: whether a take of this name, or what was left of one, may be replaced
+    - `overwrite`, `tell_aside`: as of `formats.unfinished.UnfinishedFile`
     - `stop`: who may end it, asked once a frame and while the sensor is waited for; None: the signals of
       `capture.recording.stop_signals`
 
@@ -136,7 +138,7 @@ def record(
         try:
             writer = TakeWriter(
                 out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri,
-                overwrite=overwrite,
+                overwrite=overwrite, tell_aside=tell_aside,
             )  # fmt: skip
         except OSError as error:
             raise unwritable(out, error) from error

@@ -11,9 +11,9 @@ import pytest
 
 from firmware_host.synthetic.garments import shirt
 from formats.descriptions import check_garment, dump_description, load_garment, load_rig
+from formats.descriptions_beside import check_description
 from formats.errors import DescriptionError
 from formats.hanger import held_ends
-from formats.outputs import write_description
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from tests.formats.test_archive import GARMENT
 
@@ -71,8 +71,7 @@ def test_a_name_of_any_characters_is_written_as_toml_that_holds_it(name):
 )
 def test_a_description_that_no_command_reads_is_not_written(tmp_path, description, words):
     with pytest.raises(DescriptionError, match=words):
-        write_description(tmp_path / "made" / "a.toml", description, overwrite=True)
-    assert list(tmp_path.iterdir()) == []
+        check_description(tmp_path / "a.toml", description, overwrite=True)
 
 
 @pytest.mark.parametrize(

@@ -61,13 +61,13 @@ def desk(tmp_path):
         ("takes show gone.mcap", "gone.mcap: cannot be read (No such file or directory); check the path"),
         (
             "takes export a.mcap other/a.mcap --to csv --out here",
-            "here: two takes would become a.csv; export one of them elsewhere",
+            "a.mcap: two takes would become a.csv; export one of them elsewhere",
         ),
         ("import m.csv", "m.csv: motion capture needs to know the garment; give --garment FILE; `hangtime swatch` "
          "writes one"),
         ("takes export a.mcap other/../a.mcap --to csv --out here", "a.mcap: was given twice; give it once"),
         ("import m.csv other/../m.csv", "m.csv: was given twice; give it once"),
-        ("import m.csv other/m.csv", "m.csv: two recordings would become m.mcap; import one of them elsewhere"),
+        ("import m.csv other/m.csv", "m.csv: two takes would become m.mcap; import one of them elsewhere"),
         (
             "import m.csv --garment swatch.toml --hanger m.csv",
             "--hanger: motion capture holds its hanger: the markers on the two top corners; leave out --hanger",

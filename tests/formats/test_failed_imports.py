@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import errno
-import os
-from pathlib import Path
-
 import pytest
 
 from formats.archive import verify_take, write_take
 from formats.descriptions import dump_description
-from formats.errors import OutputError
 from formats.importers.marker_tracks import write_marker_csv
-from formats.outputs import put_back_on_failure
 from tests.fit.here import hangtime_here
 from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import RIG, a_take
@@ -21,7 +15,6 @@ from tests.formats.unprivileged import hangtime_unprivileged
 
 IMPORT = ("import", "m.csv", "--garment", "g.toml", "--overwrite", "--out")
 ITS_NAME = "is a folder; choose another folder with --out"
-FOLDER = "cannot be written (Is a directory); give another name: a folder has this one"
 
 
 @pytest.fixture
@@ -99,59 +92,9 @@ def test_an_export_goes_on_after_a_file_that_cannot_be_written(desk):
     first, *rest = done.stdout.splitlines()
     assert (done.returncode, done.stderr, first[:10]) == (2, "", "out/c.csv:")
     assert rest == [
-        "not written: out/a.csv: is already there; give another name, or --overwrite to replace it",
-        "not written: out/b.csv: is a folder; give another name",
+        "not written: out/a.csv: is already there; choose another folder with --out, or --overwrite to replace it",
+        f"not written: out/b.csv: {ITS_NAME}",
     ]
     assert (desk / "out/a.csv").read_text() == "mine"
     again = hangtime_here(*words, "--overwrite", folder=desk)
-    assert (again.returncode, again.stdout.splitlines()[-1]) == (2, f"not written: out/b.csv: {FOLDER}")
-
-
-def fail_with_both_written(there, absent):
-    with put_back_on_failure(there, absent):
-        assert there.read_text() == "old"
-        there.unlink()
-        for path in (there, absent):
-            path.write_text("new")
-        raise KeyboardInterrupt
-
-
-@pytest.mark.parametrize("number", [0, errno.EPERM, errno.ENOTSUP, errno.ENOSYS])
-def test_work_that_is_interrupted_leaves_files_as_they_were_also_where_none_has_two_names(
-    tmp_path, monkeypatch, number
-):
-    there, absent = tmp_path / "there", tmp_path / "absent"
-    there.write_text("old")
-
-    def refuse(*_, **__):
-        raise OSError(number, os.strerror(number))
-
-    if number:
-        monkeypatch.setattr(Path, "hardlink_to", refuse)
-    with pytest.raises(KeyboardInterrupt):
-        fail_with_both_written(there, absent)
-    assert all_below(tmp_path) == {"there": b"old"}
-
-
-def test_a_link_is_put_back_as_a_link_and_a_file_without_a_second_name_stays(tmp_path, monkeypatch):
-    link, absent = tmp_path / "link", tmp_path / "absent"
-    (tmp_path / "file").write_text("old")
-    link.symlink_to("file")
-    with pytest.raises(KeyboardInterrupt):
-        fail_with_both_written(link, absent)
-    assert (os.readlink(link), (tmp_path / "file").read_text(), absent.exists()) == ("file", "old", False)
-
-    def refuse(*_, **__):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "hardlink_to", refuse)
-    with pytest.raises(OutputError, match="No space left"), put_back_on_failure(tmp_path / "file", link):
-        raise AssertionError
-    assert sorted(all_below(tmp_path)) == ["file", "link"]
-
-
-def test_work_that_is_done_leaves_no_second_names(tmp_path):
-    (tmp_path / "a").write_text("old")
-    with put_back_on_failure(tmp_path / "a", tmp_path / "b"):
-        (tmp_path / "a").write_text("new")
-    assert all_below(tmp_path) == {"a": b"new"}
+    assert (again.returncode, again.stdout.splitlines()[-1]) == (2, f"not written: out/b.csv: {ITS_NAME}")

@@ -1,4 +1,4 @@
-"""What `hangtime import` and `hangtime swatch` say, word for word, and which descriptions they leave as they are."""
+"""What `hangtime import` and `hangtime swatch` say, word for word."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import pytest
 
 from formats.descriptions import dump_description, load_garment
 from formats.importers.marker_tracks import write_marker_csv
-from formats.outputs import write_description
 from tests.fit.here import hangtime_here
-from tests.formats.test_archive import RIG
 from tests.formats.test_command_line import swung_cloth
 from tests.formats.test_marker_oddities import GARMENT, hanging
 
@@ -83,14 +81,3 @@ def test_a_swatch_has_the_name_of_its_file_and_is_replaced_or_accepted_where_one
     assert (load_garment(desk / "g.toml").name, load_garment(desk / "g.toml").mass_kg) == ("g", 0.02)
     done = hangtime_here("swatch", "h.TOML", "--mass", "0.5", "--side", "0.25", "--anyway", folder=desk)
     assert (done.returncode, done.stdout) == (0, "h.TOML: 81 markers, 31.2 mm apart\n")
-
-
-@pytest.mark.parametrize("description", [GARMENT, RIG], ids=["garment", "rig"])
-@pytest.mark.parametrize("overwrite", [False, True])
-def test_a_description_that_says_the_same_keeps_its_comments(tmp_path, description, overwrite):
-    path = tmp_path / "new/a.toml"
-    write_description(path, description, overwrite=overwrite)
-    mine = f"# mine\n{path.read_text()}"
-    path.write_text(mine)
-    write_description(path, description, overwrite=overwrite)
-    assert path.read_text() == mine

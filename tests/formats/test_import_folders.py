@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 
 import pytest
 
-from formats.archive import read_take, verify_take, write_take
+from formats.archive import read_take, write_take
 from formats.descriptions import dump_description, load_rig
+from formats.fault_words import doubts_of
 from formats.importers.marker_tracks import write_marker_csv
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import RIG, a_take
@@ -20,31 +22,38 @@ from tests.repository import ROOT
 DESCRIPTIONS, NEW_SOURCE = ("rig.toml", "garment.toml"), "m.csv"
 IMPORT = ("import", "m.csv", "--garment", "g.toml", "--out")
 FORMER = dump_description(RIG)
+UNLIKE = "is already there and cannot be compared with the garment of this take"
 AGAIN = "choose another folder with --out, or --overwrite to replace it"
-KILLS = 7  # a link, a new name or a removal each
-# Imports into each folder that is given, in a child that is killed as it asks for its k-th such name, k of the folder.
+# Imports into each folder that is given, in a child that is killed as it asks for its k-th new name, removal or file to
+# write; the last child ends. Prints how each ended.
 KILLED = """
 import os, signal, sys
 from tests.fit.here import hangtime_here
-words, kills = sys.argv[2:], int(sys.argv[1])
+words = sys.argv[1:]
 hangtime_here(*words, folder="whole")  # all is imported now
+def writes(event, given):
+    return event in ("os.rename", "os.link", "os.remove") or event == "open" and given[2] & (os.O_WRONLY | os.O_RDWR)
 for folder in ("new", "old"):
-    for kill_at in range(kills + 1):
+    k, end = -1, None
+    while end != 0:
+        k += 1
         child = os.fork()
         if child == 0:
             asked = 0
             def look(event, given):
                 global asked
-                if event in ("os.rename", "os.link", "os.remove") and "/o/" in os.path.abspath(str(given[0])):
+                if writes(event, given) and "/o/" in os.path.abspath(str(given[0])):
                     asked += 1
-                    if asked > kill_at:
+                    if asked > k:
                         os.kill(os.getpid(), signal.SIGKILL)
-            os.chdir(f"{folder}-{kill_at}")
+            os.chdir(f"{folder}-{k}")
             sys.addaudithook(look)
             hangtime_here(*words, *["--overwrite"] * (folder == "old"), folder=".")
             os._exit(0)
-        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        end = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        print(folder, k, end)
 """
+MOST_KILLS = 12
 
 
 @pytest.fixture
@@ -59,6 +68,7 @@ def laid_out(folder):
     (folder / "o").mkdir(parents=True)
     (folder / "g.toml").write_text(dump_description(GARMENT))
     write_marker_csv(folder / "m.csv", hanging())
+    os.utime(folder / "m.csv", (1.75e9, 1.75e9))  # a take holds it
 
 
 def held_in(folder):
@@ -81,7 +91,10 @@ def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_told(de
     path = desk / "o/garment.toml"
     other = f"is already there and describes another garment than that of this take; {AGAIN}"
     for make, says in (
-        (lambda: path.write_text("mine"), other),
+        (lambda: path.write_text(dump_description(a_take().garment)), other),
+        (lambda: path.write_text("mine"), f"{UNLIKE}: is not valid TOML: Expected '=' after a key in a key/value pair "
+         f"(at line 1, the last); {AGAIN}"),
+        (lambda: path.write_bytes(b"\0" * 9), f"{UNLIKE}: is a binary file, and no TOML; {AGAIN}"),
         (lambda: path.symlink_to("nowhere"), f"is a link that leads to nothing; {AGAIN}"),
         (path.mkdir, "is a folder; choose another folder with --out"),
     ):  # fmt: skip
@@ -96,51 +109,73 @@ def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_told(de
 def killed(tmp_path_factory):
     """Folders `new-k` and, where a former import is replaced, `old-k`: each left by an import that was killed."""
     folder = tmp_path_factory.mktemp("killed")
-    for name in ("whole", *(f"{kind}-{k}" for kind in ("new", "old") for k in range(KILLS + 1))):
+    for name in ("whole", *(f"{kind}-{k}" for kind in ("new", "old") for k in range(MOST_KILLS))):
         laid_out(folder / name)
         if name.startswith("old"):
             write_take(folder / name / "o/m.mcap", a_take(20))
             (folder / name / "o/rig.toml").write_text(FORMER)
             (folder / name / "o/garment.toml").write_text(dump_description(a_take().garment))
-    before = held_in(folder / "old-0/o")
     ran = subprocess.run(
-        [sys.executable, "-c", KILLED, str(KILLS), *IMPORT, "o"], cwd=folder, capture_output=True, text=True,
+        [sys.executable, "-c", KILLED, *IMPORT, "o"], cwd=folder, capture_output=True, text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True,
     )  # fmt: skip
-    assert [int(line) for line in ran.stdout.split()] == 2 * [*[-signal.SIGKILL] * KILLS, 0]
-    return folder, before
+    ends = [line.split() for line in ran.stdout.splitlines()]
+    assert {end for _, _, end in ends} == {"0", f"{-signal.SIGKILL}"}
+    return folder, {kind: [folder / f"{one}-{k}" for one, k, _ in ends if one == kind] for kind in ("new", "old")}
+
+
+def told_of(folder):
+    """What the next commands that meet the folder say of it, and a fit of its take."""
+    names = [path.name for path in (folder / "o").iterdir() if path.name in ("m.mcap", "m.mcap.partial")]
+    said = [hangtime_here("takes", "list", "o", folder=folder).stdout]
+    said += [hangtime_here("takes", "verify", f"o/{name}", folder=folder).stdout for name in names]
+    return [*said, *(["; ".join(doubts_of(read_take(folder / "o/m.mcap")))] if "m.mcap" in names else [])]
+
+
+def assert_mended(folder, whole, *, left=()):
+    assert {name: raw for name, raw in held_in(folder / "o").items() if name not in left} == whole
 
 
 def assert_usable(folder, whole, former):
-    """Each file is the former or the new one; what is new beside no new take is told, and the next import mends it."""
-    held = held_in(folder / "o")
-    is_new = {name: held.get(name) == whole[name] for name in DESCRIPTIONS}
-    has_new_take = "m.mcap" in held and read_take(folder / "o/m.mcap").source == NEW_SOURCE
-    for name in DESCRIPTIONS:
-        assert is_new[name] or held.get(name) == former.get(name)
-        assert has_new_take or name not in former or former[name] in held.values(), "nothing is lost"
-    assert "m.mcap" not in held or verify_take(folder / "o/m.mcap").is_sound
-    if has_new_take:
-        assert all(is_new.values())
-        return
-    assert held.get("m.mcap") == former.get("m.mcap")
-    assert verify_take(folder / "o/m.mcap.partial").is_sound, "the whole take, under its unfinished name"
+    """Before the take has its name all is as it was; what is left to do behind it is said, and done by the next one."""
+    held, step = held_in(folder / "o"), "rename m.{0}.partial to {0}"
+    if "m.mcap" in held and read_take(folder / "o/m.mcap").source == NEW_SOURCE:
+        waiting = [name for name in DESCRIPTIONS if f"m.{name}.partial" in held]
+        assert held.keys() <= {*whole, *(f"m.{name}.partial" for name in DESCRIPTIONS)}
+        for name in DESCRIPTIONS:
+            assert held.get(name) == (former.get(name) if name in waiting else whole[name])
+        assert all(step.format(name) in said for name in waiting for said in told_of(folder))
+        shutil.copytree(folder, folder / "copy")
+        for name in waiting:
+            (folder / f"copy/o/m.{name}.partial").rename(folder / "copy/o" / name)
+        assert_mended(folder / "copy", whole)
+        again = hangtime_here(*IMPORT, "o", folder=folder)
+        assert again.stdout.count("is now that of a take whose import was killed") == len(waiting)
+        assert_mended(folder, whole)
+        return len(waiting)
+    assert {name: held.get(name) for name in former} == former, "nothing is lost"
+    assert held.keys() <= {*former, "m.mcap.partial", *(f"m.{name}.partial" for name in DESCRIPTIONS)}
     again = hangtime_here(*IMPORT, "o", folder=folder)
-    assert (again.returncode, "is what an interrupted recording or import" in again.stderr) == (2, True)
-    assert hangtime_here(*IMPORT, "o", "--overwrite", folder=folder).returncode == 0
-    assert verify_take(folder / "o/m.left-1.mcap.partial").is_sound
-    mended = held_in(folder / "o")
-    assert all(mended[name] == whole[name] for name in DESCRIPTIONS)
-    assert read_take(folder / "o/m.mcap").source == NEW_SOURCE
+    if held.get("m.mcap.partial"):
+        assert (again.returncode, "is what an interrupted recording or import" in again.stderr) == (2, True)
+        assert "m.mcap.partial: " in told_of(folder)[0]
+        is_whole = len(held["m.mcap.partial"]) == len(whole["m.mcap"])
+        assert ("it is whole and never got its name, m.mcap; `hangtime" in told_of(folder)[0]) == is_whole
+    done = hangtime_here(*IMPORT, "o", "--overwrite", folder=folder)
+    assert done.returncode == 0
+    is_aside = bool(held.get("m.mcap.partial"))
+    assert done.stdout.startswith("o/m.mcap.partial: is put aside as m.left-1.mcap.partial, which") == is_aside
+    assert_mended(folder, whole, left=["m.left-1.mcap.partial"] * is_aside)
+    assert not is_aside or held_in(folder / "o")["m.left-1.mcap.partial"] == held["m.mcap.partial"]
+    return -1
 
 
-def test_a_killed_import_leaves_a_folder_that_is_as_before_or_says_so(killed):
-    folder, _ = killed
-    for k in range(KILLS + 1):
-        assert_usable(folder / f"new-{k}", held_in(folder / "whole/o"), {})
-
-
-def test_a_killed_import_that_replaces_another_one_loses_nothing_of_it(killed):
-    folder, former = killed
-    for k in range(KILLS + 1):
-        assert_usable(folder / f"old-{k}", held_in(folder / "whole/o"), former)
+@pytest.mark.parametrize("kind", ["new", "old"])
+def test_a_killed_import_loses_nothing_and_the_next_command_says_what_it_left(killed, kind):
+    """It may be killed before the take has its name, then with two, one and no description left to be renamed."""
+    folder, killed_in = killed
+    former = held_in(folder / f"{kind}-{MOST_KILLS - 1}/o")
+    whole = held_in(folder / "whole/o")
+    left = [assert_usable(one, whole, former) for one in killed_in[kind]]
+    assert len(left) < MOST_KILLS, "one folder is as it was before"
+    assert sorted(set(left)) == [-1, 0, 1, 2]

@@ -110,7 +110,7 @@ def test_a_file_that_is_there_stays_and_none_of_the_others_is_written(pair, tmp_
     (tmp_path / "c.recovered-2.mcap").write_text("mine")
     done, _ = recovered(tmp_path, pair[0] + pair[1])
     assert done.returncode == 2
-    assert "c.recovered-2.mcap: is already there; give another name, or --overwrite to replace it" in done.stderr
+    assert "c.recovered-2.mcap: is already there; choose another folder with --out, or --overwrite" in done.stderr
     assert (tmp_path / "c.recovered-2.mcap").read_text() == "mine"
     assert not (tmp_path / "c.recovered.mcap").exists()
     done, lines = recovered(tmp_path, pair[0] + pair[1], "c.mcap", "--overwrite")
@@ -121,7 +121,7 @@ def test_a_file_that_is_there_stays_and_none_of_the_others_is_written(pair, tmp_
 def test_a_take_that_is_read_is_not_replaced_by_another_one_of_a_joined_file(pair, tmp_path):
     (tmp_path / "c.recovered-2.mcap").write_bytes(pair[0])
     done, _ = recovered(tmp_path, pair[0] + pair[1], "c.mcap", "c.recovered-2.mcap", "--overwrite")
-    assert "c.recovered-2.mcap: would replace the take that is read; give another name" in done.stdout
+    assert "c.recovered-2.mcap: would replace the take that is read; choose another folder with --out" in done.stdout
     assert (tmp_path / "c.recovered-2.mcap").read_bytes() == pair[0]
 
 

@@ -54,8 +54,7 @@ def test_one_that_may_not_be_read_and_written_is_told_as_such_and_stays(raw, tmp
     commands = [(*words, out, *option) for option in ((), ("--overwrite",)) for out in "abc"]
     what = "may not be read and written by you, and may be a recording that is still running"
     for command, done in zip(commands, hangtime_unprivileged(*commands, folder=tmp_path), strict=True):
-        instead = "give another name" if "--overwrite" in command else "choose another folder with --out"
-        step = f"get the permission to read and write it, or {instead}"
+        step = "get the permission to read and write it, or choose another folder with --out"
         assert (done.returncode, done.stderr) == (2, f"hangtime: {command[5]}/m.mcap.partial: {what}; {step}\n")
     for partial in partials:
         partial.chmod(0o600)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 
 import pytest
 
@@ -17,10 +15,8 @@ from formats.outputs import (
     output_folder,
     refuse_an_input,
     refuse_to_replace,
-    write_description,
     write_text,
 )
-from formats.rig import Rig
 from tests.formats.test_archive import a_take
 
 
@@ -63,22 +59,6 @@ def test_a_stem_of_names_is_not_empty_and_has_no_slash():
         check_stem(name)
 
 
-def test_commands_that_write_one_description_at_once_all_go_on(tmp_path):
-    """Imports side by side into one folder; another description there is still refused."""
-    rig, together, commands = Rig(format="hangtime-rig/1", name="a", gravity=(0.0, 0.0, -1.0)), Barrier(6), range(6)
-
-    def write(folder):
-        together.wait()
-        write_description(tmp_path / folder / "rig.toml", rig, overwrite=False)
-
-    with ThreadPoolExecutor(len(commands)) as threads:
-        for folder in "abcdef":
-            list(threads.map(write, folder * len(commands)))
-    with pytest.raises(OutputError, match="is already there"):
-        write_description(tmp_path / "a/rig.toml", Rig(format="hangtime-rig/1", name="b", gravity=(0.0, 0.0, -1.0)),
-                          overwrite=False)  # fmt: skip
-
-
 def refused(work, *given, **named):
     with pytest.raises(OutputError) as error:
         work(*given, **named)
@@ -105,7 +85,7 @@ def test_a_take_that_was_never_finished_stays_where_it_holds_something(tmp_path)
     refuse_to_replace(tmp_path / "a.mcap")
     partial.write_bytes(b"x")
     assert refused(refuse_to_replace, tmp_path / "a.mcap") == (
-        f"{partial}: is what an interrupted recording or import left under this name, or one that is still running; "
+        f"{partial}: is what an interrupted recording or import left under this name; "
         "look at it with `hangtime takes show`; give another name, or --overwrite to put it aside and begin anew"
     )
 
@@ -115,7 +95,7 @@ def test_a_folder_or_a_pipe_of_an_unfinished_name_is_told_as_such_and_stays(tmp_
     os.mkfifo(tmp_path / "b.mcap.partial")
     for name, kind in (("a", "folder"), ("b", "pipe or device")):
         words = f"is a {kind}, and the take is written under this name until it is whole"
-        told = f"{tmp_path}/{name}.mcap.partial: {words}; rename it, or give the take another name"
+        told = f"{tmp_path}/{name}.mcap.partial: {words}; rename it, or give another name"
         path = tmp_path / f"{name}.mcap"
         assert refused(refuse_to_replace, path) == told
         assert refused(write_take, path, a_take(), overwrite=True) == told

@@ -49,7 +49,8 @@ def test_recover_goes_on_after_a_file_that_cannot_be_written_and_tells_of_each(t
     locked = "choose another folder, or get the permission to write to this one"
     assert done.stdout.splitlines() == [
         f"not written: a/a.recovered.mcap: cannot be written (Permission denied); {locked}",
-        "not written: b/b.recovered.mcap: is already there; give another name, or --overwrite to replace it",
+        "not written: b/b.recovered.mcap: is already there; choose another folder with --out, or --overwrite to "
+        "replace it",
         "c/c.recovered.mcap: 150 frames, nothing is missing",
     ]
     assert (tmp_path / "b/b.recovered.mcap").read_text() == "mine"

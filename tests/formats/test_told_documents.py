@@ -70,9 +70,9 @@ HOLED = {**SOUND, "state": "damaged", "missing": WITHIN, "missing_frames": 31, "
 SCANNED = {**SOUND, "take_id": "d", "state": "damaged", "damaged_blocks": 1, "missing_scans": 1}
 BEHIND = {**SOUND, "state": "damaged", "trailing_bytes": 10}
 DOUBTED = {**SOUND, "earlier_doubts": "its clocks differ; line 406 may be cut off"}
-LIST = {"duration_s": 149 / 30, "motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z"}
+LIST = {"duration_s": 149 / 30, "motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z", "left": []}
 LOST = {"state": "lost", "error": ""}
-VERIFY = {"frames": 150, "blocks": 5}
+VERIFY = {"frames": 150, "blocks": 5, "left": []}
 
 # Findings about an imported recording, and what to do.
 WORDS = ("words", "advice")
@@ -108,10 +108,8 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
             {"file": "odd/behind.mcap", **VERIFY, **BEHIND}, {"file": "odd/doubted.mcap", **VERIFY, **DOUBTED},
         ]}),
         ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
-            {"file": "sound/c.recovered.mcap", "take_id": "a", "frames": 119, "missing": WITHIN,
-             "lost_scans": 0, "doubts": [], "earlier_doubts": ""},
-            {"file": "sound/d.recovered.mcap", "take_id": "d", "frames": 150, "missing": "",
-             "lost_scans": 1, "doubts": [], "earlier_doubts": ""},
+            {"file": "sound/c.recovered.mcap", "frames": 119, **HOLED},
+            {"file": "sound/d.recovered.mcap", "frames": 150, **SCANNED},
         ]}),
         ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
             {"file": "files/a.csv", "frames": 150, "moved": None, **SOUND},
@@ -119,12 +117,14 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
             {"file": "files/d.csv", "frames": 150, "moved": None, **SCANNED},
         ]}),
         ("takes export takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
-            "files": ["all.parquet"], "takes": 2, "incomplete": {
-                "takes/c.mcap": f"is incomplete; missing: {WITHIN}"},
+            "files": ["all.parquet"], "takes": [
+                {"file": "takes/c.mcap", "frames": 119, **HOLED}, {"file": "takes/d.mcap", "frames": 150, **SCANNED},
+            ], "incomplete": {"takes/c.mcap": f"is incomplete; missing: {WITHIN}"},
             "doubts": {"takes/c.mcap": [BLOCK], "takes/d.mcap": [BLOCK, SCAN]},
         }),
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
-            {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
+            {"file": "in/m.mcap", **SOUND, "take_id": "m", "frames": 30,
+             "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
              "clock": None, "file_doubt": None, "findings": [
                  {"name": "too_short", "is_grave": False, **dict(zip(WORDS, SHORT, strict=True))},
                  {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
@@ -132,7 +132,8 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
              ]},
         ]}),
         ("import r.npz --out own", 0, {"takes": [
-            {"file": "own/r.mcap", "frames": 40, "duration_s": 4.29, "front": None, "never_seen": [],
+            {"file": "own/r.mcap", **SOUND, "take_id": "r", "frames": 40,
+             "duration_s": 4.29, "front": None, "never_seen": [],
              "clock": None, "file_doubt": None, "findings": [
                  {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
              ]},
@@ -151,6 +152,30 @@ def test_json_tells_every_fact_of_a_command(desk, words, code, entries):
             assert entry["error"].startswith(f"{entry['file']}: ")
             entry["error"] = ""
     assert _rounded(told) == _rounded(entries)
+
+
+@pytest.mark.parametrize("to", ["csv", "parquet"])
+def test_json_has_the_state_of_a_take_of_which_nothing_is_read(desk, to):
+    e = {"file": "takes/e.mcap", "state": "lost"}
+    for words, key in (("show", None), (f"export --to {to} --out lost", "lost"), ("recover --out lost", "takes")):
+        done = hangtime_here("takes", *words.split(), "takes/e.mcap", "--json", folder=desk)
+        told = json.loads(done.stdout)
+        (found,) = told[key] if key else [told]
+        assert (done.returncode, found.pop("error")[:35]) == (2, "takes/e.mcap: is not a take archive")
+        assert found == (e if key != "takes" else {**e, "file": None})
+    words = ("takes", "export", "takes/e.mcap", "takes/a.mcap", "--to", to, "--out", f"some.{to}", "--json")
+    (found,) = json.loads(hangtime_here(*words, folder=desk).stdout)["lost"]
+    assert {**found, "error": ""} == {**e, "error": ""}
+
+
+def test_json_has_the_state_of_a_take_of_which_nothing_is_written(desk):
+    for words, name in (("export --to csv", "a.csv"), ("recover", "a.recovered.mcap")):
+        (desk / "full" / name).mkdir(parents=True)
+        done = hangtime_here("takes", *words.split(), "takes/a.mcap", "--out", "full", "--json", folder=desk)
+        (found,) = next(iter(json.loads(done.stdout).values()))
+        told = f"full/{name}: is a folder; choose another folder with --out"
+        assert (done.returncode, done.stderr) == (2, f"hangtime: {told}\n")
+        assert (found["state"], found["error"]) == ("not written", told)
 
 
 def _rounded(value):

@@ -1,0 +1,105 @@
+"""The rig and garment beside an imported take change with it: both or neither, by one import at a time."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+
+import msgspec
+import pytest
+
+from formats.archive import write_take
+from formats.descriptions import dump_description
+from formats.descriptions_beside import described_beside, settle
+from formats.errors import OutputError
+from formats.rig import Rig
+from tests.formats.test_archive import RIG, a_take
+from tests.formats.test_marker_oddities import GARMENT
+
+A_RIG = Rig(format="hangtime-rig/1", name="a", gravity=(0.0, 0.0, -1.0))
+OTHER = msgspec.structs.replace(A_RIG, name="b")
+
+
+def held_in(folder):
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def put_beside(take, description, *, overwrite=False, name="rig.toml"):
+    with described_beside(take, {name: description}, overwrite=overwrite):
+        pass
+
+
+@pytest.mark.parametrize(("description", "name"), [(GARMENT, "garment.toml"), (RIG, "rig.toml")])
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_description_that_says_the_same_keeps_its_comments(tmp_path, description, name, overwrite):
+    for _ in range(2):
+        put_beside(tmp_path / "a.mcap", description, overwrite=overwrite, name=name)
+        mine = f"# mine\n{dump_description(description)}"
+        assert held_in(tmp_path).keys() == {name}
+        (tmp_path / name).write_text(mine)
+    put_beside(tmp_path / "a.mcap", description, overwrite=overwrite, name=name)
+    assert held_in(tmp_path) == {name: mine}
+
+
+def test_a_garment_that_means_the_same_in_other_words_is_the_same_and_one_that_was_accepted_is_read(tmp_path):
+    """A swatch has material points where nothing is stated; of 0.5 kg none would be, unless --anyway accepts it."""
+    heavy = msgspec.structs.replace(GARMENT, mass_kg=0.5)
+    stated = msgspec.structs.replace(heavy, format="hangtime-garment/2", points_are="material")
+    put_beside(tmp_path / "a.mcap", heavy, name="garment.toml")
+    put_beside(tmp_path / "b.mcap", stated, name="garment.toml")
+    assert held_in(tmp_path) == {"garment.toml": dump_description(heavy)}
+    seen = msgspec.structs.replace(stated, points_are="silhouette")
+    with pytest.raises(OutputError, match=r"garment\.toml: is already there and describes another garment than that"):
+        put_beside(tmp_path / "c.mcap", seen, name="garment.toml")
+
+
+def test_imports_that_put_one_description_there_at_once_all_go_on(tmp_path):
+    """Side by side into one folder; another description there is still refused."""
+    together, imports = Barrier(6), range(6)
+
+    def write(number):
+        take = tmp_path / f"{number}.mcap"
+        together.wait()
+        write_take(
+            take, a_take(20), overwrite=False, beside=described_beside(take, {"rig.toml": A_RIG}, overwrite=False)
+        )
+
+    with ThreadPoolExecutor(len(imports)) as threads:
+        list(threads.map(write, imports))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*(f"{number}.mcap" for number in imports), "rig.toml"]
+    with pytest.raises(OutputError, match="is already there and describes another rig"):
+        put_beside(tmp_path / "7.mcap", OTHER)
+
+
+def test_work_that_fails_before_the_take_has_its_name_changes_nothing(tmp_path):
+    (tmp_path / "rig.toml").write_text(dump_description(OTHER))
+    (tmp_path / "a.mcap.partial").write_text("the take")
+    before = held_in(tmp_path)
+
+    def fail():
+        with described_beside(tmp_path / "a.mcap", {"rig.toml": A_RIG, "garment.toml": GARMENT}, overwrite=True):
+            assert len(held_in(tmp_path)) == 4, "both wait"
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert held_in(tmp_path) == before
+
+
+def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its_own(tmp_path):
+    """Its own is what the archive says; a description of no take is removed by the next import."""
+    take = a_take(20)
+    (tmp_path / "rig.toml").write_text(dump_description(OTHER))
+
+    def interrupt():
+        with described_beside(tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=True):
+            write_take(tmp_path / "a.mcap", take)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+    assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
+    for name in ("a.garment.toml.partial", "gone.rig.toml.partial"):
+        (tmp_path / name).write_text(dump_description(GARMENT))
+    assert settle(tmp_path) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "rig.toml"]

@@ -1,0 +1,163 @@
+"""What stands in the way of a take that is imported, exported or recovered: its true cause, and a step that works."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from dataclasses import replace
+
+import pytest
+
+from formats.archive import verify_take, write_take
+from formats.descriptions import dump_description
+from formats.importers.marker_tracks import write_marker_csv
+from tests.fit.here import hangtime_here
+from tests.formats.test_archive import a_take
+from tests.formats.test_marker_oddities import GARMENT, hanging
+from tests.formats.unprivileged import hangtime_unprivileged
+
+OTHER_FOLDER = "choose another folder with --out"
+IMPORT = ("import", "m.csv", "--garment", "g.toml")
+RECOVER = ("takes", "recover", "m.mcap")
+LOCKED = "may not be read and written by you, and may be a recording that is still running"
+LINK = "is a link to another file, which would be overwritten"
+NO_FILE = "and the take is written under this name until it is whole"
+WRITING = "another recording or import is writing this"
+
+
+@pytest.fixture
+def desk(tmp_path):
+    """A marker file, a garment and a take; folder `o` holds a take of each command's name that is to be written."""
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    write_marker_csv(tmp_path / "m.csv", hanging())
+    write_take(tmp_path / "m.mcap", a_take(20))
+    (tmp_path / "o").mkdir()
+    return tmp_path
+
+
+def held_in(folder):
+    return {path.name: path.is_file() and path.read_bytes() for path in folder.rglob("*")}
+
+
+def as_a_folder(partial):
+    partial.mkdir()
+
+
+def as_a_link(partial):
+    (partial.parent / "mine").write_text("mine")
+    partial.symlink_to("mine")
+
+
+@pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
+@pytest.mark.parametrize("is_there", [False, True], ids=["", "there"])
+@pytest.mark.parametrize(("words", "name"), [(IMPORT, "m.mcap"), (RECOVER, "m.recovered.mcap")])
+@pytest.mark.parametrize(
+    ("make", "what", "step"),
+    [
+        (as_a_folder, f"is a folder, {NO_FILE}", f"rename it, or {OTHER_FOLDER}"),
+        (as_a_link, LINK, "remove the link"),
+        (None, WRITING, f"{OTHER_FOLDER}, or wait until it ends"),
+    ],
+)  # fmt: skip
+def test_an_unfinished_name_that_overwrite_cannot_take_is_told_at_once(
+    desk, words, name, make, what, step, is_there, option
+):
+    """Whether or not a take is there, and --overwrite is given: it would not help."""
+    partial = desk / f"o/{name}.partial"
+    if is_there:
+        write_take(desk / "o" / name, a_take(20))
+    if make is not None:
+        make(partial)
+        assert_refused(desk, words, option, f"o/{name}.partial: {what}; {step}")
+        partial.rename(desk / "o/renamed") if partial.is_dir() else partial.unlink()
+    else:
+        with partial.open("wb") as running:
+            fcntl.flock(running, fcntl.LOCK_EX)
+            assert_refused(desk, words, option, f"o/{name}.partial: {what}; {step}")
+        partial.unlink()
+    assert hangtime_here(*words, "--out", "o", "--overwrite", folder=desk).returncode == 0
+    assert hangtime_here(*words, "--out", "another", folder=desk).returncode == 0
+    assert verify_take(desk / "o" / name).is_sound
+
+
+def assert_refused(desk, words, option, sentence):
+    before = held_in(desk)
+    done = hangtime_here(*words, "--out", "o", *option, folder=desk)
+    assert (done.returncode, done.stderr) == (2, f"hangtime: {sentence}\n")
+    assert held_in(desk) == before
+
+
+@pytest.mark.unmutated
+def test_an_unfinished_take_without_permission_is_told_as_such_beside_a_take_too(desk):
+    (desk / "o/m.mcap.partial").write_text("mine")
+    write_take(desk / "kept.mcap", a_take(20)).rename(desk / "o/m.mcap")
+    (desk / "o/m.mcap.partial").chmod(0)
+    commands = [(*IMPORT, "--out", "o", *option) for option in ((), ("--overwrite",))]
+    for done in hangtime_unprivileged(*commands, folder=desk):
+        step = f"get the permission to read and write it, or {OTHER_FOLDER}"
+        assert (done.returncode, done.stderr) == (2, f"hangtime: o/m.mcap.partial: {LOCKED}; {step}\n")
+    (desk / "o/m.mcap.partial").chmod(0o600)
+    assert hangtime_here(*commands[1], folder=desk).returncode == 0
+    assert (desk / "o/m.left-1.mcap.partial").read_text() == "mine"
+
+
+@pytest.mark.unmutated
+def test_a_rig_without_permission_is_not_called_another_one(desk):
+    (desk / "o/rig.toml").write_text("")
+    (desk / "o/rig.toml").chmod(0)
+    words = (*IMPORT, "--out", "o")
+    first, second = hangtime_unprivileged(words, (*words, "--overwrite"), folder=desk)
+    what = "is already there and cannot be compared with the rig of this take: cannot be read (Permission denied)"
+    step = f"{OTHER_FOLDER}, or --overwrite to replace it"
+    assert (first.returncode, first.stderr) == (2, f"hangtime: o/rig.toml: {what}; {step}\n")
+    assert second.returncode == 0
+
+
+@pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
+def test_a_folder_in_the_place_of_a_file_is_told_before_anything_is_made(desk, option):
+    for words, name in (
+        (("takes", "export", "m.mcap", "--to", "csv"), "m.csv"), (RECOVER, "m.recovered.mcap"), (IMPORT, "m.mcap"),
+    ):  # fmt: skip
+        (desk / "o" / name).mkdir()
+        assert_refused(desk, words, option, f"o/{name}: is a folder; {OTHER_FOLDER}")
+        assert hangtime_here(*words, "--out", "another", folder=desk).returncode == 0
+    table = ("takes", "export", "m.mcap", "--to", "parquet")
+    assert_refused(desk, table, option, "o: is a folder; give another name")
+    assert hangtime_here(*table, "--out", "another.parquet", folder=desk).returncode == 0
+
+
+def test_a_file_that_is_there_is_told_with_the_same_two_steps_by_every_command(desk):
+    for words, name in (
+        (("takes", "export", "m.mcap", "--to", "npz"), "m.npz"), (RECOVER, "m.recovered.mcap"), (IMPORT, "m.mcap"),
+    ):  # fmt: skip
+        (desk / "o" / name).write_text("mine")
+        step = f"{OTHER_FOLDER}, or --overwrite to replace it"
+        assert_refused(desk, words, (), f"o/{name}: is already there; {step}")
+        for out in (("another",), ("o", "--overwrite")):
+            assert hangtime_here(*words, "--out", *out, folder=desk).returncode == 0
+    words = ("takes", "export", "m.mcap", "--to", "npz", "--out", ".")
+    write_take(desk / "n.npz", replace(a_take(20), take_id="n"))
+    done = hangtime_here(*words[:2], "n.npz", *words[3:], "--overwrite", folder=desk)
+    assert done.stderr == f"hangtime: n.npz: would replace the take that is read; {OTHER_FOLDER}\n"
+
+
+@pytest.mark.parametrize(("words", "name"), [(IMPORT, "m"), (RECOVER, "m.recovered")])
+@pytest.mark.parametrize("left", [b"x", bytes(9000), "half a block"], ids=["a byte", "zeros", "half"])
+def test_an_unfinished_take_of_a_single_byte_is_put_aside_and_named(desk, words, name, left):
+    """The step that the refusal offers is what is done: nobody has to judge which bytes somebody could miss."""
+    raw = (desk / "m.mcap").read_bytes()
+    partial, left = desk / f"o/{name}.mcap.partial", raw[: len(raw) // 3] if isinstance(left, str) else left
+    partial.write_bytes(left)
+    what = "is what an interrupted recording or import left under this name; look at it with `hangtime takes show`"
+    step = f"{OTHER_FOLDER}, or --overwrite to put it aside and begin anew"
+    assert_refused(desk, words, (), f"o/{name}.mcap.partial: {what}; {step}")
+    done = hangtime_here(*words, "--out", "o", "--overwrite", folder=desk)
+    told = (
+        f"o/{name}.mcap.partial: is put aside as {name}.left-1.mcap.partial, which an interrupted recording or import"
+    )
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, f"{told} left")
+    assert (desk / f"o/{name}.left-1.mcap.partial").read_bytes() == left
+    partial.write_bytes(left)
+    done = hangtime_here(*words, "--out", "o", "--overwrite", "--json", folder=desk)
+    aside = {"file": f"o/{name}.mcap.partial", "put_aside": f"o/{name}.left-2.mcap.partial"}
+    assert json.loads(done.stdout)["put_aside"] == [aside]

@@ -13,7 +13,7 @@ from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitResult
-from formats.plain_text import plain
+from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
 from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
@@ -82,7 +82,7 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
     else:
         if are_of(kept):
             return ""
-        whose = f"is of other takes ({plain(', '.join(kept.take_ids))})"
+        whose = f"is of other takes ({plain(', '.join(map(shortened, kept.take_ids)))})"
     both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))
     number = next(n for n in itertools.count(1) if not any(_numbered(one, n).exists() for one in both))
     for one in both:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 
 LONGEST_TEXT = 2000  # characters of one text
+LONGEST_SHOWN = 255  # letters of a name in a sentence: Linux lets no file's name have more bytes, limits.h
+ENDS_SHOWN = 60  # letters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 
@@ -33,6 +35,11 @@ def plain(text: object) -> str:
     letters = str(text)
     shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST_TEXT])
     return shown if len(letters) <= LONGEST_TEXT else shown + " ..."
+
+
+def shortened(name: str) -> str:
+    """Return a name for a sentence: of one that is longer than a file's may be, the beginning and the end."""
+    return name if len(name) <= LONGEST_SHOWN else f"{name[:ENDS_SHOWN]} ... {name[-ENDS_SHOWN:]}"
 
 
 def lines_of(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
+from formats.plain_text import shortened
 from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take_report import Span, TakeReport
@@ -63,6 +65,13 @@ class Take:
     is_complete: bool = True
     missing: tuple[Span, ...] = ()
     report: TakeReport | None = None
+
+
+def told_apart(takes: Sequence[Take]) -> list[str]:
+    """Return names by which sentences tell takes apart: their own, or their files' where several have one name."""
+    ids = [take.take_id for take in takes]
+    files = [take.report.file if take.report else "" for take in takes]
+    return [shortened(file if file and ids.count(own) > 1 else own) for own, file in zip(ids, files, strict=True)]
 
 
 class FrameState:

@@ -276,12 +276,20 @@ def refuse_the_same_name(paths: Sequence[Path], targets: Sequence[Path], advice:
     """
     from formats.errors import OutputError
 
-    for path, target in zip(paths, targets, strict=True):
-        same = [os.path.realpath(other) for other, one in zip(paths, targets, strict=True) if one == target]
-        if same.count(os.path.realpath(path)) > 1:
-            raise OutputError("was given twice", where=path, advice="give it once")
+    for target in dict.fromkeys(targets):
+        same = [path for path, one in zip(paths, targets, strict=True) if one == target]
+        _refuse_twice(same)
         if len(same) > 1:
-            raise OutputError(f"two takes would become {target.name}", where=path, advice=advice)
+            raise OutputError(f"two takes would become {target.name}", where=same[0], advice=advice)
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    from formats.errors import OutputError
+
+    files = [os.path.realpath(path) for path in paths]
+    for path, file in zip(paths, files, strict=True):
+        if files.count(file) > 1:
+            raise OutputError("was given twice", where=path, advice="give it once")
 
 
 def export_takes(
@@ -319,6 +327,7 @@ def export_takes(
         refuse_the_same_name(paths, targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
+        _refuse_twice(paths)
         refuse_an_input(out, paths)
         refuse_to_replace(out, overwrite=overwrite)
         read: list[tuple[Path, Take]] = []

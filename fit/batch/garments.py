@@ -135,7 +135,7 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
             name=row.take, digest=digest, kind=kind_of(take), reach=math.hypot(*reach_of(take).values()),
             seconds=seconds, is_calibrated=is_calibrated,
         )  # fmt: skip
-        same = next((others for garment, others in by_garment if garment == take.garment), None)
+        same = next((others for garment, others in by_garment if garment.as_meant == take.garment.as_meant), None)
         if same is None:
             by_garment.append((take.garment, [seen]))
         else:

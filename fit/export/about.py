@@ -90,7 +90,8 @@ def other_garment(result: FitResult, take: Take) -> str:
     """Say that a take is of another garment than the fit; nothing where it is not, or where an old fit cannot tell."""
     garment = take.garment
     if result.garment_content:
-        is_other = content_of_garment(garment) != result.garment_content
+        own = {content_of_garment(one) for one in (garment, garment.as_meant)}  # an earlier fit kept the spelling
+        is_other = result.garment_content not in own
     else:
         fitted = result.material.get("areal_density", garment.areal_density)
         is_other = content_of(take) not in result.take_contents and (

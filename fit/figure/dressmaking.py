@@ -14,6 +14,7 @@ from fit.errors import FitError
 from fit.figure.skeleton import STANDARD_HEIGHT
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
+from formats.plain_text import shortened
 
 WAIST_FRONT, FLARE, LENGTH = 0.40, 0.56, 0.50  # m: front of a skirt, its top, its hem and its length
 
@@ -46,7 +47,7 @@ def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     """
     if garment.kind != "skirt":
         raise FitError(
-            f"the figure wears skirts and T-shirts, and {garment.name} is a {garment.kind}", where="--take",
+            f"the figure wears skirts and T-shirts, and {shortened(garment.name)} is a {garment.kind}", where="--take",
             advice="leave out --take, and the figure wears a skirt of the fabric; or leave out the figure and give a "
             "--motion",
         )  # fmt: skip

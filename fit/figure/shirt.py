@@ -14,6 +14,7 @@ from fit.errors import FitError
 from fit.figure.dressmaking import is_hem
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint, polygon_area
+from formats.plain_text import shortened
 
 NECK_FRONT = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
 NECK_SHARE = 0.55  # of the top, where that is less
@@ -105,8 +106,8 @@ def _with_neck(garment: Garment) -> tuple[tuple[float, float], ...]:
         wide = right - left
     if not wide > 0.1 or abs(top - other) > 0.02:
         raise FitError(
-            f"the top of {garment.name} is {right - left:.2f} m wide, which goes over no head", where="--take",
-            advice="give a T-shirt whose outline begins with its top, left end first",
+            f"the top of {shortened(garment.name)} is {right - left:.2f} m wide, which goes over no head",
+            where="--take", advice="give a T-shirt whose outline begins with its top, left end first",
         )  # fmt: skip
     middle, level, half = (left + right) / 2, (top + other) / 2, wide / 2
     across = (-half, -NECK_BOTTOM * half, NECK_BOTTOM * half, half)
@@ -130,7 +131,7 @@ def _cuffs(garment: Garment, outline: tuple[tuple[float, float], ...]) -> tuple[
     lowest = around[:, 1].min() + 0.25 * np.ptp(around[:, 1])
     if count < FEWEST_CORNERS or min(corner[1] for corner in under) < lowest:
         raise FitError(
-            f"the outline of {garment.name} has no sleeves", where="--take",
+            f"the outline of {shortened(garment.name)} has no sleeves", where="--take",
             advice="describe sleeve tips, cuffs and underarms, or leave out --take for a T-shirt of the fabric",
         )  # fmt: skip
     return cuffs

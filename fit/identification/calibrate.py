@@ -389,7 +389,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         material=model.material(best) if is_own else {},
         layers=garment.layers,
         garment=garment.name,
-        garment_content=content_of_garment(garment),
+        garment_content=content_of_garment(garment.as_meant),
         objective=model.objective_figure(initial, best),
         combinations=(
             describe_combinations(model.material_rows, request.space, initial, best, intervals) if is_own else []

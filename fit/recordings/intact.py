@@ -23,7 +23,7 @@ from formats.fault_words import doubts_of
 from formats.missing import listed, missing_words, origin_of, span_words
 from formats.motion import STILL_MOTION
 from formats.sights import SETTLING
-from formats.take import LONGEST_GAP, Take
+from formats.take import LONGEST_GAP, Take, told_apart
 
 REST_WINDOW = 0.5  # s of a stretch that show whether it begins at rest
 FRAME_FIELDS = (
@@ -110,12 +110,12 @@ def _motion(places: Floats) -> float:
 def describe_missing(takes: Sequence[Take]) -> list[str]:
     """Return a warning for each take that is incomplete: its missing parts, and the parts that are used."""
     found = []
-    for take in takes:
+    for take, name in zip(takes, told_apart(takes), strict=True):
         if take.is_complete:
             continue
         used = intact_part(take)
         words = missing_words(take) or "its end was never written"
-        note = f"{OF_A_TAKE}{take.take_id} is incomplete ({len(take.time)} frames are left; missing: {words})"
+        note = f"{OF_A_TAKE}{name} is incomplete ({len(take.time)} frames are left; missing: {words})"
         parts, origin = stretches(used), origin_of(take)
         if len(parts) > 1 or len(used.time) < len(take.time):
             spans = [span_words(used.time[p.start] - origin, used.time[p.stop - 1] - origin) for p in parts]
@@ -130,7 +130,10 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
 
 def describe_doubts(takes: Sequence[Take]) -> list[str]:
     """Return a warning for everything that does not hold of a take, but for its missing frames."""
-    return [f"{OF_A_TAKE}{take.take_id}: {doubt}." for take in takes for doubt in doubts_of(take)]
+    names = told_apart(takes)
+    return [
+        f"{OF_A_TAKE}{name}: {doubt}." for take, name in zip(takes, names, strict=True) for doubt in doubts_of(take)
+    ]
 
 
 def describe_flaws(takes: Sequence[Take]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import msgspec
@@ -13,8 +13,8 @@ from fit.errors import FitError
 from fit.recordings.copies import Track, are_copies
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
-from formats.plain_text import counted
-from formats.take import Take
+from formats.plain_text import counted, shortened
+from formats.take import Take, told_apart
 
 MOST_FIELDS = 2  # of a garment that one sentence names
 
@@ -34,18 +34,22 @@ def content_of_garment(garment: Garment) -> str:
 
 
 def _differences(one: Take, other: Take) -> str:
-    """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'`; of several fields two, and how many more."""
+    """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'`; of several fields two, and how many more.
+
+    Of fields with a default, the meanings count and not the spellings.
+    """
+    names = told_apart([one, other])
     fields = [field.name for field in msgspec.structs.fields(Garment)]
     found = []
     for name in sorted(fields, key=lambda field: field != "name"):
-        here, there = (msgspec.to_builtins(getattr(take.garment, name)) for take in (one, other))
+        here, there = (msgspec.to_builtins(getattr(take.garment.as_meant, name)) for take in (one, other))
         if here != there:
-            found.append(_first_difference(name, here, there, (one.take_id, other.take_id)))
+            found.append(_first_difference(name, here, there, names))
     rest = len(found) - MOST_FIELDS
     return "; ".join(found[:MOST_FIELDS]) + (f"; and {counted(rest, 'more field')}" if rest > 0 else "")
 
 
-def _first_difference(place: str, one: Any, other: Any, ids: tuple[str, str]) -> str:
+def _first_difference(place: str, one: Any, other: Any, ids: Sequence[str]) -> str:
     """Return the first place at which two plain values differ, and both values there."""
     if isinstance(one, dict) and isinstance(other, dict):
         key = next(key for key in one if one[key] != other.get(key))
@@ -55,6 +59,7 @@ def _first_difference(place: str, one: Any, other: Any, ids: tuple[str, str]) ->
             return f"{place} has the length {len(one)} in {ids[0]!r} and {len(other)} in {ids[1]!r}"
         k = next(k for k in range(len(one)) if one[k] != other[k])
         return _first_difference(f"{place}[{k}]", one[k], other[k], ids)
+    one, other = (shortened(value) if isinstance(value, str) else value for value in (one, other))
     return f"{place} is {one!r} in {ids[0]!r} and {other!r} in {ids[1]!r}"
 
 
@@ -68,9 +73,9 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
         raise FitError("no take was given", advice="name at least one take archive")
     every = training + held_out
     for take in every[1:]:
-        if take.garment != every[0].garment:
+        if take.garment.as_meant != every[0].garment.as_meant:
             raise FitError(
-                f"takes of different garments: {_differences(every[0], take)}", where=take.take_id,
+                f"takes of different garments: {_differences(every[0], take)}", where=told_apart([take, every[0]])[0],
                 advice="fit and diagnose one garment at a time, and give all its takes one description",
             )  # fmt: skip
     contents = [content_of(take) for take in every]
@@ -81,15 +86,15 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
             if not is_same and not are_copies(tracks[before], tracks[place]):
                 continue
             is_shared = before < len(training) <= place
+            own, other = told_apart([take, every[before]])
             if is_same:
                 what = "this take is both fitted to and held out" if is_shared else "this take is given twice"
             else:
-                other = every[before].take_id
-                other = "another take of its name" if other == take.take_id else repr(other)
+                other = "another take of its name" if other == own else repr(other)
                 what = f"this take holds frames of the recording that {other} holds"
                 what += ", which is fitted to" if is_shared else ""
             raise FitError(
-                what, where=take.take_id,
+                what, where=own,
                 advice="judge on takes that are not fitted to" if is_shared else "give every recording once",
             )  # fmt: skip
     return contents
@@ -107,7 +112,7 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
                 f"there is no kind of motion named {kind!r}", advice=f"choose among {', '.join(MOTION_KINDS)}"
             )
     by_take = [kind_of(take) for take in takes]
-    there = ", ".join(f"{take.take_id} {kind}" for take, kind in zip(takes, by_take, strict=True))
+    there = ", ".join(f"{name} {kind}" for name, kind in zip(told_apart(takes), by_take, strict=True))
     for kind in kinds:
         if kind not in by_take:
             raise FitError(f"no take moves {kind!r}", advice=f"the takes move like this: {there}")

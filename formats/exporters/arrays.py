@@ -13,7 +13,7 @@ import numpy as np
 
 from formats.errors import TakeError
 from formats.outputs import write_bytes
-from formats.take import Take
+from formats.take import Take, told_apart
 
 ARRAYS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
@@ -56,10 +56,10 @@ def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) 
     import pyarrow.parquet as pq
 
     ids = [take.take_id for take in takes]
-    twice = sorted({one for one in ids if ids.count(one) > 1})
-    if twice:
+    same = [which for take, which in zip(takes, told_apart(takes), strict=True) if ids.count(take.take_id) > 1]
+    if same:
         advice = "name each take once, and write another one of this id to a file of its own"
-        raise TakeError(f"two takes have the id {twice[0]!r}", where=path, advice=advice)
+        raise TakeError(f"takes have one id: {' and '.join(same[:2])}", where=path, advice=advice)
     table = pa.concat_tables([pa.table(_rows(take, pa)) for take in takes])
     stream = io.BytesIO()
     pq.write_table(table, stream, compression="zstd")

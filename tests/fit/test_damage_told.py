@@ -110,13 +110,25 @@ def test_lost_scans_are_told_by_every_command_of_takes(tmp_path):
         assert "1 scan of the surface" in hangtime_here("takes", *words, folder=tmp_path).stdout, words
 
 
+def test_two_files_of_one_take_are_told_apart_by_their_names(tmp_path):
+    raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.mcap").write_bytes(raw + b"ten bytes!")
+    told = hangtime_here("compare", "one.mcap", "two.mcap", folder=tmp_path).stderr
+    for name in ("one", "two"):
+        assert told.count(f"Warning: the take {name}.mcap: 10 bytes follow its end.") == 1
+
+
 def test_a_take_that_another_stands_beside_or_that_its_import_doubts_says_so(tmp_path):
     alone = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     other = write_take(tmp_path / "b.mcap", replace(a_take(), take_id="b")).read_bytes()
     (tmp_path / "both.mcap").write_bytes(alone + other)
     joined = read_take(tmp_path / "both.mcap")
     beside = "Warning: the take a: 5 blocks of other takes in its file are left out; `hangtime takes"
-    assert [doubt.startswith(beside) for doubt in describe_doubts([joined, a_take()])] == [True, False]
+    assert [doubt.startswith(beside) for doubt in describe_doubts([joined, replace(a_take(), take_id="c")])] == [
+        True,
+        False,
+    ]
     doubted = replace(a_take(), notes={"clock": "its clocks differ", "who": "me", "file": "lacks frames"})
     assert describe_doubts([doubted]) == [
         "Warning: the take a: its clocks differ.", "Warning: the take a: lacks frames."
@@ -185,7 +197,7 @@ def test_takes_and_fits_side_by_side_and_exports_tell_everything_that_does_not_h
     for name, doubts in NOT_HOLDING.items():
         doubts = [doubt.format(behind=bytes_behind) for doubt in doubts]
         takes = hangtime_here("compare", "sound.mcap", f"{name}.mcap", folder=odd).stderr.splitlines()
-        assert takes == [f"Warning: the take a: {doubt}." for doubt in doubts]
+        assert takes == [f"Warning: the take {name}.mcap: {doubt}." for doubt in doubts]
         fits = hangtime_here("compare", "sound", name, folder=odd).stderr.splitlines()
         assert fits[len(fits) - len(doubts) :] == [f"Warning: the take a: {doubt}." for doubt in doubts]
         assert len(fits) == len(doubts) + (name == "broken")

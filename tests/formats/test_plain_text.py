@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain, sized
+from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain, shortened, sized
 
 
 @pytest.mark.parametrize(
@@ -32,6 +34,15 @@ def test_lines_keep_their_ends_and_tabs_and_no_code_of_a_terminal():
 
 def test_an_error_shows_a_files_text_by_its_code():
     assert str(TakeError("is \x1b[2J", where="a\x07b", advice="\0")) == "a\\x07b: is \\x1b[2J; \\x00"
+
+
+def test_a_name_longer_than_a_files_may_be_is_shown_by_its_ends_and_leaves_room_for_the_step():
+    assert shortened("a" * 255) == "a" * 255
+    assert shortened("a" * 200 + "b" * 2800) == f"{'a' * 60} ... {'b' * 60}"
+    told = str(TakeError("is empty", where="n" * 3000, advice="record again"))
+    assert told == f"{'n' * 60} ... {'n' * 60}: is empty; record again"
+    path = Path("f" * 255) / "a.mcap"
+    assert str(TakeError("is empty", where=path, advice="record again")) == f"{path}: is empty; record again"
 
 
 def test_one_is_told_without_the_letter_of_many():

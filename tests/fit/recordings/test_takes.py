@@ -86,7 +86,7 @@ def test_takes_of_different_garments_are_refused_with_the_field_and_both_values(
         ({"layers": 2, "name": "other"}, "name is 'sheet' in 'a' and 'other' in 'b'; layers is 1 in 'a' and 2 in 'b'"),
         ({"points": moved}, f"points[3].at_m[0] is {x} in 'a' and 0.1 in 'b'"),
         ({"points": points[1:]}, f"points has the length {len(points)} in 'a' and {len(points) - 1} in 'b'"),
-        ({"points_are": "silhouette"}, "points_are is None in 'a' and 'silhouette' in 'b'"),
+        ({"points_are": "silhouette"}, "points_are is 'material' in 'a' and 'silhouette' in 'b'"),
         ({"layers": 2, "held": "corners", "grain_degrees": 3.0, "mass_kg": 0.041},
          f"mass_kg is {one.garment.mass_kg} in 'a' and 0.041 in 'b'; held is 'edge' in 'a' and 'corners' in 'b'; and 2 "
          "more fields"),
@@ -95,6 +95,38 @@ def test_takes_of_different_garments_are_refused_with_the_field_and_both_values(
         with pytest.raises(FitError) as refused:
             check_together([one, other], [])
         assert refused.value.what == f"takes of different garments: {told}"
+
+
+def test_takes_of_one_name_are_told_apart_by_their_files(tmp_path):
+    """Also where one is a copy of the other, or cut; three thousand letters of a name are shown in part."""
+    one = a_take("one")
+    heavy = dataclasses.replace(one, garment=msgspec.structs.replace(one.garment, mass_kg=0.041))
+    cut = {name: array[:40] for name in FRAME_FIELDS if (array := getattr(one, name)) is not None}
+    for name, take in (("a", one), ("b", heavy), ("c", one), ("d", dataclasses.replace(one, **cut))):
+        write_take(tmp_path / f"{name}.mcap", take)
+    a, b, c, d = (tmp_path / f"{name}.mcap" for name in "abcd")
+    for other, sentence in (
+        (b, f"{b}: takes of different garments: mass_kg is {one.garment.mass_kg} in '{a}' and 0.041 in '{b}'; fit and"),
+        (c, f"{c}: this take is given twice; give"),
+        (d, f"{d}: this take holds frames of the recording that '{a}' holds; give"),
+    ):
+        with pytest.raises(FitError) as refused:
+            check_together([read_take(a), read_take(other)], [])
+        assert str(refused.value).startswith(sentence)
+    long = dataclasses.replace(heavy, take_id="n" * 3000)
+    with pytest.raises(FitError) as refused:
+        check_together([one, long], [])
+    part = f"{60 * 'n'} ... {60 * 'n'}"
+    told = f"takes of different garments: mass_kg is {one.garment.mass_kg} in 'one' and 0.041 in '{part}'"
+    advice = "fit and diagnose one garment at a time, and give all its takes one description"
+    assert str(refused.value) == f"{part}: {told}; {advice}"
+
+
+def test_garments_that_mean_the_same_in_other_words_are_one_garment():
+    """A swatch has material points where nothing is stated, and a statement needs another version of the format."""
+    take, other = a_take("a"), a_take("b", hz=0.9)
+    stated = msgspec.structs.replace(other.garment, format="hangtime-garment/2", points_are="material")
+    check_together([take, dataclasses.replace(other, garment=stated)], [])
 
 
 @pytest.mark.parametrize("kept", [slice(0, 40), slice(30, None), np.r_[0:20, 35:60]])

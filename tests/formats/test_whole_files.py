@@ -120,8 +120,8 @@ from formats import outputs
 from formats.command import main
 meeting, look = pathlib.Path(sys.argv.pop(1)), outputs.refuse_to_replace
 
-def together(path, text=None):
-    look(path, text)
+def together(path, **options):
+    look(path, **options)
     (meeting / sys.argv[3].replace("/", "-")).touch()
     while len(list(meeting.iterdir())) < 2:
         time.sleep(0.01)

@@ -1,9 +1,9 @@
 """The rig and the garment beside an imported take: they change once the take has its name, and not before.
 
 Both are written under names of their own first: `NAME.rig.toml.partial` and `NAME.garment.toml.partial` of the take
-`NAME.mcap`. Then the take gets its name, and then they get theirs. A process that is killed before the take has its
-name has replaced nothing. What one leaves that is killed later is named by whoever reads the take, and put right by
-the next import into the folder. One import at a time is at the descriptions of a folder.
+`NAME.mcap`. Then the take gets its name, and then they get theirs. An import that is killed before the take has its
+name has replaced nothing. One that is killed later leaves descriptions under their first names. Whoever reads the take
+names these, and the next import into the folder renames them. One import at a time is at the descriptions of a folder.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _settle(folder: Path) -> list[Path]:
 
 
 def _is_of(prepared: Path, name: str, take: Path) -> bool:
-    """Return whether a take has its name and what was prepared is its own: else its import never came so far."""
+    """Return whether a prepared file is of a take that has its name: else its import never came so far."""
     try:
         found = read_take(take)
     except TakeError:

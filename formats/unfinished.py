@@ -19,7 +19,7 @@ from formats.whole_files import loop_words, sync_folder
 
 ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
 DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an imported take
-TellAside = Callable[[Path, Path], None]  # is told the unfinished name of a file that was put aside, and its new one
+TellAside = Callable[[Path, Path], None]  # called with the names of a file that was put aside, before and after
 
 
 def unfinished_name(path: Path) -> Path:
@@ -117,7 +117,7 @@ class UnfinishedFile:
 
         - `overwrite`: replace the file of this name; an unfinished file is put aside unless it is empty
         - `instead`: a person's next step who wants both
-        - `tell_aside`: is told of a file that was put aside
+        - `tell_aside`: called with the names of a file that was put aside, before and after
 
         Raises:
             OutputError: another process, or another writer of this one, is writing it; it is there and may not be

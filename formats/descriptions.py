@@ -15,7 +15,7 @@ import numpy as np
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
 from formats.meant_units import unit_of
-from formats.plain_text import code_in
+from formats.plain_text import code_in, shortened
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
 from formats.polygons import corner_twice, crosses_itself, distance_outside, meet, touch, touches_itself
@@ -181,12 +181,12 @@ def check_garment(garment: Garment, where: object) -> None:
     names = garment.point_names
     for name in names:
         if names.count(name) > 1:
-            refuse(f"points: the name {name!r} is used twice")
+            refuse(f"points: the name {shortened(name)!r} is used twice")
     if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS:
         refuse(f"a name has {longest} letters, at most {MOST_LETTERS} can be used")
     for point in garment.points:
         if distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
-            refuse(f"points: {point.name!r} lies outside the outline")
+            refuse(f"points: {shortened(point.name)!r} lies outside the outline")
 
 
 def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:

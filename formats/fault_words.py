@@ -85,7 +85,7 @@ def unsettled(report: TakeReport) -> list[str]:
     """Word what a killed recording or import has left to do: a take without its name, descriptions without theirs."""
     path = Path(report.file)
     if path.name.endswith(".mcap.partial") and report.is_sound:
-        return [f"it is whole and never got its name, {path.stem}; {RECOVERS} of it"]
+        return [f"it is whole and never got its name; {RECOVERS} of it"]
     return [
         f"its import was killed before {name} beside it was replaced; rename {prepared_name(path, name).name} to {name}"
         for name in report.left

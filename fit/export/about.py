@@ -9,7 +9,7 @@ from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, statu
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
-from formats.plain_text import plain
+from formats.plain_text import plain, shortened
 from formats.take import Take
 
 SAME_WEIGHT = 0.01  # relative: scales tell more, and fits to several takes keep their mean
@@ -99,10 +99,11 @@ def other_garment(result: FitResult, take: Take) -> str:
         )
     if not is_other:
         return ""
-    whose = f" ({result.garment})" if result.garment else ""
+    whose = f" ({shortened(result.garment)})" if result.garment else ""
     return plain(
-        f"The take {take.take_id} is of another garment ({garment.name}) than the fit{whose}. The take's cut and "
-        f"weight, {1e3 * garment.areal_density:.0f} g/m2, go with the stiffness of the fitted garment."
+        f"The take {shortened(take.take_id)} is of another garment ({shortened(garment.name)}) than the fit{whose}. "
+        f"The take's cut and weight, {1e3 * garment.areal_density:.0f} g/m2, go with the stiffness of the fitted "
+        "garment."
     )
 
 

@@ -85,6 +85,7 @@ def test_a_description_that_no_command_reads_is_not_written(tmp_path, descriptio
         ({"outline_m": (*GARMENT.outline_m, GARMENT.outline_m[0])}, "has the corner .* twice: leave one out"),
         ({"outline_m": ((-0.2, 0), (0.2, 0), (0.2, -0.4), (0, 0), (-0.2, -0.4))}, r"touches itself at its corner \[0"),
         ({"points": (*GARMENT.points, GARMENT.points[0])}, "'p0' is used twice"),
+        ({"points": 2 * (msgspec.structs.replace(GARMENT.points[0], name="n" * 3000),)}, "'n{60} ... n{60}' is used"),
         ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.5, 0.5)),)}, "'p0' lies outside"),
         ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.0, np.nan)),)}, r"points\.at_m has a number"),
     ],

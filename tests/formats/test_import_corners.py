@@ -48,9 +48,14 @@ def as_a_link(partial):
     partial.symlink_to("mine")
 
 
-@pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
-@pytest.mark.parametrize("is_there", [False, True], ids=["", "there"])
-@pytest.mark.parametrize(("words", "name"), [(IMPORT, "m.mcap"), (RECOVER, "m.recovered.mcap")])
+@pytest.mark.parametrize(
+    ("words", "name", "is_there", "option"),
+    [
+        (IMPORT, "m.mcap", True, ()), (IMPORT, "m.mcap", False, ("--overwrite",)),
+        (RECOVER, "m.recovered.mcap", False, ()),
+    ],
+    ids=["import", "overwrite", "recover"],
+)  # fmt: skip
 @pytest.mark.parametrize(
     ("make", "what", "step"),
     [
@@ -88,29 +93,25 @@ def assert_refused(desk, words, option, sentence):
 
 
 @pytest.mark.unmutated
-def test_an_unfinished_take_without_permission_is_told_as_such_beside_a_take_too(desk):
-    (desk / "o/m.mcap.partial").write_text("mine")
+def test_an_unfinished_take_and_a_rig_without_permission_are_told_as_such(desk):
+    """The take also where another one is there; neither says that the rig is another one."""
+    for name in ("o/m.mcap.partial", "rigged/rig.toml"):
+        (desk / name).parent.mkdir(exist_ok=True)
+        (desk / name).write_text("mine")
+        (desk / name).chmod(0)
     write_take(desk / "kept.mcap", a_take(20)).rename(desk / "o/m.mcap")
-    (desk / "o/m.mcap.partial").chmod(0)
-    commands = [(*IMPORT, "--out", "o", *option) for option in ((), ("--overwrite",))]
-    for done in hangtime_unprivileged(*commands, folder=desk):
+    commands = [(*IMPORT, "--out", out, *option) for out in ("o", "rigged") for option in ((), ("--overwrite",))]
+    plainly, replacing, rigged, replaced = hangtime_unprivileged(*commands, folder=desk)
+    for done in (plainly, replacing):
         step = f"get the permission to read and write it, or {OTHER_FOLDER}"
         assert (done.returncode, done.stderr) == (2, f"hangtime: o/m.mcap.partial: {LOCKED}; {step}\n")
+    what = "is already there and cannot be compared with the rig of this take: cannot be read (Permission denied)"
+    step = f"{OTHER_FOLDER}, or --overwrite to replace it"
+    assert (rigged.returncode, rigged.stderr) == (2, f"hangtime: rigged/rig.toml: {what}; {step}\n")
+    assert replaced.returncode == 0
     (desk / "o/m.mcap.partial").chmod(0o600)
     assert hangtime_here(*commands[1], folder=desk).returncode == 0
     assert (desk / "o/m.left-1.mcap.partial").read_text() == "mine"
-
-
-@pytest.mark.unmutated
-def test_a_rig_without_permission_is_not_called_another_one(desk):
-    (desk / "o/rig.toml").write_text("")
-    (desk / "o/rig.toml").chmod(0)
-    words = (*IMPORT, "--out", "o")
-    first, second = hangtime_unprivileged(words, (*words, "--overwrite"), folder=desk)
-    what = "is already there and cannot be compared with the rig of this take: cannot be read (Permission denied)"
-    step = f"{OTHER_FOLDER}, or --overwrite to replace it"
-    assert (first.returncode, first.stderr) == (2, f"hangtime: o/rig.toml: {what}; {step}\n")
-    assert second.returncode == 0
 
 
 @pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
@@ -141,8 +142,11 @@ def test_a_file_that_is_there_is_told_with_the_same_two_steps_by_every_command(d
     assert done.stderr == f"hangtime: n.npz: would replace the take that is read; {OTHER_FOLDER}\n"
 
 
-@pytest.mark.parametrize(("words", "name"), [(IMPORT, "m"), (RECOVER, "m.recovered")])
-@pytest.mark.parametrize("left", [b"x", bytes(9000), "half a block"], ids=["a byte", "zeros", "half"])
+@pytest.mark.parametrize(
+    ("words", "name", "left"),
+    [(IMPORT, "m", b"\0"), (IMPORT, "m", "half"), (RECOVER, "m.recovered", "half")],
+    ids=["a zero", "half", "recover"],
+)
 def test_an_unfinished_take_of_a_single_byte_is_put_aside_and_named(desk, words, name, left):
     """The step that the refusal offers is what is done: nobody has to judge which bytes somebody could miss."""
     raw = (desk / "m.mcap").read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import resource
 import time
 
@@ -17,7 +18,7 @@ from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
 from firmware_host.synthetic.sensor import SyntheticSensor
 from firmware_host.synthetic.world import FIRST_STAMP, make_world
 from formats.archive import read_take
-from formats.errors import OutputError
+from formats.errors import HangtimeError, OutputError
 from formats.take import FrameState
 
 
@@ -211,6 +212,15 @@ def test_a_take_that_has_come_there_meanwhile_stays_and_this_one_is_kept_beside_
     assert len(read_take(tmp_path / "t.mcap.partial").time) > 20
     with Every(drawn, 18) as sensor, pytest.raises(OutputError, match="is already there"):
         recorded(sensor, path, overwrite=False)
+
+
+def test_what_an_interrupted_recording_left_is_put_aside_and_named(drawn, tmp_path):
+    partial, told = tmp_path / "t.mcap.partial", []
+    partial.write_bytes(b"mine")
+    with Every(drawn, 15) as sensor, contextlib.suppress(HangtimeError):  # so few frames are no take
+        recorded(sensor, tmp_path / "t.mcap", tell_aside=lambda *names: told.append(names))
+    assert told == [(partial, tmp_path / "t.left-1.mcap.partial")]
+    assert told[0][1].read_bytes() == b"mine"
 
 
 def test_a_folder_is_not_replaced_by_a_take(drawn, tmp_path):

@@ -149,10 +149,11 @@ def write_text(path: Path, text: str, *, overwrite: bool = True) -> None:
     write_bytes(path, text.encode(), overwrite=overwrite)
 
 
-def write_bytes(path: Path, content: bytes, *, overwrite: bool = True) -> None:
+def write_bytes(path: Path, content: bytes, *, overwrite: bool = True, instead: str = ANOTHER_NAME) -> None:
     """Write a file whole or not at all.
 
-    overwrite: whether one may be replaced that came there since `refuse_to_replace` looked
+    - `overwrite`: whether one may be replaced that came there since `refuse_to_replace` looked
+    - `instead`: as of `refuse_to_replace`
 
     Raises:
         OutputError: it is there and may not be replaced, or cannot be written.
@@ -160,7 +161,7 @@ def write_bytes(path: Path, content: bytes, *, overwrite: bool = True) -> None:
     try:
         write_whole(path, content, may_replace=overwrite)
     except FileExistsError as error:
-        raise already_there(path) from error
+        raise already_there(path, instead=instead) from error
     except OSError as error:
         raise unwritable(path, error) from error
 

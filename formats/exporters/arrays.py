@@ -14,6 +14,7 @@ import numpy as np
 from formats.errors import TakeError
 from formats.outputs import write_bytes
 from formats.take import Take, told_apart
+from formats.unfinished import ANOTHER_FOLDER
 
 ARRAYS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
@@ -41,7 +42,7 @@ def write_npz(path: Path, take: Take, *, overwrite: bool = True) -> None:
         }
     stream = io.BytesIO()
     np.savez_compressed(stream, about=np.array(json.dumps(about)), **arrays)
-    write_bytes(path, stream.getvalue(), overwrite=overwrite)
+    write_bytes(path, stream.getvalue(), overwrite=overwrite, instead=ANOTHER_FOLDER)
 
 
 def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) -> None:

@@ -21,6 +21,7 @@ from formats.errors import OutputError, TakeError
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import write_bytes
 from formats.take import Take
+from formats.unfinished import ANOTHER_FOLDER
 
 HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
@@ -115,7 +116,7 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
                 "the folder for temporary files has no room for the C3D file", where=tempfile.gettempdir(),
                 advice="make room there, or name another folder in TMPDIR",
             )  # fmt: skip
-        write_bytes(path, raw, overwrite=overwrite)
+        write_bytes(path, raw, overwrite=overwrite, instead=ANOTHER_FOLDER)
     return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
 
 

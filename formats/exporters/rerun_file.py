@@ -18,6 +18,7 @@ from formats.descriptions import dump_description
 from formats.missing import missing_words
 from formats.outputs import write_bytes
 from formats.take import Take
+from formats.unfinished import ANOTHER_FOLDER
 
 RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
 GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
@@ -40,7 +41,7 @@ def write_rrd(path: Path, take: Take, *, overwrite: bool = True) -> None:
             _send_moving(rerun, stream, take)
             stream.flush()
             stream.disconnect()
-        write_bytes(path, file.read_bytes(), overwrite=overwrite)
+        write_bytes(path, file.read_bytes(), overwrite=overwrite, instead=ANOTHER_FOLDER)
 
 
 def _send_still(rerun: Any, stream: Any, take: Take) -> None:

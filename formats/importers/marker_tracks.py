@@ -24,9 +24,10 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.importers.units import axes_of
-from formats.outputs import write_text
+from formats.outputs import write_bytes
 from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
+from formats.unfinished import ANOTHER_FOLDER
 
 FARTHER_OUT = 2.0  # times as far as any other coordinate lies a number that stands for a marker that was not seen
 NINES = re.compile(r"-?9{3,}(\.9+)?")
@@ -105,5 +106,5 @@ def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True
     numbers = ",".join(["%.6f"] * (1 + flat.shape[1])) + "\n"  # in one step: a step a number takes five times as long
     for time, row in zip(tracks.time, flat, strict=True):
         text.write((numbers % (time, *row.tolist())).replace("nan", ""))
-    write_text(path, text.getvalue(), overwrite=overwrite)
+    write_bytes(path, text.getvalue().encode(), overwrite=overwrite, instead=ANOTHER_FOLDER)
     return path

@@ -146,6 +146,7 @@ def test_two_exports_at_once_to_one_file_are_one_whole_file_and_one_refusal(tmp_
     said = {folder: one.communicate(timeout=120)[1] for folder, one in running.items()}
     ends = {one.returncode: folder for folder, one in running.items()}
     assert set(ends) == {0, 2}, said
-    assert said[ends[2]] == "hangtime: out/a.npz: is already there; give another name, or --overwrite to replace it\n"
+    step = "choose another folder with --out, or --overwrite to replace it"
+    assert said[ends[2]] == f"hangtime: out/a.npz: is already there; {step}\n"
     with np.load(tmp_path / "out/a.npz") as archive:
         assert f'"take_id": "{ends[0]}"' in str(archive["about"])

@@ -40,10 +40,15 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "processor_time(seconds): the limit of this test instead of 300 s")
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
     """Spare the collector of garbage the thousands of tests and modules that stay to the end."""
-    gc.collect()
-    gc.freeze()
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -141,10 +146,21 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Write into the last report of a test how much it has used, with what pytest did for it."""
     report = yield
-    before, item.session.stash[SPENT] = item.session.stash.get(SPENT, 0.0), done()
-    report.user_properties = [*report.user_properties, (NAME, item.session.stash[SPENT] - before)]
+    if report.when == "teardown":
+        before, item.session.stash[SPENT] = item.session.stash.get(SPENT, 0.0), done()
+        report.user_properties = [*report.user_properties, (NAME, item.session.stash[SPENT] - before)]
     return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_to_serializable(report: Any) -> Iterator[None]:
+    """Send no keywords of what passed: nobody reads them, and they are most of what a process sends of a test."""
+    sent = yield
+    if sent and getattr(report, "passed", False):
+        sent["keywords"] = {}
+    return sent
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

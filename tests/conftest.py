@@ -53,7 +53,7 @@ def pytest_collection() -> Iterator[None]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Under `--dist loadfile`, keep the tests of a room of `fit` in one process: each compiles its kernels anew."""
+    """Under `--dist loadfile`, keep the tests of a room in one process: each compiles kernels, or parses, anew."""
     if config.getoption("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -65,9 +65,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Rooms(config, log)
 
 
+READERS = {f"tests/test_{name}.py" for name in ("docstrings", "repository", "shown_sentences")}
+
+
 def room_of(nodeid: str) -> str:
-    """The room of `fit` that a test is of, or else its file."""
+    """The room of `fit` that a test is of, or else its file; those that parse all modules are one room."""
     file = nodeid.partition("::")[0]
+    if file in READERS:
+        return "all modules"
     return file.rpartition("/")[0] if file.startswith("tests/fit/") else file
 
 

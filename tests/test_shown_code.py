@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from docs.generator.commands import whole_command
-from tests.repository import ROOT, SCRIPTS, TEXTS, name_of
+from tests.repository import ROOT, SCRIPTS, name_of, texts
 
 OURS = re.compile(r"(?:\w+=\S+ |sudo .* )*(?:\S*/)?hangtime (.+)")
 PROGRAM = re.compile(r"(?:\w+=\S+ )*(?:\S*python3? )?((?:scripts|benchmarks)/\w[\w.]*|\.ci/run|\w+\.py)( .+)?")
@@ -29,7 +29,7 @@ OTHER_OPTIONS = {"--nthreads", "--protocol", "--tls-ca-file", "--tls-cert", "--t
 def shown_code() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """What the texts show, as (file, line): every line of their code blocks, and every piece of code in a sentence."""
     in_blocks, in_sentences = [], []
-    for path in TEXTS:
+    for path in texts():
         if path.suffix != ".md":
             continue
         text = path.read_text().replace("\\\n", " ")

@@ -9,14 +9,12 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
+from tests.repository import PACKAGES, ROOT, tree_of
 from tests.sentences import faults_of
 
-ROOT = Path(__file__).parent.parent
-PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
 MARKUP = re.compile(r"\n.*(?:<\w|import )")  # in lines behind the first: a template or a program
 DEFINITION = re.compile(r"(?<=\.) (?=[a-z][\w-]*(?:, [a-z][\w-]*)*: )")  # "own: ours. blender: Blender's."
 
@@ -54,7 +52,7 @@ def faults_shown(texts: Iterator[tuple[int, str]]) -> list[str]:
 def test_no_sentence_that_the_program_shows_is_long_or_has_a_clause_as_its_subject(package: str) -> None:
     found = []
     for path in sorted((ROOT / package).rglob("*.py")):
-        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_shown(strings(ast.parse(path.read_text())))]
+        found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_shown(strings(tree_of(path)))]
     for path in sorted([*(ROOT / package).rglob("*.html"), *(ROOT / package).rglob("*.j2")]):
         found += [f"{path.relative_to(ROOT)}: {fault}" for fault in faults_shown(texts_of_template(path.read_text()))]
     assert found == []

@@ -8,6 +8,7 @@ that never comes uses no processor time. It is ended when nothing has moved for 
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
 import inspect
 import os
@@ -18,6 +19,7 @@ from typing import Any
 
 import psutil
 import pytest
+import typer.testing
 
 from tests.whole_errors import whole_errors  # noqa: F401
 
@@ -166,6 +168,14 @@ def pytest_report_to_serializable(report: Any) -> Iterator[None]:
     if sent and getattr(report, "passed", False):
         sent["keywords"] = {}
     return sent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_tree_of_commands() -> Iterator[None]:
+    """Typer puts the tree together for every command that it runs, which takes a tenth of a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.testing, "_get_command", functools.cache(typer.testing._get_command))
+        yield
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

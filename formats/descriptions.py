@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,16 @@ from formats.meant_units import unit_of
 from formats.plain_text import code_in, shortened
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
-from formats.polygons import corner_twice, crosses_itself, distance_outside, meet, touch, touches_itself
+from formats.polygons import (
+    corner_twice,
+    cross,
+    crosses_itself,
+    distances_outside,
+    first_overlap,
+    inside,
+    touch,
+    touches_itself,
+)
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.toml_files import Tables, place_in, read_toml
 from formats.wrong_fields import wrong_field
@@ -179,14 +189,13 @@ def check_garment(garment: Garment, where: object) -> None:
     _check_held_edge(garment, refuse)
     _check_version_2(garment, outline, refuse)
     names = garment.point_names
-    for name in names:
-        if names.count(name) > 1:
-            refuse(f"points: the name {shortened(name)!r} is used twice")
+    if twice_used := [name for name, times in Counter(names).items() if times > 1]:
+        refuse(f"points: the name {shortened(twice_used[0])!r} is used twice")
     if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS:
         refuse(f"a name has {longest} letters, at most {MOST_LETTERS} can be used")
-    for point in garment.points:
-        if distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
-            refuse(f"points: {shortened(point.name)!r} lies outside the outline")
+    places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)
+    if (outside := distances_outside(places, outline) > ON_OUTLINE).any():
+        refuse(f"points: {shortened(garment.points[int(outside.argmax())].name)!r} lies outside the outline")
 
 
 def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
@@ -218,21 +227,17 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
             refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
         if corner_twice(hole) is not None or touches_itself(hole) is not None:
             refuse(f"holes_m: hole {number} touches itself, or has a corner twice")
-        if any(distance_outside(corner, outline) > 0 for corner in hole) or meet(hole, outline):
+        if distances_outside(hole, outline).any() or cross(hole, outline):
             refuse(f"holes_m: hole {number} is not inside the outline")
         if touch(hole, outline):
             refuse(f"holes_m: hole {number} touches the outline: cut it out of the outline instead")
-        for other in (np.array(before, float) for before in garment.holes_m[: number - 1]):
-            if (
-                touch(hole, other)
-                or meet(hole, other)
-                or distance_outside(hole[0], other) == 0
-                or distance_outside(other[0], hole) == 0
-            ):
-                refuse(f"holes_m: hole {number} overlaps another one")
-        for point in garment.points:
-            if distance_outside(np.array(point.at_m), hole) == 0:
-                refuse(f"points: {point.name!r} lies in hole {number}")
+    holes = [np.array(corners, float) for corners in garment.holes_m]
+    if (pair := first_overlap(holes)) is not None:
+        refuse(f"holes_m: hole {pair[0] + 1} overlaps hole {pair[1] + 1}")
+    places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)
+    for number, hole in enumerate(holes, 1):
+        if (lost := inside(places, hole)).any():
+            refuse(f"points: {shortened(garment.points[int(lost.argmax())].name)!r} lies in hole {number}")
     if len(set(garment.seams)) < len(garment.seams):
         refuse("seams: one is there twice")
     for pair in garment.seams:

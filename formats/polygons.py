@@ -1,12 +1,19 @@
-"""Say where polygons and places lie to each other: inside, apart, touching or crossing."""
+"""Say where polygons and places lie to each other: inside, apart, touching or crossing.
+
+A polygon is an array (corners, 2) [m]. Side k goes from corner k to the next, the last side to the first corner.
+All places are compared with all sides at once. A garment has up to 1000 sides in its outline and 1000 in its holes.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
+CELLS_AT_ONCE = 2**17  # pairs of a place and a side, so that a table of them takes some megabytes
 
 
 def corner_twice(polygon: Floats) -> list[float] | None:
@@ -17,52 +24,97 @@ def corner_twice(polygon: Floats) -> list[float] | None:
 
 def touches_itself(polygon: Floats) -> list[float] | None:
     """Return a corner of a polygon that lies on one of its sides that does not end there."""
-    for k, corner in enumerate(polygon):
-        apart = np.delete(distances_to_sides(corner, polygon), [k - 1, k])
-        if apart.min(initial=np.inf) < TOUCHING:
-            return [float(x) for x in corner]
-    return None
+    apart = distances_to_sides(polygon, polygon)
+    corners = np.arange(len(polygon))
+    apart[corners, corners - 1] = apart[corners, corners] = np.inf
+    touching = (apart < TOUCHING).any(1)
+    return [float(x) for x in polygon[int(touching.argmax())]] if touching.any() else None
+
+
+def crosses_itself(polygon: Floats) -> bool:
+    """Return whether two sides of a polygon cross. Neighbouring sides share an end, which is no crossing."""
+    return cross(polygon, polygon)
+
+
+def cross(one: Floats, other: Floats) -> bool:
+    """Return whether a side of one polygon crosses a side of the other."""
+    return bool(_crossings(one, _ends(one), other, _ends(other)).any())
 
 
 def touch(one: Floats, other: Floats) -> bool:
     """Return whether a corner of one polygon lies on a side of the other."""
-    return any(
-        distances_to_sides(corner, polygon).min() < TOUCHING
-        for corners, polygon in ((one, other), (other, one))
-        for corner in corners
-    )
+    return any(bool((distances_to_sides(a, b) < TOUCHING).any()) for a, b in ((one, other), (other, one)))
 
 
-def distances_to_sides(place: Floats, polygon: Floats) -> Floats:
-    """Distance of a place to each side of a polygon [m], (sides,), the first from the first corner to the second."""
-    along = np.roll(polygon, -1, axis=0) - polygon
-    share = np.clip(((place - polygon) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
-    return np.asarray(np.linalg.norm(polygon + share[:, None] * along - place, axis=1))
+def first_overlap(polygons: Sequence[Floats]) -> tuple[int, int] | None:
+    """Return the first polygon that overlaps an earlier one, and that one, counted from 0."""
+    if len(polygons) < 2:
+        return None
+    starts, ends = np.concatenate(polygons), np.concatenate([_ends(polygon) for polygon in polygons])
+    owner = np.repeat(np.arange(len(polygons)), [len(polygon) for polygon in polygons])
+    meet = _crossings(starts, ends, starts, ends) | (_to_segments(starts, starts, ends) < TOUCHING)
+    pairs = np.array([inside(np.array([polygon[0] for polygon in polygons]), other) for other in polygons])
+    np.logical_or.at(pairs, (owner[:, None], owner[None]), meet)
+    later, earlier = np.nonzero(np.tril(pairs | pairs.T, -1))
+    return (int(later[0]), int(earlier[0])) if len(later) else None
 
 
-def crosses_itself(outline: Floats) -> bool:
-    """Return whether two sides of a polygon cross."""
-    return meet(outline, outline)  # neighbouring sides share an end, which is no crossing
+def inside(places: Floats, polygon: Floats) -> Booleans:
+    """Return which places lie in a polygon, (places,).
+
+    A ray to the right of such a place crosses an odd number of sides.
+    """
+    starts, ends = polygon, _ends(polygon)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a level side is crossed by no level ray
+        slope = (ends[:, 0] - starts[:, 0]) / (ends[:, 1] - starts[:, 1])
+    found = np.empty(len(places), bool)
+    for part in _parts(len(places), len(polygon)):
+        x, y = places[part, 0, None], places[part, 1, None]
+        spans = (starts[:, 1] > y) != (ends[:, 1] > y)
+        with np.errstate(invalid="ignore"):
+            found[part] = np.count_nonzero(spans & (x < starts[:, 0] + (y - starts[:, 1]) * slope), axis=1) % 2
+    return found
 
 
-def meet(one: Floats, other: Floats) -> bool:
-    """Return whether sides of two polygons cross: each parts the other's two ends."""
-
-    def hands(polygon: Floats, places: Floats) -> Floats:
-        along = np.roll(polygon, -1, axis=0) - polygon
-        to = places[None] - polygon[:, None]
-        return np.asarray(along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0])
-
-    of_other, of_one = hands(one, other), hands(other, one)
-    parts = of_other * np.roll(of_other, -1, axis=1) < 0
-    return bool((parts & (of_one * np.roll(of_one, -1, axis=1) < 0).T).any())
+def distances_outside(places: Floats, polygon: Floats) -> Floats:
+    """Distance of places outside a polygon to it [m], (places,); 0 inside."""
+    return np.where(inside(places, polygon), 0.0, distances_to_sides(places, polygon).min(1))
 
 
-def distance_outside(place: Floats, outline: Floats) -> float:
-    """Return the distance of a place outside a polygon to it [m]; 0 inside."""
-    ends = np.roll(outline, -1, axis=0)
-    above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = outline[:, 0] + (place[1] - outline[:, 1]) / (ends[:, 1] - outline[:, 1]) * (ends - outline)[:, 0]
-    is_inside = bool(np.count_nonzero(above & (place[0] < crossing)) % 2)
-    return 0.0 if is_inside else float(distances_to_sides(place, outline).min())
+def distances_to_sides(places: Floats, polygon: Floats) -> Floats:
+    """Distance of places to each side of a polygon [m], (places, sides)."""
+    return _to_segments(places, polygon, _ends(polygon))
+
+
+def _ends(polygon: Floats) -> Floats:
+    return np.roll(polygon, -1, axis=0)
+
+
+def _parts(count: int, width: int) -> Iterator[slice]:
+    """Share the rows of a table, so that a part has CELLS_AT_ONCE cells at most, or one row."""
+    step = max(1, CELLS_AT_ONCE // width)
+    return (slice(first, first + step) for first in range(0, count, step))
+
+
+def _to_segments(places: Floats, starts: Floats, ends: Floats) -> Floats:
+    """Distance of places to segments [m], (places, segments)."""
+    along = ends - starts
+    squared = np.maximum((along**2).sum(1), 1e-18)
+    found = np.empty((len(places), len(starts)))
+    for part in _parts(len(places), len(starts)):
+        to = places[part, None] - starts
+        share = np.clip((to * along).sum(2) / squared, 0, 1)
+        found[part] = np.linalg.norm(to - share[..., None] * along, axis=2)
+    return found
+
+
+def _crossings(starts: Floats, ends: Floats, other_starts: Floats, other_ends: Floats) -> Booleans:
+    """Return which segments cross, (segments, others): each parts the other's two ends."""
+
+    def parts(one: Floats, one_ends: Floats, other: Floats, other_ends: Floats) -> Booleans:
+        along = one_ends - one
+        hands = [along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0]
+                 for to in (other - one[:, None], other_ends - one[:, None])]  # fmt: skip
+        return np.asarray(hands[0] * hands[1] < 0)
+
+    return parts(starts, ends, other_starts, other_ends) & parts(other_starts, other_ends, starts, ends).T

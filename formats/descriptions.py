@@ -354,7 +354,7 @@ def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:
         if body.radius_m is not None and not THINNEST_BODY <= body.radius_m <= LARGEST_BODY:
             refuse(
                 f"bodies: radius_m must be between {THINNEST_BODY:g} and {LARGEST_BODY:g} (body {number} has "
-                f"{body.radius_m:g})"
+                f"{body.radius_m:g}){unit_of(body.radius_m, THINNEST_BODY, LARGEST_BODY)}"
             )
         if body.normal is not None and not np.linalg.norm(body.normal) > 0:
             refuse(f"bodies: the normal of body {number} has no direction")

@@ -13,7 +13,8 @@ import numpy as np
 from formats.errors import ImplausibleError
 from formats.garment import Garment
 from formats.meant_units import step_or_anyway, unit_of
-from formats.rig import Hanger, Rig, Sensor
+from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
+from formats.rig_bodies import distances_from
 
 Refuse = Callable[[str, str], NoReturn]  # with the words and the next step
 AT_A_BOUND = 1e-9  # relative, of numbers that are exactly at a bound
@@ -28,6 +29,13 @@ DEEPEST_HOLD = 0.5  # m of a held end above, below, before or behind the bar: cl
 WIDEST_HOLD = 10.0  # held width over the markers' distance: LONGEST_BAR over the 0.3 m of the printed hanger
 EDGE_LEAST, EDGE_MOST = 0.25, 1.15  # held width over the garment's held edge: cloth sags, and hardly stretches
 EDGE_TOLERANCE = 0.06  # m more: both are measured by hand (`fit.recordings.geometry` allows as much)
+FARTHEST_BODY = 10.0  # m from the camera: the PS1080's largest depth (`firmware_host.oni_writer`), and cloth is nearer
+FARTHEST_CAMERA = 100.0  # m from the origin of a motion capture's frame: a hall's length
+WIDEST_GRAVITY_SD = 30.0  # degrees: fifteen times gravity judged by eye (`capture.calibration.session`)
+WIDEST_SCALE_SD = 0.1  # of depth: scales beyond 0.8 and 1.25 are refused, and calibration finds 0.0025
+WIDEST_OFFSET_SD = 30.0  # px: no offset beyond it is believed (`formats.descriptions`)
+WIDEST_HELD_SD = 0.05  # m per axis of a held end: a tape finds it to some millimetres, and clips are a hand long
+FINEST_SD = 1e-5  # m: no tape and no camera finds a place to a hundredth of a millimetre
 MODULES, NEAREST_VIEW = 12.0, 0.5  # px over six modules, two each; m: depth sensors see nothing nearer
 # Markers of OpenCV's dictionaries by name: https://docs.opencv.org/4.x/de/d67/group__objdetect__aruco.html
 OF_TAGS = {"16h5": 30, "25h9": 35, "36h10": 2320, "36h11": 587}
@@ -40,7 +48,7 @@ DICTIONARIES = {
 
 
 def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a hanger of a size that none has, say which unit was probably meant, and optics of no sensor.
+    """Refuse sizes and deviations of no hanger, optics of no sensor, and bodies out of sight; say the unit that fits.
 
     offers_anyway: the command has an option that accepts them
 
@@ -59,6 +67,9 @@ def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False)
         _check_hold(rig.hanger, refuse)
         if rig.sensor is not None and rig.hanger.marker == "fiducial":
             _check_visible(rig.hanger, rig.sensor, refuse)
+    _check_bodies(rig, refuse)
+    if rig.calibration is not None:
+        _check_deviations(rig.calibration, refuse)
 
 
 def check_plausible_hold(rig: Rig, garment: Garment, where: object, *, offers_anyway: bool = False) -> None:
@@ -110,13 +121,12 @@ def _check_gravity(rig: Rig, refuse: Refuse) -> None:
     angle = float(np.degrees(np.arctan2(np.hypot(right, away), down)))  # off straight down
     if angle <= STEEPEST_VIEW:
         return
-    told = ", ".join(f"{part:g}" for part in rig.gravity)
     if angle > 180 - STEEPEST_VIEW:
         seems = "points up in the picture"
     else:
         seems = "points along the view" if abs(away) > abs(right) else "points to a side"
     refuse(
-        f"gravity = [{told}] {seems}: x is to the right, y down and z away from the sensor",
+        f"gravity = {_told(rig.gravity)} {seems}: x is to the right, y down and z away from the sensor",
         "give [0, 1, 0] for a level sensor; `hangtime calibrate` measures it",
     )
 
@@ -165,3 +175,55 @@ def _check_visible(hanger: Hanger, sensor: Sensor, refuse: Refuse) -> None:
             f"marker is read below {MODULES:g} px",
             "measure the black square's side and give metres",
         )
+
+
+def _check_bodies(rig: Rig, refuse: Refuse) -> None:
+    """Check that the camera could see each body, and stands in none."""
+    from_origin = float(np.linalg.norm(rig.viewpoint))
+    if from_origin > FARTHEST_CAMERA:
+        refuse(
+            f"camera_at_m is {from_origin:g} m from the origin, a camera at most {FARTHEST_CAMERA:g} m"
+            f"{unit_of(from_origin, NEAREST_VIEW, FARTHEST_CAMERA)}",
+            "give metres in the frame of the take",
+        )
+    is_known = rig.sensor is not None or from_origin > 0  # else the origin may be anywhere in a room
+    viewer = "camera" if is_known else "origin"
+    for number, body in enumerate(rig.near, 1):
+        for name, place in (("at_m", body.at_m), ("to_m", body.to_m)):
+            away = 0.0 if place is None else float(np.linalg.norm(np.subtract(place, rig.viewpoint)))
+            if place is not None and away - (body.radius_m or 0.0) > FARTHEST_BODY:
+                refuse(
+                    f"bodies: {name} = {_told(place)} of body {number} is {away:g} m from the {viewer}, a body that "
+                    f"cloth may touch at most {FARTHEST_BODY:g} m{unit_of(away, NEAREST_VIEW, FARTHEST_BODY)}",
+                    "give metres in the sensor frame",
+                )
+        depth = -float(distances_from(body, np.array(rig.viewpoint)))
+        if is_known and depth > 0:
+            refuse(
+                f"bodies: the camera is {depth:g} m inside body {number}, a {body.kind}",
+                "give metres in the sensor frame, and a plane's normal towards the cloth",
+            )
+
+
+def _check_deviations(calibration: Calibration, refuse: Refuse) -> None:
+    """Check standard deviations: one so large says that nothing was measured, and it is left out."""
+    right, down = calibration.depth_offset_sd_px or (0.0, 0.0)
+    offset = max(part for part in (0.0, right, down) if np.isfinite(part))  # inf: that axis was never measured
+    held = max(map(max, calibration.held_sd_m or ((0.0,),)))
+    scale = calibration.depth_scale_sd or 0.0
+    percent = f"; was {scale:g} per cent meant, {scale / 100:g}?" if scale / 100 <= WIDEST_SCALE_SD else ""
+    for name, value, most, unit, meant in (
+        ("gravity_sd_degrees", calibration.gravity_sd_degrees or 0.0, WIDEST_GRAVITY_SD, " degrees", ""),
+        ("depth_scale_sd", scale, WIDEST_SCALE_SD, "", percent),
+        ("depth_offset_sd_px", offset, WIDEST_OFFSET_SD, " px", ""),
+        ("held_sd_m", held, WIDEST_HELD_SD, " m", unit_of(held, FINEST_SD, WIDEST_HELD_SD)),
+    ):
+        if value > most:
+            refuse(
+                f"calibration.{name} is {value:g}{unit}, a measurement's at most {most:g}{unit}{meant}",
+                "measure again with `hangtime calibrate`, or leave out what was never measured",
+            )
+
+
+def _told(place: Vector) -> str:
+    return f"[{', '.join(f'{part:g}' for part in place)}]"

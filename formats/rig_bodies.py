@@ -38,7 +38,7 @@ def first_entered(rig: Rig, ends: Floats) -> Entered | None:
     """Return the first body that the line between held ends enters; ends [m], (n, 2, 3), sensor frame."""
     edge = ends[:, None, 0] * (1 - ALONG) + ends[:, None, 1] * ALONG
     for number, body in enumerate(rig.near, 1):
-        depth = -float(_distances(body, edge).min(initial=0.0))
+        depth = -float(distances_from(body, edge).min(initial=0.0))
         if depth > 0:
             return Entered(number, body.kind, depth)
     return None
@@ -52,8 +52,8 @@ def body_findings(take: Take, sights: Sights) -> list[Finding]:
     return [Finding(name="held_edge_in_body", words=entered.words, advice=entered.advice, is_grave=True)]
 
 
-def _distances(body: RigBody, places: Floats) -> Floats:
-    """Return distances [m] of places [m], (..., 3), from a body's surface, negative inside."""
+def distances_from(body: RigBody, places: Floats) -> Floats:
+    """Return distances [m], (...), of places [m], (..., 3), from a body's surface, negative inside."""
     at = np.array(body.at_m, float)
     if body.normal is not None:
         return np.asarray((places - at) @ np.array(body.normal) / np.linalg.norm(body.normal))

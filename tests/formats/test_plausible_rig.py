@@ -13,6 +13,7 @@ from firmware_host.synthetic.scene import RIG
 from formats.descriptions import check_rig, dump_description, load_rig
 from formats.errors import DescriptionError, ImplausibleError
 from formats.plausible_rig import DICTIONARIES, check_plausible_hold, check_plausible_rig
+from formats.rig import RigBody
 from tests.formats.test_plausible import panel
 
 
@@ -20,10 +21,15 @@ def rig(**changes):
     """The rig with other numbers of its hanger, its sensor or itself."""
     parts = {
         name: msgspec.structs.replace(part, **{k: v for k, v in changes.items() if k in part.__struct_fields__})
-        for name, part in (("hanger", RIG.hanger), ("sensor", RIG.sensor))
+        for name, part in (("hanger", RIG.hanger), ("sensor", RIG.sensor), ("calibration", RIG.calibration))
     }
     rest = {k: v for k, v in changes.items() if k in RIG.__struct_fields__}
     return msgspec.structs.replace(RIG, **parts, **rest)
+
+
+def near(kind, at_m, **more):
+    """Changes to the rig that put one body near it."""
+    return {"format": "hangtime-rig/2", "bodies": (RigBody(kind=kind, at_m=at_m, **more),)}
 
 
 def ends(left, right, down=0.09, away=0.0):
@@ -35,6 +41,8 @@ AXES = (
     ": x is to the right, y down and z away from the sensor; give [0, 1, 0] for a level sensor; `hangtime calibrate` "
     "measures it"
 )
+PLACE = "Give metres in the sensor frame"
+MEASURE = "easure again with `hangtime calibrate`, or leave out what was never measured"
 PLAY = "; `hangtime sensor play` tells"
 
 
@@ -73,6 +81,27 @@ PLAY = "; `hangtime sensor play` tells"
         ({"gravity": (-0.8, 0.0, 0.6)}, f"gravity = [-0.8, 0, 0.6] points to a side{AXES}"),
         ({"marker_size_m": 0.006}, "hanger.marker_size_m = 0.006 m is 6.9 px wide at 0.5 m, and no marker is read below"
          " 12 px; measure the black square's side and give metres"),
+        (near("plane", (0, 0, 210), normal=(0, 0, -1)), "bodies: at_m = [0, 0, 210] of body 1 is 210 m from the camera,"
+         f" a body that cloth may touch at most 10 m; were centimetres or inches meant? {PLACE}"),
+        (near("capsule", (300, -500, 1900), to_m=(300, 1000, 1900), radius_m=0.03), "bodies: at_m = [300, -500, 1900] "
+         "of body 1 is 1987.46 m from the camera, a body that cloth may touch at most 10 m; were millimetres meant? "
+         f"{PLACE}"),
+        (near("capsule", (0, 0, 2), to_m=(0, 0, 12.0), radius_m=0.03), "bodies: to_m = [0, 0, 12] of body 1 is 12 m "
+         "from the camera, a body that cloth may touch at most 10 m; give metres in the sensor frame"),
+        (near("sphere", (0, 0, 2.0), radius_m=3.0), "bodies: the camera is 1 m inside body 1, a sphere; give metres in "
+         "the sensor frame, and a plane's normal towards the cloth"),
+        (near("plane", (0, 0, 2.1), normal=(0, 0, 1)), "bodies: the camera is 2.1 m inside body 1, a plane; give metres"
+         " in the sensor frame, and a plane's normal towards the cloth"),
+        ({"held_sd_m": ((1.5, 1.6, 3.0), (1.5, 1.6, 3.0))}, "calibration.held_sd_m is 3 m, a measurement's at most 0.05"
+         f" m; were millimetres or centimetres meant? M{MEASURE}"),
+        ({"held_sd_m": ((0.0, 0.0, 0.06), (0.0,) * 3)}, "calibration.held_sd_m is 0.06 m, a measurement's at most 0.05 "
+         f"m; m{MEASURE}"),
+        ({"gravity_sd_degrees": 400.0}, "calibration.gravity_sd_degrees is 400 degrees, a measurement's at most 30 "
+         f"degrees; m{MEASURE}"),
+        ({"depth_scale_sd": 2.0}, "calibration.depth_scale_sd is 2, a measurement's at most 0.1; was 2 per cent meant, "
+         f"0.02? M{MEASURE}"),
+        ({"depth_offset_sd_px": (float("inf"), 1000.0)}, "calibration.depth_offset_sd_px is 1000 px, a measurement's "
+         f"at most 30 px; m{MEASURE}"),
     ],
 )  # fmt: skip
 def test_a_rig_of_no_hanger_or_sensor_says_which_number_and_why_and_is_accepted_anyway(tmp_path, changes, says):
@@ -99,10 +128,29 @@ def test_a_rig_of_no_hanger_or_sensor_says_which_number_and_why_and_is_accepted_
         {"gravity": (0.86, 0.51, 0.0)},
         {"marker_size_m": 0.0105},
         {"marker_size_m": 0.006, "marker": "dot"},
+        near("sphere", (0, 0, 12.9), radius_m=3.0),
+        near("plane", (0, 0.01, 0), normal=(0, -1, 0)),
+        {"gravity_sd_degrees": 30.0, "depth_scale_sd": 0.1, "held_sd_m": ((0.05,) * 3,) * 2},
+        {"depth_offset_sd_px": (float("inf"), 30.0)},
     ],
 )
 def test_a_rig_just_within_the_bounds_is_one(changes):
     check_plausible_rig(rig(**changes), "r")
+
+
+def test_a_camera_of_motion_capture_is_in_a_hall_and_its_origin_may_be_in_a_body():
+    elsewhere = {"sensor": None, "hanger": None, "format": "hangtime-rig/2"}
+    far = msgspec.structs.replace(RIG, **elsewhere, camera_at_m=(0.0, 0.0, 2100.0))
+    with pytest.raises(ImplausibleError, match=r"camera_at_m is 2100 m .* at most 100 m; were millimetres or"):
+        check_plausible_rig(far, "r")
+    check_plausible_rig(msgspec.structs.replace(far, camera_at_m=(0.0, 0.0, 99.0)), "r")
+    floor = near("plane", (0, 0, 0.1), normal=(0, 0, 1))
+    check_plausible_rig(msgspec.structs.replace(RIG, **{**elsewhere, **floor}), "r")
+
+
+def test_the_radius_of_a_body_says_the_unit_that_was_meant():
+    with pytest.raises(DescriptionError, match=r"\(body 1 has 30\); were millimetres or centimetres or inches meant\?"):
+        check_rig(rig(**near("sphere", (0, 0, 2), radius_m=30.0)), "r")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.scene import CAMERA, FPS
 from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
+from formats.plain_text import shortened
 
 NUMBERS = {"amplitude": "a number", "seconds": "a number", "seed": "a whole number"}  # the options that are numbers
 
@@ -31,7 +32,7 @@ class SyntheticSensor(DepthSensor):
             SensorAddressError: an unknown motion, effect, fabric or option, or a number that no world has.
         """
         motion, _, query = uri.removeprefix("synthetic:").partition("?")
-        options = dict(parse_qsl(query))
+        options = dict(parse_qsl(query, keep_blank_values=True))
         unknown = set(options) - {"effect", "amplitude", "seconds", "seed", "fabric"}
         if unknown:
             raise SensorAddressError(
@@ -78,4 +79,4 @@ def _number(text: str, name: str, uri: str) -> float:
     try:
         return int(text) if name == "seed" else float(text)
     except ValueError as error:
-        raise SensorAddressError(f"{name} is {text!r}", where=uri, advice=f"give {NUMBERS[name]}") from error
+        raise SensorAddressError(f"{name} is {shortened(text)!r}", where=uri, advice=f"give {NUMBERS[name]}") from error

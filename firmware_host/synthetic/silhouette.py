@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from firmware_host.synthetic.cloth import LONGEST_RECORDING, ClothPhysics, simulate
 from firmware_host.synthetic.swatch import TO_SENSOR
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
@@ -43,7 +43,6 @@ RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, a
 AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
 EYE = np.array([0.0, -1.5, 0.0])  # m, where depths begin
 TRUTH_RATE = 100.0  # instants a second at which the true cloth is kept
-LONGEST_RECORDING = 120.0  # s
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from firmware_host.synthetic.cloth import MOST_DRAG, ClothPhysics, simulate
 from formats.arrays import Floats
 from formats.descriptions import dump_description
 from formats.garment import Garment
@@ -90,9 +90,9 @@ def make_swatch_take(
         raise SensorAddressError(
             f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose one of {', '.join(TRUE_FABRICS)}"
         )
-    if not np.isfinite(air_drag):
+    if not 0.0 <= air_drag <= MOST_DRAG:
         raise SensorAddressError(
-            f"{air_drag:g} is no drag coefficient", where="--air-drag", advice="give a finite number"
+            f"{air_drag:g} is no drag coefficient", where="--air-drag", advice=f"give 0 to {MOST_DRAG:g}"
         )
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")

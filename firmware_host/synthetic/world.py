@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import COLUMNS, ROWS, ClothPhysics, simulate
+from firmware_host.synthetic.cloth import COLUMNS, LONGEST_RECORDING, ROWS, ClothPhysics, simulate
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.motion import hanger_pose
 from firmware_host.synthetic.pattern import lay
@@ -32,6 +32,7 @@ Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
 SHORTEST_RECORDING = 1.0  # s: until then nothing moves
+LARGEST_OFFSET = 0.5  # s either way of a planted time offset: a silhouette's latency has as much
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
@@ -148,16 +149,26 @@ def make_world(
             advice=f"choose one of {', '.join(TYPICAL)}",
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
-    if not (np.isfinite(seconds) and seconds >= SHORTEST_RECORDING):
+    if not SHORTEST_RECORDING <= seconds <= LONGEST_RECORDING:
         raise SensorAddressError(
             f"the synthetic world cannot last for {seconds:g} seconds",
             where="--seconds",
-            advice=f"give {SHORTEST_RECORDING:g} or more",
+            advice=f"give {SHORTEST_RECORDING:g} to {LONGEST_RECORDING:g}",
         )
     if not np.isfinite(size):
         raise SensorAddressError(
             f"{size:g} is no size of an effect", where="--amplitude", advice="give a finite number"
         )
+    if effect == "none" and size:
+        raise SensorAddressError(
+            f"the amplitude {size:g} is of no effect", where="--amplitude",
+            advice=f"name the effect too: one of {', '.join(TYPICAL)}",
+        )  # fmt: skip
+    if effect == "time_offset" and not abs(size) <= LARGEST_OFFSET:
+        raise SensorAddressError(
+            f"time_offset cannot be {size:g} s", where="--amplitude",
+            advice=f"choose {-LARGEST_OFFSET:g} to {LARGEST_OFFSET:g}",
+        )  # fmt: skip
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")
     time = np.arange(round(seconds * FPS)) / FPS

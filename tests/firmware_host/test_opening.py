@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -36,24 +37,31 @@ def test_a_synthetic_sensor_that_does_not_exist_lists_what_does(name: str) -> No
         open_sensor(name)
 
 
-def test_an_option_that_is_no_number_is_refused() -> None:
-    with pytest.raises(SensorAddressError, match="seconds is 'long'; give a number"):
-        open_sensor("synthetic:swing?seconds=long")
+@pytest.mark.parametrize(("text", "told"), [("long", "'long'"), ("", "''"), ("x" * 900, f"'{'x' * 60} .*")])
+def test_an_option_that_is_no_number_is_refused(text: str, told: str) -> None:
+    with pytest.raises(SensorAddressError, match=f"seconds is {told}; give a number") as refused:
+        open_sensor(f"synthetic:swing?seconds={text}")
+    assert len(refused.value.what) < 200
 
 
 @pytest.mark.parametrize(
     ("option", "sentence"),
     [
-        ("seconds=-1", "cannot last for -1 seconds; give 1 or more"),
+        ("seconds=-1", "cannot last for -1 seconds; give 1 to 120"),
         ("seconds=0.5", "cannot last for 0.5 seconds"),
         ("seconds=nan", "cannot last for nan seconds"),
         ("seconds=inf", "cannot last for inf seconds"),
+        ("seconds=1e9", r"cannot last for 1e\+09 seconds; give 1 to 120"),
+        ("seconds=121", "cannot last for 121 seconds"),
+        ("effect=air_drag&amplitude=1e9", r"air_drag cannot have the amplitude 1e\+09; choose 0 to 100"),
+        ("effect=time_offset&amplitude=-0.6", "time_offset cannot be -0.6 s; choose -0.5 to 0.5"),
+        ("amplitude=1", "the amplitude 1 is of no effect; name the effect too: one of none, air_drag"),
         ("seed=-1", "the seed -1 is below 0; give 0 or more"),
         ("effect=hem&amplitude=nan", "nan is no size of an effect"),
     ],
 )
 def test_a_number_that_no_world_has_is_refused(option: str, sentence: str) -> None:
-    with pytest.raises(SensorAddressError, match=rf"^synthetic:swing\?{option}: .*{sentence}"):
+    with pytest.raises(SensorAddressError, match=rf"^synthetic:swing\?{re.escape(option)}: .*{sentence}"):
         open_sensor(f"synthetic:swing?{option}")
 
 
@@ -67,7 +75,12 @@ def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, co
 
 
 @pytest.mark.parametrize(
-    ("number", "sentence"), [({"seed": -1}, "seed -1"), ({"air_drag": float("nan")}, "nan is no drag")]
+    ("number", "sentence"),
+    [
+        ({"seed": -1}, "seed -1"),
+        ({"air_drag": float("nan")}, "nan is no drag"),
+        ({"air_drag": 1e9}, r"1e\+09 is no drag coefficient; give 0 to 100"),
+    ],
 )
 def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str, Any], sentence: str) -> None:
     with pytest.raises(SensorAddressError, match=sentence):

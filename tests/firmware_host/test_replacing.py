@@ -69,7 +69,7 @@ def test_what_makes_recordings_refuses_before_it_works(tmp_path):
             ["synthesise", "d", "--effect=hem", "--amplitude=nan"],
             "--amplitude: nan is no size of an effect; give a finite",
         ),
-        (["synthesise-swatch", "d", "--air-drag=inf"], "--air-drag: inf is no drag coefficient; give a finite number"),
+        (["synthesise-swatch", "d", "--air-drag=inf"], "--air-drag: inf is no drag coefficient; give 0 to 100"),
     ],
 )
 def test_the_size_of_a_planted_effect_reaches_what_makes_the_recording(tmp_path, monkeypatch, words, sentence):

@@ -12,21 +12,25 @@ a broken number. All three lines miss it by more than b. Another number that beg
 - `h1`, `h2`: the steps of time; `h`: the median step
 - `d`: digits behind the point of that number before or after it which has more
 
-In a file that leaves out no zeros, a number with fewer digits than others is broken however near it lies. In one that
-writes powers of ten, as in 1.2e+03, a number without its power is broken.
+Cloth gains nothing from less than the noise of cameras, so a line misses a place by that noise at least.
+
+In a column that leaves out no zeros, a number with fewer digits than others is broken however near it lies. It is
+whole where its column repeats it, as of a plane's markers. In one that writes powers of ten, as in 1.2e+03, a number
+without its power is broken, and one with a whole power is whole.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
 from formats.importers.marker_lines import Rows
-from formats.importers.number_cells import form_of, is_seen
+from formats.importers.marker_tracks import MARKER_SD
+from formats.importers.number_cells import form_of, is_seen, magnitude_of
 
 NOISES = 7.0  # of normal noise, q is 0.67 standard deviations: one place of 400,000 is farther off
 STRETCH = 50  # places: half a swing at 100 frames a second
@@ -39,37 +43,85 @@ MOST_LETTERS = 6  # that a cut takes before a point: no place is 1000 km away
 
 @dataclass(frozen=True)
 class Writing:
-    """How a file writes its numbers.
+    """How a file writes the numbers of a column.
 
     - `most`: digits behind the point at most
     - `always`: digits that all numbers have, 0 where they vary
     - `has_powers`, `all_powers`: some and all are written as 1.5e-05
+    - `power`: letters that powers have, 0 where they vary or there are none
+    - `repeated`: numbers that the column holds more than once
     """
 
     most: int
     always: int = 0
     has_powers: bool = False
     all_powers: bool = False
+    power: int = 0
+    repeated: frozenset[str] = field(default=frozenset(), compare=False)
 
 
 CLOCK = Writing(MOST_DIGITS)  # a time may go on with any digits
 
 
-def writing_of(rows: Rows, columns: Iterable[int]) -> Writing:
-    """Return how the numbers of some columns are written, by some of the lines."""
-    texts = Counter[str]()
+def writings_of(rows: Rows, wanted: Iterable[int], columns: Sequence[int]) -> dict[int, Writing]:
+    """Return how the numbers of each wanted column are written, by some of the lines.
+
+    A column with too few numbers is taken to be written as all are together, unless its own numbers tell otherwise.
+
+    columns: those of all places
+    """
+    texts, pooled = {k: Counter[str]() for k in wanted}, Counter[str]()
+    for row in lines_looked_at(rows):
+        pooled.update(cell for k in columns if k < len(row) and is_seen(cell := row[k].strip()))
+        for k, own in texts.items():
+            if k < len(row) and is_seen(cell := row[k].strip()):
+                own[cell] += 1
+    of_all, found = _writing(pooled), dict[int, Writing]()
+    for k, own in texts.items():
+        writing = _writing(own) if len(own) >= FEWEST_NUMBERS else of_all
+        shorter = sum(count for text, count in own.items() if form_of(text).digits < of_all.always)
+        if of_all.always and are_rare(shorter, own.total()):
+            always = of_all.always
+        else:
+            always = 0 if writing is of_all else writing.always
+        repeated = frozenset(text for text, count in own.items() if count > 1)
+        found[k] = replace(writing, always=always, repeated=repeated)
+    return found
+
+
+def lines_looked_at(rows: Rows) -> Iterator[list[str]]:
+    """Yield the cells of some lines, which show how a file writes numbers."""
     for at in np.unique(np.linspace(0, len(rows) - 1, LINES_LOOKED_AT, dtype=int)).tolist() if len(rows) else []:
-        row = rows[at]
-        texts.update(cell for k in columns if k < len(row) and is_seen(cell := row[k].strip()))
-    forms = [(form_of(text), count) for text, count in texts.items()]
+        yield rows[at]
+
+
+def _writing(texts: Counter[str]) -> Writing:
+    """Return how numbers are written, of which each text came so many times.
+
+    Programs that keep so many digits in all, as `%g` does, write as many behind the point at one magnitude alone.
+    """
+    forms = {text: form_of(text) for text in texts}
     if not forms:
         return CLOCK
-    most = min(max(form.digits for form, _ in forms), MOST_DIGITS)
-    powers = [bool(form.power) for form, _ in forms]
-    shorter = sum(count for form, count in forms if form.digits < most)
+    most = min(max(form.digits for form in forms.values()), MOST_DIGITS)
+    powers = Counter(form.power for form in forms.values())
+    shorter = [text for text, form in forms.items() if form.digits < most]
     is_known = len(texts) >= FEWEST_NUMBERS
-    is_fixed = not any(powers) and is_known and most < MOST_DIGITS and shorter <= MOST_SHORTER * texts.total()
-    return Writing(most, most if is_fixed else 0, any(powers), is_known and all(powers))
+    is_rare = len(shorter) <= MOST_SHORTER * len(texts) and sum(map(texts.__getitem__, shorter)) <= (
+        MOST_SHORTER * texts.total()
+    )
+    is_fixed = is_known and is_rare and powers.keys() == {0} and most < MOST_DIGITS
+    is_fixed = is_fixed and len({magnitude_of(text) for text in forms.keys() - set(shorter)}) > 1
+    lengths = Counter({power: count for power, count in powers.items() if power})
+    usual = next(
+        (power for power, count in lengths.most_common(1) if are_rare(lengths.total() - count, lengths.total())), 0
+    )
+    return Writing(most, most if is_fixed else 0, bool(lengths), is_known and not powers[0], usual)
+
+
+def are_rare(count: int, total: int) -> bool:
+    """Return whether so few of some numbers are written otherwise as cuts make them."""
+    return count <= max(1, MOST_SHORTER * total)
 
 
 def broken_lines(
@@ -81,25 +133,30 @@ def broken_lines(
     - `time` [s], (rows,); `places` [m], (rows, markers, 3), NaN where not seen; `metres`: of the unit that they had
     """
     found = np.zeros(len(rows), bool)
-    writing = writing_of(rows, columns[:, 2].tolist())
-    for marker in np.flatnonzero(np.isin(columns[:, 2] + 1, cells)).tolist():
-        ends_here = cells == columns[marker, 2] + 1
-        found |= broken_of(rows, ends_here, time, places[:, marker, 2] / metres, writing)
+    markers = np.flatnonzero(np.isin(columns[:, 2] + 1, cells))
+    last = columns[markers, 2].tolist()
+    writings = writings_of(rows, last, columns.ravel().tolist()) if last else {}
+    for marker, column in zip(markers.tolist(), last, strict=True):
+        path = places[:, marker, 2] / metres
+        found |= broken_of(rows, cells == column + 1, time, path, writings[column], MARKER_SD / metres)
     return found
 
 
-def broken_of(rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writing: Writing) -> Booleans:
+def broken_of(
+    rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writing: Writing, least: float = 0.0
+) -> Booleans:
     """Return which lines end within their number of a path, (rows,).
 
     - `ends_here`: which lines have that number last, (rows,)
     - `time` [s], (rows,); `path`: of any unit, (rows,), NaN where not seen
+    - `least`: of that unit, by which a line misses a number at least
     """
     found = np.zeros(len(rows), bool)
     seen = np.flatnonzero(np.isfinite(path) & np.isfinite(time))
     if not ends_here[seen].any() or len(seen) < 3 or not (np.diff(time[seen]) > 0).all():
         return found
     should, bounds = _should_be(time[seen], path[seen])
-    bounds += 10.0**-writing.most
+    bounds = np.maximum(bounds, least) + 10.0**-writing.most
     is_off = np.asarray(~(np.abs(path[seen] - should) <= bounds).any(0))
     for k in np.flatnonzero(ends_here[seen]).tolist():
         if not (is_off[k] or writing.always or writing.all_powers):
@@ -117,9 +174,12 @@ def broken_of(rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writi
 def _is_broken(cell: str, number: float, should: Floats, bounds: Floats, writing: Writing) -> bool:
     """Return whether a cell, which holds a number, begins one that should be there, within some bounds, (3,)."""
     form = form_of(cell)
-    if writing.all_powers and not form.power:
+    if writing.all_powers and form.power < max(writing.power, 1):
         return True
-    if (np.abs(number - should) <= bounds).any() and form.digits >= writing.always:
+    if writing.power and form.power == writing.power:
+        return False
+    has_all = form.digits >= writing.always or not number or cell.strip() in writing.repeated
+    if (np.abs(number - should) <= bounds).any() and has_all:
         return False
     return any(_may_begin(cell, place - off, place + off, writing) for place, off in zip(should, bounds, strict=True))
 

@@ -189,7 +189,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
-    if len(row) < width and any(rows.separator in cell for cell in row):
+    if len(row) < width and _marks_join_cells(rows, at, width):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}: quotation marks join some of them", where=path,
             advice="take the quotation marks out of that line",
@@ -215,6 +215,13 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"line {number} has {len(row)} cells, the header names {width}", where=path,
             advice="the header lacks markers, or the line has cells too many: export it again",
         )  # fmt: skip
+
+
+def _marks_join_cells(rows: Rows, at: int, width: int) -> bool:
+    """Return whether a line's cell holds a separator, but no number with a decimal comma such as whole lines hold."""
+    joined = [cell for cell in rows[at] if rows.separator in cell]
+    whole = chain.from_iterable(line for line in lines_around(rows, at) if len(line) == width) if joined else ()
+    return bool(joined) and not (all(map(is_number, joined)) and any(rows.separator in cell for cell in whole))
 
 
 def _commas_part_cells(rows: Rows, at: int, cells: int) -> bool:

@@ -29,6 +29,7 @@ from formats.plain_text import counted
 from formats.rows import spreadsheet_cell
 from formats.unfinished import ANOTHER_FOLDER
 
+MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
 FARTHER_OUT = 2.0  # times as far as any other coordinate lies a number that stands for a marker that was not seen
 NINES = re.compile(r"-?9{3,}(\.9+)?")
 BEYOND_ALL = 1e6  # of any unit: no place is 1000 m away

@@ -22,7 +22,7 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import MARKER_SD, MarkerTracks
 from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
@@ -31,7 +31,6 @@ from formats.plausible import check_plausible_times, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
-MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: so far are neighbours

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers.broken_numbers import Writing, broken_of, writing_of
+from formats.importers.broken_numbers import Writing, broken_of, writings_of
 from formats.importers.marker_lines import Rows
 from tests.formats.test_cut_numbers import DOUBT, TRC, VICON
 from tests.formats.test_marker_tables import read
@@ -119,12 +119,12 @@ def rows_of(*cells: str) -> Rows:
     ],
 )
 def test_a_hundred_numbers_of_which_at_most_two_are_shorter_show_that_zeros_are_kept(numbers, always):
-    assert writing_of(rows_of(*numbers), [0]).always == always
+    assert writings_of(rows_of(*numbers), [0], [0])[0].always == always
 
 
 def test_without_any_number_nothing_is_known_of_others():
-    assert writing_of(rows_of("0", "", "-"), [0]) == Writing(9)
-    assert writing_of(rows_of(), [0]) == Writing(9)
+    assert writings_of(rows_of("0", "", "-"), [0], [0]) == {0: Writing(9)}
+    assert writings_of(rows_of(), [0], [0]) == {0: Writing(9)}
 
 
 def test_a_path_of_two_places_or_without_increasing_time_tells_nothing():

@@ -13,8 +13,8 @@ import pytest
 from formats import telling
 from formats.archive import read_take, write_take
 from formats.descriptions import dump_description
-from formats.importers.marker_tracks import write_marker_csv
-from formats.importers.swatch_mocap import MARKER_SD, import_marker_take
+from formats.importers.marker_tracks import MARKER_SD, write_marker_csv
+from formats.importers.swatch_mocap import import_marker_take
 from formats.rig import Rig
 from formats.take import FrameState
 from tests.fit.here import hangtime_here

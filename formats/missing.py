@@ -9,6 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from formats.arrays import Floats
+from formats.blocks import LATEST, TICKS
 from formats.take import Take
 from formats.take_report import Span
 
@@ -65,3 +69,15 @@ def span_words(begin: float, end: float, digits: int = 2, lead: str = "") -> str
     """Return `2.03 to 3.10 s`, and `at 4.03 s` where both are the same in so many digits; lead: before two times."""
     first, last = f"{begin:.{digits}f}", f"{end:.{digits}f}"
     return f"at {first} s" if first == last else f"{lead}{first} to {last} s"
+
+
+def possible_spans(spans: Sequence[Span], time: Floats) -> list[Span]:
+    """Return the spans [s] in which frames can be missing: each is a beginning and a later end, without a frame within.
+
+    time [s], (frames,): of the frames that are there
+    """
+    begin, end = np.array(spans, float).reshape(-1, 2).T
+    are_times = [(np.abs(at) <= LATEST / TICKS) | np.isinf(at) for at in (begin, end)]
+    is_free = np.searchsorted(time, begin + 1 / TICKS) >= np.searchsorted(time, end - 1 / TICKS)
+    can_be = (begin < end) & np.all(are_times, axis=0) & is_free
+    return [span for span, is_span in zip(spans, can_be, strict=True) if is_span]

@@ -52,6 +52,11 @@ def without_codes(text: str) -> str:
     return CODES.sub(lambda found: _escaped(found[0]), text)
 
 
+def in_utf8(name: str) -> str:
+    """Return a file's name for a file that holds it as text: bytes of it that are no UTF-8 as in `caf\\xe9.oni`."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def code_in(name: str) -> str:
     """Return the first letter of a name that is a code, escaped, and nothing where there is none."""
     found = re.search(r"[\t\n]", name) or CODES.search(name)

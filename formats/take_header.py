@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from formats.arrays import Floats
-from formats.blocks import LATEST, TICKS
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
+from formats.plain_text import shortened
 from formats.rig import Rig
 from formats.take_report import Span
 from formats.take_writer import PROFILE, VERSION
@@ -38,10 +35,8 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
     name, _, version = str(header["format"]).partition("/")
     if name != PROFILE.partition("/")[0]:
         raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
-    if not version.isdecimal() or not 1 <= int(version) <= VERSION:
-        raise TakeError(
-            f"is of format version {version}; this Hangtime reads up to {VERSION}", where=path, advice="update Hangtime"
-        )
+    if (other := of_another_version(version, path)) is not None:
+        raise other
     try:
         rig, garment = msgspec.convert(header.get("rig"), Rig), msgspec.convert(header.get("garment"), Garment)
         check_rig(rig, path)
@@ -58,13 +53,9 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
         raise TakeError(f"its header does not hold: {words}", where=path, advice="record it again") from error
 
 
-def possible_spans(spans: Sequence[Span], time: Floats) -> list[Span]:
-    """Return the spans [s] in which frames can be missing: each is a beginning and a later end, without a frame within.
-
-    time [s], (frames,): of the frames that are there
-    """
-    begin, end = np.array(spans, float).reshape(-1, 2).T
-    are_times = [(np.abs(at) <= LATEST / TICKS) | np.isinf(at) for at in (begin, end)]
-    is_free = np.searchsorted(time, begin + 1 / TICKS) >= np.searchsorted(time, end - 1 / TICKS)
-    can_be = (begin < end) & np.all(are_times, axis=0) & is_free
-    return [span for span, is_span in zip(spans, can_be, strict=True) if is_span]
+def of_another_version(version: str, path: object) -> TakeError | None:
+    """Return the error of a take of a version that this Hangtime does not read; nothing of one that it does."""
+    if version.isdecimal() and len(version) < 9 and 1 <= int(version) <= VERSION:
+        return None
+    told = f"is of format version {shortened(version)}; this Hangtime reads up to {VERSION}"
+    return TakeError(told, where=path, advice="update Hangtime")

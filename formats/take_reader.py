@@ -9,14 +9,14 @@ from typing import Any
 
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
 from formats.errors import TakeError
-from formats.missing import noted_doubts
+from formats.missing import noted_doubts, possible_spans
 from formats.plain_text import counted
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
 from formats.system_causes import step_to_read
 from formats.table_memory import TableMemory
 from formats.take import Take
 from formats.take_end import Held, contradictions, is_end, missing_spans, stray_scans
-from formats.take_header import described, possible_spans
+from formats.take_header import described, of_another_version
 from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
 from formats.unfinished import left_beside
@@ -243,6 +243,8 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
     if profile is not None and not _is_ours(profile):
         told = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
         return TakeError(f"is not a take archive: {told}", where=path, advice=NO_TAKE)
+    if profile is not None and (other := of_another_version(profile.partition("/")[2], path)) is not None:
+        return other
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
         why = "it is not a take archive" if profile is None else "it ended in its first second"
         return TakeError("holds no readable header", where=path, advice=f"{why}, or too little of it is left")

@@ -14,14 +14,18 @@ import msgspec
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
+from formats.arrays import Floats
 from formats.blocks import Columns, Frame, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
 from formats.garment import Garment
+from formats.missing import possible_spans
+from formats.outputs import check_name
+from formats.plain_text import in_utf8
 from formats.rig import Rig
 from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
-from formats.unfinished import ANOTHER_NAME, TellAside, UnfinishedFile, not_utf8
+from formats.unfinished import ANOTHER_NAME, TellAside, UnfinishedFile
 from formats.whole_files import make_folders
 
 VERSION = 2
@@ -58,10 +62,12 @@ class TakeWriter:
         """Open the partial file, lock it, and write the header.
 
         - `overwrite`, `instead`, `tell_aside`: as of `UnfinishedFile`
+        - `source`: bytes of a file's name that are no UTF-8 are kept as in `caf\\xe9.oni`
         - `missing` [s]: spans of the sensor's clock whose frames an earlier file of this take lost
 
         Raises:
             DescriptionError: an impossible rig or garment.
+            TakeError: a text that cannot be written, or spans that are none; names the field.
             OutputError: another writer is at this take, it is there and may not be replaced, its name is not UTF-8, or
                 a link is in its place.
             OSError: the file cannot be written.
@@ -72,7 +78,7 @@ class TakeWriter:
         self._most_rows = most_rows(self._points)
         header = {
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
-            "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
+            "garment": msgspec.to_builtins(garment), "source": in_utf8(source), "notes": notes or {},
             **({"missing": [list(span) for span in missing]} if missing else {}),
         }  # fmt: skip
         make_folders(path.parent)
@@ -87,14 +93,19 @@ class TakeWriter:
             self._begin(header)
         except BaseException as error:
             self.discard()
-            if isinstance(error, UnicodeEncodeError):
-                raise not_utf8(path) from error
-            raise
+            if not isinstance(error, UnicodeEncodeError):
+                raise
+            check_name(path)
+            raise TakeError(
+                f"{_not_text(header, '')} holds what is no letter, and no file can keep it", where=path,
+                advice="write it anew",
+            ) from error  # fmt: skip
 
     def _begin(self, header: dict[str, Any]) -> None:
         self._header = msgpack.packb(header)
         if len(header.get("missing", ())) > MOST_MISSING:
             raise TakeError(f"lacks frames in {len(header['missing'])} places", where=self.path, advice="cut the take")
+        _check_spans(header.get("missing", ()), np.empty(0), self.path)
         if len(self._header) > MOST_HEADER_BYTES:
             raise TakeError(f"its header has {len(self._header)} bytes", where=self.path, advice="shorten the notes")
         self._binding = binding_of(self._header)
@@ -233,6 +244,32 @@ class TakeWriter:
         self._mcap.add_message(self._channels[topic], stamp, content, stamp)
 
 
+def _check_spans(spans: Sequence[Sequence[float]], time: Floats, where: Path) -> None:
+    """Refuse spans that a reader would leave out; time [s], (frames,): of the frames that are there."""
+    pairs = [(begin, end) for begin, end in spans]
+    possible = set(possible_spans(pairs, time))
+    if wrong := [pair for pair in pairs if pair not in possible]:
+        begin, end = wrong[0]
+        raise TakeError(
+            f"missing: no frames can be missing from {begin:g} to {end:g} s", where=where,
+            advice="give each span from the last frame before it to the first one after",
+        )  # fmt: skip
+
+
+def _not_text(value: object, field: str) -> str:
+    """Return the field that holds half a letter, as no UTF-8 text can; nothing where none does."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for key, part in parts:
+        place = f"{field}[{key}]" if isinstance(key, int) else f"{field}.{key}" if field else str(key)
+        if found := place if _is_cut(key) else _not_text(part, place):
+            return found
+    return field if _is_cut(value) else ""
+
+
+def _is_cut(text: object) -> bool:
+    return isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text)
+
+
 def write_take(
     path: Path, take: Take, *, overwrite: bool = True, beside: AbstractContextManager[None] | None = None,
     instead: str = ANOTHER_NAME, tell_aside: TellAside | None = None,
@@ -247,11 +284,13 @@ def write_take(
         OutputError: as `TakeWriter` and `TakeWriter.finish`.
         OSError: it cannot be written; names the file.
     """
+    frames = len(take.time)
+    if len(take.missing) <= MOST_MISSING:
+        _check_spans(take.missing, take.time, path)
     writer = TakeWriter(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
         notes=take.notes, overwrite=overwrite, missing=take.missing, instead=instead, tell_aside=tell_aside,
     )  # fmt: skip
-    frames = len(take.time)
     absent = np.full(frames, np.nan)
     columns = {
         "time": take.time, "markers": take.markers, "held": take.held, "held_valid": take.held_valid,

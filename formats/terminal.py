@@ -59,9 +59,10 @@ def take_streams() -> None:
     os.close(handle)
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        codecs.register_error("hangtime", _in_bytes)
-        sys.stdout.reconfigure(errors="hangtime")
+    codecs.register_error("hangtime", _in_bytes)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="hangtime")
 
 
 def _in_bytes(error: UnicodeError) -> tuple[bytes, int]:

@@ -54,7 +54,7 @@ def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
         OutputError: it is there and may not be replaced, or cannot be written.
     """
     tracks = marker_tracks(take)
-    _refuse_odd_names(tracks, take.take_id)
+    _refuse_odd_names(tracks, _whence(take))
     write_marker_csv(path, replace(tracks, positions=off_origin(tracks.positions)), overwrite=overwrite)
 
 
@@ -66,6 +66,11 @@ def off_origin(positions: Floats) -> Floats:
     moved = positions.copy()
     moved[at_origin, 2] = FROM_ORIGIN
     return moved
+
+
+def _whence(take: Take) -> str:
+    """Return the file of a take, and of a take without one its own name."""
+    return take.report.file if take.report and take.report.file else take.take_id
 
 
 def _refuse_odd_names(tracks: MarkerTracks, where: str) -> None:
@@ -89,14 +94,14 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
     import ezc3d
 
     tracks = marker_tracks(take)
-    rate, positions, moved = at_one_rate(tracks, take.take_id)
+    rate, positions, moved = at_one_rate(tracks, _whence(take))
     positions = off_origin(positions)
-    _refuse_odd_names(tracks, take.take_id)
+    _refuse_odd_names(tracks, _whence(take))
     for label in tracks.labels:
         if len(label.encode()) > LONGEST_LABEL:
             raise TakeError(
                 f"the name {label[:20]!r}... has {len(label.encode())} bytes, a C3D file holds {LONGEST_LABEL}",
-                where=take.take_id, advice="export it as CSV",
+                where=_whence(take), advice="export it as CSV",
             )  # fmt: skip
     file = ezc3d.c3d()
     points = file["parameters"]["POINT"]

@@ -205,6 +205,36 @@ def test_a_take_of_a_name_that_is_not_utf_8_is_refused_and_leaves_no_file(tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_source_of_a_name_that_is_not_utf_8_is_kept_with_an_escape(tmp_path):
+    take = replace(a_take(frames=3), source=os.fsdecode(b"caf\xe9.oni"))
+    assert read_take(write_take(tmp_path / "a.mcap", take)).source == r"caf\xe9.oni"
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"notes": {"a": "b", "clock": "x\udce9"}}, "notes.clock holds what is no letter"),
+        ({"created": "\ud800"}, "created holds what is no letter"),
+        ({"missing": ((1.0, 0.5),)}, "missing: no frames can be missing from 1 to 0.5 s; give each span from the last"),
+        ({"missing": ((-1.0, float("nan")),)}, "missing: no frames can be missing from -1 to nan s"),
+        ({"missing": ((-1000.0, 1000.0),)}, "missing: no frames can be missing from -1000 to 1000 s"),
+    ],
+)
+def test_what_would_not_come_back_is_refused_by_its_field_and_leaves_no_file(tmp_path, changes, says):
+    with pytest.raises(TakeError) as refused:
+        write_take(tmp_path / "a.mcap", replace(a_take(frames=3), **changes))
+    assert str(refused.value).startswith(f"{tmp_path / 'a.mcap'}: {says}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recorder_refuses_times_without_frames_that_end_before_they_begin(tmp_path):
+    take = a_take(frames=3)
+    told = {"take_id": "t", "created": "", "rig": take.rig, "garment": take.garment}
+    with pytest.raises(TakeError, match=r"no frames can be missing from 1 to 0\.5 s"):
+        TakeWriter(tmp_path / "a.mcap", **told, missing=((1.0, 0.5),))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_time_that_goes_back_is_refused(tmp_path):
     take = a_take()
     take.time[5] = take.time[4]

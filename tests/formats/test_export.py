@@ -91,6 +91,14 @@ def test_names_beyond_ascii_and_long_ones_come_back(tmp_path, write, names):
     assert read_marker_tracks(path).labels[:4] == names
 
 
+def test_a_take_that_a_marker_file_cannot_hold_is_lost_under_the_name_of_its_file(tmp_path):
+    write_take(tmp_path / "a.mcap", _named(("p ", "b", "c", "d")))
+    write_take(tmp_path / "b.mcap", a_take())
+    done = hangtime_here("takes", "export", "--to", "csv", "--out", "out", "a.mcap", "b.mcap", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout.splitlines()[-1].startswith("lost: a.mcap: the name 'p ' has characters that no marker file")
+
+
 def test_a_name_that_c3d_cannot_hold_is_refused_and_more_points_than_one_parameter_names_are_kept(tmp_path):
     pytest.importorskip("ezc3d")
     with pytest.raises(TakeError, match="has 128 bytes, a C3D file holds 127; export it as CSV"):

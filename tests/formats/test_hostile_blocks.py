@@ -6,7 +6,7 @@ import numpy as np
 
 from formats.archive import read_with_report
 from formats.integers import FEW, decode_tables, encode_tables
-from formats.take_header import possible_spans
+from formats.missing import possible_spans
 from formats.take_writer import binding_of
 from tests.fit.here import hangtime_here
 from tests.formats.bombs import among, blocks_of, header_of, parts_of

@@ -41,6 +41,7 @@ LZ4 = chunk_of(b"x", compression=b"lz4")
         (MCAP_MAGIC + bytes(99), "a: holds no readable header; it is not a take archive, or too little of it is left"),
         (profiled(b"hangtime-take/2"), "a: holds no readable header; it ended in its first second, or too little "
          "of it is left"),
+        (profiled(b"hangtime-take/9"), "a: is of format version 9; this Hangtime reads up to 2; update Hangtime"),
         (profiled(b"ros2"), f"a: is not a take archive: its profile says ros2; {GIVE}"),
         (profiled(b""), f"a: is not a take archive: it is an MCAP file without a profile; {GIVE}"),
         (profiled(b"hangtime-take/2") + LZ4 + chunk_of(b"x", compression=b"brotli"),

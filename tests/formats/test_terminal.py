@@ -106,11 +106,13 @@ def test_progress_ends_work_whose_interruption_a_library_swallowed():
 
 
 def test_names_are_printed_byte_for_byte_and_signs_that_the_terminal_lacks_by_their_code(monkeypatch):
-    printed = io.BytesIO()
+    printed, said = io.BytesIO(), io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
+    monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(said, encoding="ascii"))
     take_streams()
     print("m\u00b2", os.fsdecode(b"\xffname"), flush=True)
-    assert printed.getvalue() == b"m\\xb2 \xffname\n"
+    say("m\u00b2 " + os.fsdecode(b"\xffname"))
+    assert printed.getvalue() == said.getvalue() == b"m\\xb2 \xffname\n"
 
 
 def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeypatch):

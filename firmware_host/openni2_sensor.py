@@ -19,6 +19,7 @@ from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
 from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summarise
+from formats.plain_text import plain
 from formats.rig import Sensor
 
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
@@ -174,7 +175,7 @@ class OpenNI2Sensor(DepthSensor):
                 notes.append(f"its frames come at {rate:.1f} a second, it states {mode.fps}")
         info = self._device.get_device_info()
         return SensorInfo(
-            name=info.name.decode(errors="replace") or "OpenNI2 device",
+            name=plain(info.name.decode(errors="replace")) or "OpenNI2 device",
             width=width,
             height=height,
             uri=str(self._path) if self._path else info.uri.decode(errors="replace"),

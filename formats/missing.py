@@ -13,6 +13,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.blocks import LATEST, TICKS
+from formats.plain_text import plain
 from formats.take import Take
 from formats.take_report import Span
 
@@ -55,8 +56,8 @@ def incomplete_words(take: Take) -> str:
 
 
 def noted_doubts(notes: Mapping[str, str]) -> list[str]:
-    """Return the notes of a take that doubt it."""
-    return [notes[name] for name in DOUBTS if notes.get(name)]
+    """Return the notes of a take that doubt it, each one line: a file gives them, and every sentence repeats them."""
+    return [plain(notes[name]) for name in DOUBTS if notes.get(name)]
 
 
 def _span(begin: float, end: float) -> str:

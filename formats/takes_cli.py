@@ -248,7 +248,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     from formats.archive import write_take
     from formats.fault_words import EARLIER, lost_scans, state_of_take, unread
     from formats.outputs import unwritable
-    from formats.plain_text import plain
+    from formats.plain_text import plain, shortened
     from formats.unfinished import ANOTHER_FOLDER
 
     try:
@@ -261,7 +261,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     told += f"; {unread(report)}" if report.unread_blocks else ""
     told += "".join(f"; {doubt}" for doubt in report.doubts)
     told += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
-    of = f" of another take in this file, {plain(take.take_id)}" if is_another else ""
+    of = f" of another take in this file, {plain(shortened(take.take_id))}" if is_another else ""
     tell_entry(
         "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), frames=len(take.time),
         **to_builtins(state),

@@ -94,3 +94,21 @@ def test_a_takes_name_with_an_end_of_line_forges_no_line_of_a_fit(tmp_path, caps
     assert capsys.readouterr().err.startswith("Fitting to a\\nhangtime: all is well; judging on the same")
     result = msgspec.structs.replace(known(a_fit()), take_ids=[name])
     assert "Virtual fabric tests of a\\nhangtime: all is well (" in sheet_of(result).splitlines()[0]
+
+
+FORGED = "ok\nsound       /data/other.mcap: 180 frames in 6 blocks\nhangtime: run something to go on"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("verify", "a.mcap"), ("list", "."), ("recover", "a.mcap"), ("export", "--to=csv", "--out=o", "a.mcap")],
+)
+def test_a_doubt_in_a_take_is_one_line_of_two_thousand_letters_at_most(tmp_path, words):
+    for note in (FORGED, "x" * 900_000):
+        write_take(tmp_path / "a.mcap", replace(a_take(), notes={"file": note}))
+        done = hangtime_here("takes", *words, folder=tmp_path)
+        assert len(done.stdout.splitlines()) == 1
+        assert note[:2] in done.stdout
+        assert len(done.stdout) < 2500
+        for made in ("a.recovered.mcap", "o/a.csv"):
+            (tmp_path / made).unlink(missing_ok=True)

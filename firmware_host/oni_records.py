@@ -122,6 +122,8 @@ def read_records(path: Path) -> Iterator[Record]:
         ) from error
     with file:
         header = file.read(FILE_HEADER.size)
+        if len(header) < FILE_HEADER.size and header.startswith(FILE_MAGIC):
+            raise _cut_off(path, "its first record")
         if len(header) < FILE_HEADER.size or header[:4] != FILE_MAGIC:
             raise RecordingError(
                 "this is not an .oni recording",
@@ -171,7 +173,8 @@ def summarise(path: Path) -> OniSummary:
     Properties are looked at, too; the content of frames is not.
 
     Raises:
-        RecordingError: the file is missing, damaged, no .oni recording, or holds no depth stream or no depth frame.
+        RecordingError: the file is missing, damaged, cut off before its first depth frame, no .oni recording, or holds
+            no depth stream or no depth frame.
     """
     kinds: dict[int, int] = {}
     mirrored: set[int] = set()
@@ -195,6 +198,8 @@ def summarise(path: Path) -> OniSummary:
             is_on = int.from_bytes(record.fields[17:25], "little") != 0
             (mirrored.add if is_on else mirrored.discard)(record.node)
         is_complete = record.type == RecordType.END
+    if counts[NodeType.DEPTH] == 0 and not is_complete:
+        raise _cut_off(path, "its first depth frame")
     if counts[NodeType.DEPTH] == 0:
         raise RecordingError(
             "the recording holds no depth frame", where=path, advice="record again with the depth stream switched on"
@@ -205,6 +210,14 @@ def summarise(path: Path) -> OniSummary:
         interval_us=float(apart[len(apart) // 2]) if apart else None,
         mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
         beyond=sum(number > counts[NodeType.DEPTH] for _, number in stamps),
+    )  # fmt: skip
+
+
+def _cut_off(path: Path, before: str) -> RecordingError:
+    """Return the error of a file without the record that ends each, and of which too little is there."""
+    return RecordingError(
+        f"the recording is cut off at byte {path.stat().st_size}, before {before}", where=path,
+        advice="copy it again from its source, or record again",
     )  # fmt: skip
 
 

@@ -72,6 +72,22 @@ def test_a_field_of_view_of_another_size_than_the_players_is_found(tmp_path: Pat
         summarise(path)
 
 
+@pytest.mark.parametrize(
+    ("frames", "size", "before"),
+    [(6, 50, "depth frame"), (6, 20, "record"), (6, 4, "record"), (0, 0, "depth frame")],
+)
+def test_a_recording_cut_off_before_its_first_depth_frame_is_to_be_copied_again(
+    tmp_path: Path, frames: int, size: int, before: str
+) -> None:
+    path = write_recording(tmp_path / "a.oni", frames)
+    end = next((r.position for r in read_records(path) if r.type == RecordType.END), None)
+    path.write_bytes(path.read_bytes()[: size or end])
+    with pytest.raises(RecordingError) as refused:
+        summarise(path)
+    told = f"is cut off at byte {size or end}, before its first {before}; copy it again from its source, or"
+    assert told in str(refused.value)
+
+
 @pytest.mark.parametrize("content", [b"", b"NI1", b"\x89PNG" + bytes(60), bytes(1000)])
 def test_another_kind_of_file_is_refused_with_one_sentence(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "photo.oni"

@@ -62,7 +62,7 @@ def faults(take: Take, report: TakeReport) -> list[str]:
     """Return a phrase for each thing that a take lacks or that does not hold, but for its damaged blocks."""
     found = []
     if report.spans:
-        frames = f" ({report.missing_frames} frames)" if report.missing_frames else ""
+        frames = f" ({counted(report.missing_frames, 'frame')})" if report.missing_frames else ""
         label = "not read" if state_of(report) == TOO_LARGE else "missing"
         found.append(f"{label}: {missing_words(take, report.spans)}{frames}")
     if report.missing_scans:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.export.about import flat_provenance
+from formats.exporters.by_library import bytes_by_library
 from formats.fit_records import FitResult
 
 ROOT, CLOTH, FIGURE = "/Garment", "/Garment/cloth", "/Garment/figure"
@@ -51,9 +50,10 @@ def define_mesh(stage: Any, path: str, triangles: NDArray[np.signedinteger]) -> 
 
 
 def usd_bytes(stage: Any, suffix: str) -> bytes:
-    """Return a stage as the bytes of its file."""
-    with tempfile.TemporaryDirectory(prefix="hangtime-usd-") as folder:
-        path = Path(folder) / f"stage{suffix}"
-        if not stage.GetRootLayer().Export(str(path)):
-            raise OSError(f"usd-core could not write {path}")
-        return path.read_bytes()
+    """Return a stage as the bytes of its file.
+
+    Raises:
+        OutputError: usd-core cannot write it into the folder for temporary files.
+    """
+    layer = stage.GetRootLayer()
+    return bytes_by_library(lambda path: layer.Export(str(path)), f"stage{suffix}")

@@ -9,15 +9,14 @@ In either format three zeros mean that nothing was seen. So a point at the senso
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from formats.arrays import Floats
-from formats.errors import OutputError, TakeError
+from formats.errors import TakeError
+from formats.exporters.by_library import bytes_by_library
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import write_bytes
 from formats.take import Take
@@ -112,16 +111,9 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
     values[:3] = 1e3 * np.moveaxis(np.where(seen[..., None], positions, 0.0), (0, 1, 2), (2, 1, 0))
     file["data"]["points"] = values
     file["data"]["meta_points"]["residuals"] = np.where(seen.T[None], 0.0, -1.0)
-    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        plain = os.path.join(folder, "file.c3d")
-        file.write(plain)  # ezc3d says nothing of a disk that is full
-        raw = Path(plain).read_bytes() if os.path.exists(plain) else b""
-        if len(raw) < positions[..., 0].size * POINT_BYTES:
-            raise OutputError(
-                "the folder for temporary files has no room for the C3D file", where=tempfile.gettempdir(),
-                advice="make room there, or name another folder in TMPDIR",
-            )  # fmt: skip
-        write_bytes(path, raw, overwrite=overwrite, instead=ANOTHER_FOLDER)
+    least = positions[..., 0].size * POINT_BYTES  # ezc3d says nothing of a disk that is full
+    raw = bytes_by_library(lambda plain: file.write(str(plain)), "file.c3d", least=least)
+    write_bytes(path, raw, overwrite=overwrite, instead=ANOTHER_FOLDER)
     return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
 
 

@@ -7,7 +7,6 @@ Format and calls: rerun.io, reference of the Python SDK.
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.descriptions import dump_description
+from formats.exporters.by_library import bytes_by_library
 from formats.missing import missing_words
 from formats.outputs import write_bytes
 from formats.take import Take
@@ -33,15 +33,15 @@ def write_rrd(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """
     import rerun
 
-    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        file = Path(folder) / "take.rrd"
+    def save(file: Path) -> None:
         with rerun.RecordingStream("hangtime", recording_id=take.take_id) as stream:
             stream.save(file)
             _send_still(rerun, stream, take)
             _send_moving(rerun, stream, take)
             stream.flush()
             stream.disconnect()
-        write_bytes(path, file.read_bytes(), overwrite=overwrite, instead=ANOTHER_FOLDER)
+
+    write_bytes(path, bytes_by_library(save, "take.rrd"), overwrite=overwrite, instead=ANOTHER_FOLDER)
 
 
 def _send_still(rerun: Any, stream: Any, take: Take) -> None:

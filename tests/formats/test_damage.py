@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, read_with_report, take_of, verify_take, write_take
+from formats.fault_words import faults
 from tests.fit.here import hangtime_here
-from tests.formats.damage import PAGE, chunk_of, chunks_of, damaged, is_wrong, without_end
+from tests.formats.damage import PAGE, a_report, chunk_of, chunks_of, damaged, is_wrong, without_end
 from tests.formats.test_archive import a_take
 
 
@@ -209,3 +210,8 @@ def test_a_block_of_another_take_of_the_same_name_is_not_believed(raw, tmp_path)
     take = take_of(swapped, "swapped")
     assert len(take.time) == 150 - block["frames"]
     assert not is_wrong(swapped, take_of(raw, "sound"))
+
+
+def test_one_missing_frame_is_one():
+    report = a_report(missing_frames=1, spans=((1.0, 1.07),), is_complete=False)
+    assert any("(1 frame)" in words for words in faults(a_take(), report))

@@ -6,6 +6,7 @@ import ast
 import json
 import re
 import sys
+import tempfile
 import xml.etree.ElementTree as ElementTree
 from datetime import datetime
 
@@ -18,6 +19,7 @@ from fit.export.cli import ExportKind
 from fit.export.fabric import fabric_of
 from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.sheet import garment_sheet, strip
+from fit.export.usd_stage import new_stage, usd_bytes
 from fit.folders import read_fit
 from formats import command
 from formats.errors import HangtimeError, OutputError
@@ -26,6 +28,7 @@ from tests.fit.export.exported import a_fit, text_of
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis
 from tests.fit.scenes import hung, sheet, take_of
+from tests.formats.full_disk import no_file_beyond
 
 OF_FABRIC = ("table", "usd-physics", "newton", "mujoco", "u3m")
 
@@ -243,6 +246,20 @@ def test_an_end_by_which_programs_take_the_file_for_another_kind_is_refused(kind
     with pytest.raises(FitError, match=rf"--to {kind} writes no \.\w+, .*; give a name that ends in \.{end}"):
         export(Order(result=a_fit(), take=garments_take("sheet")), kind, tmp_path / name)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usdc"])
+def test_a_usd_file_that_the_system_cuts_is_refused_with_the_systems_cause(suffix):
+    """usd-core says it in thousands of letters about its own source files."""
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    stage = new_stage(a_fit())
+    whole = usd_bytes(stage, suffix)
+    with no_file_beyond(len(whole) // 2), pytest.raises(OutputError) as told:
+        usd_bytes(stage, suffix)
+    assert str(told.value) == (
+        f"{tempfile.gettempdir()}: the file that is made there first cannot be written (File too large); raise the "
+        "limit on the size of files (`ulimit -f`), or choose another disk (TMPDIR names the folder)"
+    )
 
 
 def test_a_usd_file_of_either_kind_may_end_in_usd(tmp_path):

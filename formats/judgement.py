@@ -29,6 +29,7 @@ from formats.two_clocks import shows_hanger, shows_points
 
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger, and none is kept
 FEW_SIGHTS = 2 * FEWEST_SEEN  # of points: as many may be too few for a fit without the impossible ones
+SWAPPED = "markers_swapped"  # the finding that makes those on the garment false
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
 
 
@@ -41,9 +42,13 @@ def judge(take: Take) -> tuple[Finding, ...]:
     found = _hardly_seen(take, seen, frames)
     if found and seen < FEWEST_SEEN:
         return tuple(found)
-    found += [*_hanger_gaps(take, sights), *_length(take, sights), *_markers(take, sights.held)]
-    found += [*_path(take, sights.held), *_motion(take, sights.held), *body_findings(take, sights)]
-    found += [*_cloth(take, sights), *held_row_findings(take, sights), *impossible_findings(take, sights)]
+    markers = _markers(take, sights.held)
+    is_swapped = any(one.name == SWAPPED for one in markers)
+    found += [*_hanger_gaps(take, sights), *_length(take, sights, with_cloth=not is_swapped), *markers]
+    found += [*_path(take, sights.held), *_motion(take, sights.held)]
+    if not is_swapped:  # else the garment was looked for, and the held edge is, on the wrong side of the bar
+        found += [*body_findings(take, sights), *_cloth(take, sights)]
+        found += [*held_row_findings(take, sights), *impossible_findings(take, sights)]
     # A longer take would have the other grave faults as well.
     return tuple(sorted(found, key=lambda one: (not one.is_grave, one.is_grave and one.name == "too_short")))
 
@@ -85,11 +90,11 @@ def _hanger_gaps(take: Take, sights: Sights) -> list[Finding]:
     return [Finding(name="hanger_lost", is_grave=is_grave, words=words, advice=advice)]
 
 
-def _length(take: Take, sights: Sights) -> list[Finding]:
+def _length(take: Take, sights: Sights, *, with_cloth: bool) -> list[Finding]:
     of_both = [take.time[shows(take)] for shows in (shows_points, shows_hanger)]
     seconds, seen = min(map(_span, of_both)), _span(take.time[sights.held])
     cloth = take.time[sights.within & sights.cloth]
-    together = _span(cloth) if len(cloth) >= FEWEST_SEEN else np.inf  # else other findings tell that
+    together = _span(cloth) if with_cloth and len(cloth) >= FEWEST_SEEN else np.inf  # else other findings tell that
     count = int(sights.held.sum())
     if count < FEWEST_SEEN:
         words = f"the two {ends_of(take)} were seen together in {count} frames, and a fit needs {FEWEST_SEEN}"
@@ -129,7 +134,7 @@ def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
     if np.median(apart[:, 0]) < 0:
         found.append(
             Finding(
-                name="markers_swapped", is_grave=True,
+                name=SWAPPED, is_grave=True,
                 words="the hanger's first marker is on the right as the sensor sees it, not on the left",
                 advice="turn the hanger's front to the sensor, or exchange the two markers' numbers in the rig",
             )

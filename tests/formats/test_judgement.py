@@ -88,6 +88,16 @@ def test_swapped_markers_are_grave():
     assert [(finding.name, finding.is_grave) for finding in found] == [("markers_swapped", True)]
 
 
+def test_swapped_markers_are_told_without_the_points_that_were_looked_for_on_the_wrong_side():
+    """Two points were never seen, or the garment for two seconds alone."""
+    unseen, short = swung().points_valid.copy(), swung().points_valid.copy()
+    unseen[:, 2:4] = short[60:] = False
+    for valid, name in ((unseen, "points_never_seen"), (short, "too_short")):
+        take = dataclasses.replace(swung(), points_valid=valid)
+        assert name in named(take)
+        assert named(dataclasses.replace(take, markers=take.markers[:, ::-1])) == ["markers_swapped"]
+
+
 def test_another_grave_finding_comes_before_that_of_a_short_take():
     """A longer one would have it too."""
     for frames in (10, 19):

@@ -63,6 +63,7 @@ def print_command(
     from capture.hanger.marker_sheet import write_sheet
     from formats.descriptions import load_rig
     from formats.outputs import refuse_to_replace
+    from formats.plausible_rig import check_plausible_marker
 
     try:
         numbers = [int(part) for part in (ids or "0,1").split(",")]
@@ -78,6 +79,8 @@ def print_command(
             raise UntrackableError("its hanger has dots, not markers", where=rig, advice="leave out --rig")
         dictionary, size = hanger.dictionary, hanger.marker_size_m
         numbers = numbers if ids else list(hanger.ids)
+    if size > 0 and not anyway:
+        check_plausible_marker(size, "--size", offers_anyway=True)
     if not overwrite:
         refuse_to_replace(out)
     sheet = write_sheet(out, dictionary, numbers, size)

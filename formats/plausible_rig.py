@@ -92,6 +92,20 @@ def check_plausible_hold(rig: Rig, garment: Garment, where: object, *, offers_an
     )  # fmt: skip
 
 
+def check_plausible_marker(size_m: float, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse a printed marker's side [m] that no rig may have.
+
+    Raises:
+        ImplausibleError: names the range and the unit that fits.
+    """
+    if not SMALLEST_MARKER <= size_m <= LARGEST_MARKER:
+        raise ImplausibleError(
+            f"a hanger's marker has {SMALLEST_MARKER:g} to {LARGEST_MARKER:g} m (got {size_m:g})"
+            f"{unit_of(size_m, SMALLEST_MARKER, LARGEST_MARKER)}", where=where,
+            advice=step_or_anyway("give metres, as in --size 0.06", offers_anyway),
+        )  # fmt: skip
+
+
 def _check_sensor(sensor: Sensor, refuse: Refuse) -> None:
     for name, focal, pixels in (("fx", sensor.fx, sensor.width), ("fy", sensor.fy, sensor.height)):
         span = float(np.degrees(2 * np.arctan(pixels / (2 * focal))))

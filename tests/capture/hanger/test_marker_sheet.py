@@ -81,6 +81,22 @@ def test_the_command_draws_the_markers_of_the_dictionary_at_the_size_that_it_is_
     assert (tmp_path / "m.svg").read_text() == draw_sheet("DICT_6X6_250", [7, 200], 0.08)
 
 
+@pytest.mark.parametrize(
+    ("size", "says"),
+    [
+        ("0.00006", "(got 6e-05); give metres, as in --size 0.06, or --anyway to accept it"),
+        ("60", "(got 60); were millimetres meant? Give metres, as in --size 0.06, or --anyway to accept it"),
+    ],
+)
+def test_the_command_prints_no_marker_that_a_rig_may_not_have(tmp_path, size, says):
+    words = ["markers", "print", "--size", size, "--out", "m.svg"]
+    done = hangtime_here(*words, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == f"hangtime: --size: a hanger's marker has 0.005 to 0.5 m {says}\n"
+    assert list(tmp_path.iterdir()) == []
+    assert hangtime_here(*words, "--anyway", folder=tmp_path).returncode == (0 if float(size) < 1 else 2)
+
+
 def test_the_command_writes_the_rigs_markers(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(

@@ -82,7 +82,7 @@ def import_recordings(
     Exit code 2: at least one recording cannot be imported; the others are, and the end names each that is lost.
     """
     from formats.descriptions import load_garment
-    from formats.descriptions_beside import settle
+    from formats.descriptions_beside import check_room_beside, settle
     from formats.errors import HangtimeError, TakeError
     from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
@@ -126,6 +126,7 @@ def import_recordings(
         for path, target in zip(paths, targets, strict=True):
             try:
                 check_name(path)
+                check_room_beside(target)
                 refuse_to_replace(target, overwrite=overwrite, instead=ANOTHER_FOLDER)
                 if path.suffix.lower() in FILE_ENDINGS and described is not None:
                     take = import_marker_take(path, described, options)

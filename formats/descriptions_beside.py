@@ -19,7 +19,7 @@ import msgspec
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig, refuse_codes
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
-from formats.outputs import unwritable
+from formats.outputs import check_length, unwritable
 from formats.rig import Rig
 from formats.take_reader import read_take
 from formats.unfinished import (
@@ -31,6 +31,15 @@ from formats.unfinished import (
     unfinished_name,
 )
 from formats.whole_files import sync_folder
+
+
+def check_room_beside(take: Path) -> None:
+    """Refuse a take whose rig and garment could not be written beside it, since their first names are longer.
+
+    Raises:
+        OutputError: its name is too long.
+    """
+    check_length(take, [prepared_name(take, name) for name in DESCRIBED_BESIDE])
 
 
 def check_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from formats.errors import OutputError
+from formats.plain_text import counted
 from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
-from formats.whole_files import make_folders, make_writable, write_whole
+from formats.whole_files import make_folders, make_writable, name_of_its_own, write_whole
+
+MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
+NAMED_PARTIAL = (".mcap", ".oni")  # are written as NAME.partial, and others as `name_of_its_own` says
 
 
 def check_name(path: Path) -> None:
@@ -23,6 +28,26 @@ def check_name(path: Path) -> None:
         path.name.encode()
     except UnicodeEncodeError as error:
         raise not_utf8(path) from error
+
+
+def check_length(path: Path, written_as: Iterable[Path]) -> None:
+    """Refuse a name that is too long with what is added to it until the file is whole.
+
+    Raises:
+        OutputError: it is, and by how many bytes.
+    """
+    try:
+        most = os.pathconf(path.parent, "PC_NAME_MAX")
+    except OSError:  # a folder that is not there yet
+        most = MOST_NAME_BYTES
+    added = max(len(os.fsencode(one.name)) for one in written_as) - len(os.fsencode(path.name))
+    over = len(os.fsencode(path.name)) + added - most
+    if over > 0:
+        raise OutputError(
+            f"cannot be written ({os.strerror(errno.ENAMETOOLONG)})", where=path,
+            advice=f"choose a shorter name, by {counted(over, 'byte')} or more: {counted(added, 'byte')} are added "
+            "while it is written",
+        )  # fmt: skip
 
 
 def check_stem(name: str) -> None:
@@ -50,6 +75,7 @@ def refuse_to_replace(
         OutputError: it is there, or its name is too long.
     """
     partial = unfinished_name(path)
+    check_length(path, [partial if path.suffix in NAMED_PARTIAL else name_of_its_own(path)])
     try:
         is_left = path.suffix == ".mcap" and is_left_over(path, instead=instead)  # takes alone are written like this
     except OSError as error:

@@ -27,8 +27,13 @@ def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None
         raise
 
 
+def name_of_its_own(path: Path) -> Path:
+    """Return the name under which `write_whole` writes a file: another one each time."""
+    return path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial")
+
+
 def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
-    partial = path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial")
+    partial = name_of_its_own(path)
     # Unlike `tempfile`, which makes files for one user alone: who may read a result is the user's umask's to say.
     handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:

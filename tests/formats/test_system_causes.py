@@ -16,7 +16,7 @@ from fit.folders import make_folder
 from fit.report.page import write_report
 from formats.archive import write_take
 from formats.errors import HangtimeError, OutputError
-from formats.outputs import make_output_folder, make_parent, write_bytes
+from formats.outputs import make_output_folder, make_parent, refuse_to_replace, write_bytes
 from formats.system_causes import FULL, TO_READ, step_to_read, step_to_write
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
@@ -152,7 +152,7 @@ def test_a_take_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path, words):
         (LONG * 2, "(File name too long); check the path: it is longer than the system allows"),
     ):
         done = hangtime_here("takes", command, name, *rest, folder=tmp_path)
-        if (command, name) == ("recover", LONG * 2):  # its file would have a name that is longer still
+        if command in ("recover", "export") and name == LONG * 2:  # its file would have a name that is longer still
             step = "(File name too long); choose a shorter name"
         assert (done.returncode, step in done.stdout + done.stderr) == (2, True)
 
@@ -164,6 +164,27 @@ def test_a_recording_of_others_that_cannot_be_read_gets_the_step_of_its_cause(tm
     first, second = done.stdout.splitlines()
     assert "f.npz: cannot be read (Too many levels of symbolic links); check the path: a link of it" in first
     assert "(File name too long); choose a shorter name" in second  # of the take, which is longer still
+
+
+@pytest.mark.parametrize(("length", "over"), [(234, 0), (235, 1), (242, 8)])
+def test_an_import_under_a_long_name_is_refused_before_the_file_is_read(tmp_path, length, over):
+    """NAME.garment.toml.partial has 21 bytes more than NAME, of which a name has 255 at most."""
+    name = "\u00e4" + "n" * (length - 2)
+    (tmp_path / f"{name}.npz").write_bytes(b"no recording")
+    done = hangtime_here("import", f"{name}.npz", "--out", "o", folder=tmp_path)
+    assert done.returncode == 2
+    told = (
+        f"cannot be written (File name too long); choose a shorter name, by {over} byte{'s' * (over > 1)} or more: 16 "
+    )
+    assert (told in done.stderr) == (over > 0)
+    assert ("no recording" in done.stderr or "is no" in done.stderr) == (over == 0)
+
+
+@pytest.mark.parametrize(("name", "added", "longest"), [("t.mcap", 8, 247), ("t.svg", 21, 234)])
+def test_a_name_that_is_too_long_while_its_file_is_written_is_refused_before(tmp_path, name, added, longest):
+    refuse_to_replace(tmp_path / name.rjust(longest, "n"))
+    with pytest.raises(OutputError, match=f"by 1 byte or more: {added} bytes are added while it is written"):
+        refuse_to_replace(tmp_path / name.rjust(longest + 1, "n"))
 
 
 def test_a_folder_or_a_link_with_the_name_of_a_file_to_be_written_is_told(tmp_path):

@@ -21,6 +21,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
+from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_tracks import MarkerTracks, as_seen, take_out_signs
 from formats.importers.units import metres_of
 from formats.plain_text import sized
@@ -66,8 +67,12 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames) / rate, float)
     places = _places(path, header, frames, scale)
-    signs_of_gaps = take_out_signs(places, scale, lambda frame: f"frame {frame + 1}")
-    doubt = "; ".join(filter(None, [_doubt_of_length(path, size, header, frames), signs_of_gaps]))
+
+    def frame_of(at: int) -> str:
+        return f"frame {at + 1}"
+
+    doubts = [_doubt_of_length(path, size, header, frames), take_out_signs(places, scale, frame_of)]
+    doubt = "; ".join(filter(None, [*doubts, take_out_leaps(time, places, labels, frame_of)]))
     return MarkerTracks(tuple(labels), time, places, header.rate, doubt)
 
 

@@ -16,6 +16,7 @@ from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_lines
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
+from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen, take_out_signs
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
@@ -36,7 +37,7 @@ class Table:
     """The cells of a table's lines, and their meaning.
 
     - `width`: cells of a line
-    - `markers`: the column of each marker's x, before its y and z
+    - `markers`: the column of each marker's x, before its y and z; `labels`: their names
     - `metres`: of the unit of places
     - `clock`: makes of the first two numbers of each line, (rows, 2), its time [s]
     - `is_exact`: whether a line must have as many cells as the header has. Without it, ends of lines may be left out,
@@ -45,6 +46,7 @@ class Table:
 
     width: int
     markers: Sequence[int]
+    labels: Sequence[str]
     metres: float
     clock: Callable[[Floats], Floats]
     is_exact: bool = False
@@ -80,7 +82,11 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
     time = table.clock(first)
     metres = np.full(len(columns), table.metres)
-    signs_of_gaps = take_out_signs(places, metres, lambda frame: f"line {rows.numbers[frame]}")
+
+    def line(frame: int) -> str:
+        return f"line {rows.numbers[frame]}"
+
+    signs_of_gaps = take_out_signs(places, metres, line)
     refuse_a_cut_time(rows, cells, first, time, min(table.markers, default=width), width, path)
     if not rows.decimal and (number := signs.of_thousands(rows.separator)):
         sign, name = (",", "commas") if "," in number else (".", "points")
@@ -102,9 +108,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     within = np.flatnonzero(broken[:-1]).tolist()
     for at in within:
         _take_out_the_last(places, at, cells, columns)
-    return Frames(
-        time, places, "; ".join(filter(None, [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]))
-    )
+    doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
+    doubts.append(take_out_leaps(time, places, table.labels, line))
+    return Frames(time, places, "; ".join(filter(None, doubts)))
 
 
 def _take_out_the_last(places: Floats, at: int, cells: Integers, columns: Integers) -> None:

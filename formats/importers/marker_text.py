@@ -129,7 +129,7 @@ def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
     metres, names = metres_of(stated, unit, path), _names(labels, path)
-    table = Table(len(head), range(1, len(head), 3), metres, lambda first: first[:, 0], is_exact=True)
+    table = Table(len(head), range(1, len(head), 3), names, metres, lambda first: first[:, 0], is_exact=True)
     frames = read_frames(rows[1:], table, path)
     return MarkerTracks(names, frames.time, frames.places, None, frames.doubt)
 
@@ -153,7 +153,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     metres = metres_of(stated.get("units", ""), unit, path)
     doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
     frames = read_frames(
-        body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), metres, lambda first: first[:, 1]), path
+        body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1]), path
     )
     rate = _rate_beside_times(stated.get("datarate", ""))
     return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
@@ -197,7 +197,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
-    frames = read_frames(body, Table(len(kinds), at, metres, lambda first: first[:, 0] / rate), path)
+    frames = read_frames(body, Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate), path)
     return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt)
 
 
@@ -240,8 +240,8 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     total = stated.get("total exported frames", "")
     doubt = _doubt_of_count(len(body), _whole(total, "number of frames", path), path) if total.strip() else ""
     metres = metres_of(stated.get("length units", ""), unit, path)
-    frames = read_frames(body, Table(len(axes), at, metres, lambda first: first[:, 1]), path)
     labels = [names[k] if k < len(names) else "" for k in at]
+    frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path)
     rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
     return MarkerTracks(_names(labels, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
 
@@ -272,5 +272,5 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     def clock(first: Floats) -> Floats:
         return first[:, 1] if has_clock else np.arange(end) / rate
 
-    frames = read_frames(body, Table(width, range(begin, width, 3), metres_of("mm", unit, path), clock), path)
+    frames = read_frames(body, Table(width, range(begin, width, 3), names, metres_of("mm", unit, path), clock), path)
     return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))

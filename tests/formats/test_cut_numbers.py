@@ -239,7 +239,7 @@ def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp
 def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
     """One line so far away writes fewer digits, as a program does that leaves out zeros."""
     lines = own(40).splitlines(keepends=True)
-    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.5")
+    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.25")
     text = "".join(lines)[:-3]
     if is_cut:
         with pytest.raises(
@@ -252,7 +252,7 @@ def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
 
 def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path):
     rows = Rows(["x"] * 33, range(33), ",", tmp_path / "a.csv")
-    table = Table(1 << 20, [], 1.0, lambda first: first[:, 0], is_exact=True)
+    table = Table(1 << 20, [], [], 1.0, lambda first: first[:, 0], is_exact=True)
     with pytest.raises(TakeError) as refused:
         read_frames(rows, table, tmp_path / "a.csv")
     words = "holds 33 frames of 1048576 numbers; export fewer markers or frames"

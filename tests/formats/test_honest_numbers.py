@@ -31,7 +31,8 @@ def all_seen(found):
 
 @pytest.mark.parametrize(
     "last",
-    [lambda _: "0", lambda _: "1500", lambda _: "1500.5", lambda k: f"{1200 + swing(k) / 10:.3f}" if k % 60 else "0",
+    [lambda _: "0", lambda _: "1500", lambda _: "1500.5",
+     lambda k: f"{40 * np.sin(k / 60 * np.pi):.3f}" if k % 60 else "0",
      lambda k: f"{1200 + round(swing(k)) / 2:.1f}", lambda k: f"{1200 + swing(k) / 999:.3f}" if k % 60 else "1200"],
     ids=["plane", "whole", "half", "some zeros", "halves", "some repeated"],
 )  # fmt: skip

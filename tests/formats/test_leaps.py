@@ -1,0 +1,106 @@
+"""A place that leaps away from its marker's path and back counts as not seen; motion of cloth is read as it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from formats.importers.leaps import take_out_leaps
+from formats.importers.marker_files import read_marker_tracks
+from tests.formats.c3d_by_hand import c3d_bytes
+from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
+
+AT = 60
+ONE = "{}: {} leaps {} m away and back, so it counts as not seen there"
+
+
+def swing(frames=120, rate=100.0, markers=2):
+    """Times [s] and places [m] of markers that swing with 0.3 m at 1 Hz, with 0.3 mm of noise."""
+    time = np.arange(frames) / rate
+    phase = np.arange(3 * markers).reshape(markers, 3)
+    noise = np.random.default_rng(0).normal(0, 3e-4, (frames, markers, 3))
+    return time, 0.3 * np.sin(2 * np.pi * time[:, None, None] + phase) + 1.0 + noise
+
+
+def leaps(time, where):
+    """Return the sentence, and the frames and markers that were taken out."""
+    left = where.copy()
+    told = take_out_leaps(time, left, ["a", "b"], "frame {}".format)
+    return told, np.argwhere(np.isnan(left).all(2) & ~np.isnan(where).all(2)).tolist()
+
+
+@pytest.mark.parametrize(("far", "shown"), [(0.1, "0.1"), (2.0, "2"), (888.0, "888"), (-41.5, "42")])
+def test_a_place_that_leaps_for_one_frame_is_taken_out_and_told(far, shown):
+    time, where = swing()
+    where[AT, 1, 2] += far
+    assert leaps(time, where) == (ONE.format("frame 60", "b", shown), [[AT, 1]])
+
+
+def test_two_places_one_after_the_other_and_two_with_a_good_one_between_leap():
+    time, where = swing()
+    where[[AT, AT + 1, 80, 82], 0, 0] += 2
+    told, gone = leaps(time, where)
+    assert told == "4 places leap away and back, first a in frame 60 by 2 m, so they count as not seen"
+    assert gone == [[AT, 0], [AT + 1, 0], [80, 0], [82, 0]]
+
+
+@pytest.mark.parametrize("rate", [5, 20, 60, 100, 240, 1000])
+def test_noise_hard_swings_gaps_impacts_and_steps_that_stay_are_no_leaps(rate):
+    time, where = swing(rate=float(rate))
+    where[30:37, 0] = np.nan
+    where[AT:, 1] += 0.5  # another marker from there on
+    where[:, 0] += np.random.default_rng(1).normal(0, 3e-3, where[:, 0].shape)
+    held = np.ones_like(where)
+    held[:, 1, 2] += 0.5 * 150 * np.minimum(np.maximum(time - time[AT], 0), 0.04) ** 2  # the hardest pull begins
+    spike = np.ones_like(where)
+    spike[AT] += 0.025
+    for motion in (where, held, spike):
+        assert leaps(time, motion) == ("", [])
+
+
+def test_the_leap_that_is_found_grows_with_the_step_of_time():
+    """At rest 50 mm and 150 m/s^2 / rate^2."""
+    for rate, least in ((1000, 0.05015), (100, 0.065), (20, 0.425)):
+        for times, is_told in ((0.99, False), (1.01, True)):
+            where = np.ones((120, 2, 3))
+            where[AT, 0, 0] += times * least
+            assert bool(leaps(np.arange(120) / rate, where)[1]) == is_told
+
+
+def test_a_marker_that_leaps_often_and_times_that_do_not_increase_are_left_to_other_checks():
+    time, where = swing()
+    where[10:100:12, 0] += 1
+    assert leaps(time, where) == ("", [])
+    where = swing()[1]
+    where[AT] += 1
+    assert leaps(time * 0, where) == ("", [])
+    assert leaps(time[50:69], where[50:69]) == ("", [])
+    assert leaps(time[50:70], where[50:70])[1] == [[10, 0], [10, 1]]
+    where[:50, 0] = where[69:, 0] = np.nan
+    assert leaps(time, where)[1] == [[AT, 1]]
+
+
+def test_a_lost_point_in_a_text_is_told_by_its_line_and_in_c3d_by_its_frame(tmp_path):
+    """888.566 became 888566, and one z of metres was moved."""
+    lines = vicon(WRITERS["%.3f"], places())
+    cells = lines[AT].split(",")
+    lines[AT] = ",".join([*cells[:4], cells[4].replace(".", ""), *cells[5:]])
+    found = imported(tmp_path, lines)
+    far = float(cells[4]) * 0.999
+    assert found.doubt == ONE.format("line 66", "a", f"{far:.0f}")
+    assert np.argwhere(np.isnan(found.positions).any(2)).tolist() == [[AT, 0]]
+    where = 1e3 * swing()[1]
+    where[AT, 1, 0] += 400
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(where, ["a", "b"]))
+    found = read_marker_tracks(tmp_path / "a.c3d")
+    assert found.doubt == ONE.format("frame 61", "b", "0.4")
+    assert np.argwhere(np.isnan(found.positions).any(2)).tolist() == [[AT, 1]]
+
+
+def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_place(tmp_path):
+    lines = vicon(WRITERS["%.3f"], places() + np.array([0, 0, 0, 500, 0, 0]))
+    cells = lines[AT].split(",")
+    lines[AT] = ",".join([*cells[:2], *cells[5:]])
+    found = imported(tmp_path, lines)
+    assert found.doubt.startswith("line 66: a leaps 0.5 m away")
+    assert np.isnan(found.positions[AT]).all()

@@ -45,6 +45,7 @@ from fit.errors import FitError
 from fit.recordings.recording import FEWEST_PLACES, Recording
 from fit.recordings.smoothing import CUT_OFF, low_pass
 from formats.arrays import Booleans, Floats, Integers
+from formats.plain_text import shortened
 from formats.swatch import FEWEST_MARKERS
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
@@ -105,7 +106,7 @@ class SwatchError:
         if noise <= MOST_NOISE * measured:
             return ""
         return (
-            f"Warning: {recording.take_id}: the stated noise of its points alone looks like a curvature of "
+            f"Warning: {shortened(recording.take_id)}: the stated noise of its points alone looks like a curvature of "
             f"{noise:.1f} 1/m, {measured:.1f} 1/m were measured: E fits noise here. Use a method that minimises D "
             "(si, kinect-skirt)."
         )

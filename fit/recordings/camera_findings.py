@@ -16,6 +16,7 @@ from fit.recordings.point_kind import describe_contradiction, describe_steady
 from fit.recordings.recording import Recording
 from fit.recordings.timing import is_sure, why_foreign
 from formats.fit_records import CameraFinding, Interval
+from formats.plain_text import shortened
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
 LEAST_EDGE = 0.002  # m that the edge is moved by, from which it is said
@@ -80,7 +81,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
         times = "once" if len(recording.gaps) == 1 else f"{len(recording.gaps)} times"
         found.append(CameraFinding(
             name="hanger_gap", take_ids=[recording.take_id], figure=longest, unit="s", sentence=(
-                f"In {recording.take_id} the hanger's path is lost {times}, up to {longest:.2f} s, "
+                f"In {shortened(recording.take_id)} the hanger's path is lost {times}, up to {longest:.2f} s, "
                 f"first at {begin:.2f} s. Both sides are used. The cloth is judged again once it has forgotten the "
                 "motion in the gap."),
         ))  # fmt: skip
@@ -98,8 +99,8 @@ def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
         name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
         sentence=(
             f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}. In "
-            f"{recording.take_id} {why_foreign(timing)}. Check that path and points are of the same take and which "
-            "clock each has."),
+            f"{shortened(recording.take_id)} {why_foreign(timing)}. Check that path and points are of the same take "
+            "and which clock each has."),
     )  # fmt: skip
 
 
@@ -301,4 +302,4 @@ def _late(seconds: float) -> str:
 
 
 def _listed(recordings: Sequence[Recording]) -> str:
-    return recordings[0].take_id if len(recordings) == 1 else f"{len(recordings)} takes"
+    return shortened(recordings[0].take_id) if len(recordings) == 1 else f"{len(recordings)} takes"

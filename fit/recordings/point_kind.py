@@ -25,6 +25,7 @@ from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
 from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
+from formats.plain_text import shortened
 
 LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and more
 STAYS = 0.010  # of the flat length; material points change by 0.009 at most
@@ -136,5 +137,5 @@ def _against(garment: Garment, recordings: Sequence[Recording]) -> tuple[str, st
     if 2 * len(against) <= len(shown):
         return None
     take, kind, change = max(against, key=lambda one: one[2] if one[1] == "silhouette" else -one[2])
-    of = f"in {len(against)} of {len(recordings)} takes" if len(recordings) > 1 else f"in the take {take}"
+    of = f"in {len(against)} of {len(recordings)} takes" if len(recordings) > 1 else f"in the take {shortened(take)}"
     return kind, of, change

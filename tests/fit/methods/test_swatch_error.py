@@ -150,6 +150,8 @@ def test_noise_that_looks_like_more_than_half_of_the_curvature_is_remarked():
     remark = SwatchError(prepare(take_of(GARMENT, TIME, path, noisy, sd=3e-3))).remark
     assert remark.startswith("Warning: scene: the stated noise of its points alone looks like a curvature of 2.1 1/m")
     assert ", 1.9 1/m were measured" in remark
+    long = SwatchError(prepare(take_of(GARMENT, TIME, path, noisy, sd=3e-3, name="n" * 3000))).remark
+    assert long.startswith(f"Warning: {60 * 'n'} ... {60 * 'n'}: the stated noise")
     angle = hanging()[..., 0] / 0.3
     rolled = np.stack([0.3 * np.sin(angle), 0.3 * (1 - np.cos(angle)), hanging()[..., 2]], -1)
     assert SwatchError(prepare(take_of(GARMENT, TIME, path, rolled, sd=2e-4))).remark == ""

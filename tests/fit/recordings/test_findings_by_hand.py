@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import t as student
 
 from fit.recordings import camera_findings as module
+from fit.recordings import point_kind
 from fit.recordings.camera_findings import _together, camera_clause, describe_camera, foreign_clock
 from fit.recordings.point_kind import common_change, neighbours
 from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
@@ -64,6 +65,18 @@ def test_gaps_of_the_hanger_are_named_take_by_take():
     assert one.sentence.startswith("In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s. ")
     assert (two.take_ids, two.figure) == (["c"], 0.75)
     assert two.sentence.startswith("In c the hanger's path is lost 2 times, up to 0.75 s, first at 2.50 s. ")
+
+
+def test_long_names_of_takes_are_shown_in_part(monkeypatch):
+    name, part = "n" * 3000, f"{60 * 'n'} ... {60 * 'n'}"
+    lost = recording(name, gaps=[(1.0, 1.5)], timing=timing(is_of_hanger=False, explained=-0.4))
+    told = [one.sentence for one in found(lost)]
+    assert [(name in sentence, part in sentence) for sentence in told] == 2 * [(False, True)]
+    assert told[1].count(part) == 2
+    monkeypatch.setattr(point_kind, "kind_shown", lambda recording: ("silhouette", 0.05))
+    garment, take = SimpleNamespace(point_kind="material", points_are=None), SimpleNamespace(take_id=name)
+    take.is_imported = True
+    assert f"in the take {part} the" in point_kind.describe_contradiction(garment, [take])
 
 
 def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_ends_what_follows():

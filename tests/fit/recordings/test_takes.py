@@ -19,10 +19,12 @@ from fit.methods import SI
 from fit.recordings.copies import Track, are_copies
 from fit.recordings.intact import FRAME_FIELDS
 from fit.recordings.ready import ready
+from fit.recordings.recording import prepare
 from fit.recordings.selection import check_together, content_of
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
+from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
 from tests.fit.scenes import material, shared, sheet, simulate_take, swing
 
 COARSE = Resolution(spacing=0.15)
@@ -127,6 +129,22 @@ def test_garments_that_mean_the_same_in_other_words_are_one_garment():
     take, other = a_take("a"), a_take("b", hz=0.9)
     stated = msgspec.structs.replace(other.garment, format="hangtime-garment/2", points_are="material")
     check_together([take, dataclasses.replace(other, garment=stated)], [])
+
+
+@pytest.mark.parametrize(("kind", "meant", "is_placed"), [("swatch", "material", False), ("skirt", "silhouette", True)])
+def test_a_kind_of_points_that_is_left_out_is_prepared_as_the_one_that_is_meant(kind, meant, is_placed):
+    """Frames are late by 0.12 s, which is mended for either kind: a silhouette's get a shift each."""
+    time = uneven(duration=6.0)
+    share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
+    left_out, stated = (
+        prepare(
+            swung(msgspec.structs.replace(silhouette_sheet(words), kind=kind), time, time - 0.12, seen_length=share)
+        )
+        for words in (None, meant)
+    )
+    assert (left_out.camera.is_retimed, left_out.camera.is_placed) == (True, is_placed)
+    for name in ("time", "points", "held_seen"):
+        np.testing.assert_array_equal(getattr(left_out, name), getattr(stated, name))
 
 
 @pytest.mark.parametrize("kept", [slice(0, 40), slice(30, None), np.r_[0:20, 35:60]])

@@ -100,6 +100,7 @@ def test_the_sentence_says_how_much_of_the_gap_lies_between_hanger_and_edge(left
     """144 - 49 of 144 - 25 mm^2."""
     assert sentence(evidence_of({}), hypothesis((), left)) == f" Held where its edge was tracked, it misses by {said}"
     assert sentence(evidence_of({}), None) == ""
+    assert sentence(evidence_of({}, base=5.0), hypothesis((), left)) == ""  # hardly a gap
 
 
 def test_the_report_shows_the_figure_beside_the_gap():

@@ -191,6 +191,10 @@ def test_the_grid_is_found_whatever_the_order_of_the_points():
 def test_points_that_are_no_full_grid_are_refused():
     with pytest.raises(FitError, match="5 points are not a full grid"):
         marker_grid(np.array([p.at_m for p in sheet().points]), "here")
+    three, four = (np.stack(np.meshgrid(np.arange(n), np.arange(4)), -1).reshape(-1, 2) / 10 for n in (3, 4))
+    assert marker_grid(four, "here").shape == (4, 4)
+    with pytest.raises(FitError, match="12 points are not a full grid of 4 x 4 markers or more"):
+        marker_grid(three, "here")
 
 
 def test_fewer_than_100_frames_are_refused():

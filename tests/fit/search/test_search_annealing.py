@@ -16,6 +16,7 @@ from fit.methods import KINECT_SKIRT
 from fit.search import bounds
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
 from fit.search.chains import ParallelChains
+from fit.search.steps import Step
 
 BOX = annealing_gamma.BOX
 
@@ -133,6 +134,7 @@ def test_blown_up_simulations_are_rejected_and_counted():
     run(chains[1], 8, broken)
     assert chains[0].steps == chains[1].steps
     assert chains[0].non_finite == chains[1].non_finite > 10
+    assert chains[0].non_finite == sum(math.isinf(step.proposed) for step in chains[0].steps)
     assert chains[0].current[1] <= 40.0
     assert all(not step.is_accepted for step in chains[0].steps if math.isinf(step.proposed))
 
@@ -143,6 +145,25 @@ def test_a_start_that_blows_up_is_left_at_the_first_finite_proposal():
     run(chain, 1, lambda candidates: np.array([next(values) for _ in candidates]))
     assert chain.steps[1].is_accepted
     assert chain.best_distance == 0.1
+
+
+def test_a_chain_whose_start_blew_up_is_the_same_after_a_trip_through_json():
+    chain, again = chain_of(iterations=3), chain_of(iterations=3)
+    chain.tell(chain.ask(), np.array([math.inf]))
+    again.restore(json.loads(json.dumps(chain.state(), allow_nan=False)))
+    assert again.current_distance == again.best_distance == math.inf
+    assert again.steps == chain.steps
+
+
+@pytest.mark.parametrize("cost", [0.25, math.inf])
+def test_a_saved_step_is_the_same_after_a_trip_through_json(cost):
+    step = Step(
+        is_look=False, vector=np.ones(2), cost=cost, vectors=np.zeros((0, 2)), simulations=7, distances=(0.5,),
+        slopes_at=np.zeros(2),
+    )  # fmt: skip
+    again = Step.from_state(json.loads(json.dumps(step.state(), allow_nan=False)))
+    assert again.cost == cost
+    assert again.state() == step.state()
 
 
 def test_a_saved_chain_goes_on_bit_identically_after_a_trip_through_json():

@@ -20,13 +20,13 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
+from formats.importers.c3d_blocks import BLOCK_BYTES, refuse_lost_bytes, take_out_zero_blocks, zero_blocks
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_tracks import MarkerTracks, as_seen, take_out_signs
 from formats.importers.units import metres_of
 from formats.plain_text import sized
 
-BLOCK_BYTES = 512  # bytes
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
 LARGEST_C3D = 1 << 30  # bytes
@@ -62,6 +62,8 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
+    if header.parameters_at < header.data_at:
+        refuse_lost_bytes(path, size, header.data_at + frames * header.width)
     # Labels beyond the points name nothing; points beyond the labels have no name.
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
@@ -72,6 +74,8 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
         return f"frame {at + 1}"
 
     doubts = [_doubt_of_length(path, size, header, frames), take_out_signs(places, scale, frame_of)]
+    blocks = zero_blocks(path, header.data_at, frames * header.width)
+    doubts.append(take_out_zero_blocks(places, blocks, FLOAT if header.is_float else SHORT, header.width))
     doubt = "; ".join(filter(None, [*doubts, take_out_leaps(time, places, labels, frame_of)]))
     return MarkerTracks(tuple(labels), time, places, header.rate, doubt)
 

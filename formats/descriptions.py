@@ -309,7 +309,9 @@ def check_rig(rig: Rig, where: object) -> None:
         calibration = rig.calibration
         least, most = DEPTH_SCALES
         if not least < calibration.depth_scale < most:
-            refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {calibration.depth_scale:g})")
+            scale = calibration.depth_scale
+            meant = f"; were per cent meant, {scale / 100:g}?" if least < scale / 100 < most else ""
+            refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {scale:g}){meant}")
         if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
             refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")
 

@@ -11,6 +11,7 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.scene import CAMERA, FPS
 from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
 from formats.plain_text import shortened
+from formats.terminal import ProgressLine
 
 NUMBERS = {"amplitude": "a number", "seconds": "a number", "seed": "a whole number"}  # the options that are numbers
 
@@ -40,14 +41,17 @@ class SyntheticSensor(DepthSensor):
                 advice="choose one of effect, amplitude, seconds, seed, fabric",
             )  # fmt: skip
         told = {name: _number(text, name, uri) for name, text in options.items() if name in NUMBERS}
+        line = ProgressLine("synthetic world")
         effect, fabric = options.get("effect", "none"), options.get("fabric", "plain")
         try:
             world = make_world(
                 motion=motion or "swing", effect=effect, amplitude=told.get("amplitude"),
                 seconds=told.get("seconds", 8.0), seed=int(told.get("seed", 1)), fabric=fabric,
+                progress=lambda stage, share: line.show(share, stage),
             )  # fmt: skip
         except SensorAddressError as error:  # which names the option of a command
             raise SensorAddressError(error.what, where=uri, advice=error.advice) from error
+        line.end()
         return cls(world, uri)
 
     @property

@@ -65,6 +65,12 @@ def test_a_number_that_no_world_has_is_refused(option: str, sentence: str) -> No
         open_sensor(f"synthetic:swing?{option}")
 
 
+def test_a_synthetic_world_tells_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    open_sensor("synthetic:swing?seconds=1").close()
+    lines = capsys.readouterr().err.splitlines()
+    assert (lines[0], lines[-1]) == ("synthetic world: 0 %, cloth", "synthetic world: 100 %, cloth")
+
+
 @pytest.mark.parametrize("command", ["synthesise", "synthesise-swatch"])
 def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, command: str) -> None:
     gather_commands()

@@ -148,6 +148,11 @@ def test_a_camera_of_motion_capture_is_in_a_hall_and_its_origin_may_be_in_a_body
     check_plausible_rig(msgspec.structs.replace(RIG, **{**elsewhere, **floor}), "r")
 
 
+def test_a_depth_scale_in_per_cent_says_so():
+    with pytest.raises(DescriptionError, match=r"\(got 101\.78\); were per cent meant, 1\.0178\? See"):
+        check_rig(rig(depth_scale=101.78), "r")
+
+
 def test_the_radius_of_a_body_says_the_unit_that_was_meant():
     with pytest.raises(DescriptionError, match=r"\(body 1 has 30\); were millimetres or centimetres or inches meant\?"):
         check_rig(rig(**near("sphere", (0, 0, 2), radius_m=30.0)), "r")

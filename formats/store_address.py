@@ -21,6 +21,19 @@ ENDPOINTS = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT")
 SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
 REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
 CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
+OF_STORE = re.compile(r"^Generic (\w+) error: ")  # begins obstore's errors
+BUCKETS_NAME = "[A-Za-z0-9$][A-Za-z0-9$._-]*"  # of S3's older names, Google's with _, and Azure's $web
+UNREAD = re.compile(r'[Ff]ailed to parse "(.*?)" as (\w+)')
+VALUES_WANTED = {"boolean": ("true or false", "true or false"), "Duration": ("a length of time", "one such as 30s")}
+NO_SERVICE_ACCOUNT = re.compile(r"open service account file from (.*?)(?: \(os error \d+\))?(?:\n|$)")
+CLOUDS_OWN = re.compile(r"http://(169\.254\.|metadata\b|\[fd00:ec2::)")  # asks a machine of the cloud itself for keys
+BAD_SCHEME = "BadScheme"  # reqwest's, of a server without TLS where none was allowed
+SETTINGS_BEGIN = ("AWS_", "AZURE_", "GOOGLE_")
+KEYS_OF = {
+    "S3": "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY", "GCS": "GOOGLE_SERVICE_ACCOUNT",
+    "MicrosoftAzure": "AZURE_STORAGE_ACCOUNT_KEY",
+}  # fmt: skip
+ALLOWING = {"S3": "AWS_ALLOW_HTTP", "MicrosoftAzure": "AZURE_ALLOW_HTTP"}  # Google's needs none
 KEYS_BEGIN = ("AWS_", "AZURE_")  # names of what becomes headers of requests; Google's keys are JSON of several lines
 LONGEST_REASON = 200  # characters of an error that are passed on
 
@@ -41,7 +54,13 @@ def folder_of(url: str) -> Path | None:
             )
         return Path(url)
     if parts.scheme == "file":
-        return Path(unquote(parts.path))
+        host, _, path = url.partition("://")[2].partition("/")
+        if host not in ("", "localhost"):
+            raise AddressError(
+                f"file:// leads to no other computer, and {host} stands where one is named", where=without_secrets(url),
+                advice="write file:///... with three slashes, and mount the folder of another computer",
+            )  # fmt: skip
+        return Path("/", unquote(path))
     if parts.scheme in BUCKETS:
         return None
     raise AddressError(
@@ -86,13 +105,40 @@ def open_bucket(
     if retries is not None:
         options["retry_config"] = {"max_retries": retries, "retry_timeout": timedelta(minutes=3)}
     try:
-        return from_url(url, **options)
+        return from_url(url.replace("#", "%23"), **options)  # else its address would end there
     except (obstore.exceptions.BaseError, OSError, ValueError, TypeError) as error:
-        raise AddressError(
-            f"is no bucket: {first_line(error)}",
-            where=without_secrets(url),
-            advice="check the address, the settings and the names of the keys",
-        ) from error
+        what, advice = _setting_refused(str(error), config or {}) or (
+            f"is no bucket: {first_line(error)}", "check the address, the settings and the names of the keys",
+        )  # fmt: skip
+        raise AddressError(what, where=without_secrets(url), advice=advice) from error
+
+
+def _setting_refused(text: str, config: Mapping[str, str]) -> tuple[str, str] | None:
+    """Return what is wrong with a setting and the next step, of an error at opening; None of another error.
+
+    config: as of `open_bucket`
+    """
+    if found := UNREAD.search(text):
+        settings = {name: value for name, value in os.environ.items() if name.startswith(SETTINGS_BEGIN)} | dict(config)
+        names = [name for name, value in settings.items() if value == found[1]]
+        name = " or ".join(names) or "a setting"
+        wanted, example = VALUES_WANTED.get(found[2], ("one of its values", "one of them"))
+        return f"{name} is {found[1]!r}, and has to be {wanted}", f"set it to {example}, or leave it out"
+    if "Account must be specified" in text:
+        return (
+            "an address in Azure needs the name of a storage account, and none is set",
+            "set AZURE_STORAGE_ACCOUNT_NAME, and AZURE_STORAGE_ACCOUNT_KEY for its key",
+        )
+    if "Invalid Access Key" in text:
+        return "the key of the storage account is not in base64", "copy AZURE_STORAGE_ACCOUNT_KEY again, all of it"
+    if found := NO_SERVICE_ACCOUNT.search(text):
+        return (
+            f"the file of Google's service account cannot be opened: {found[1]}",
+            "set GOOGLE_SERVICE_ACCOUNT to its path",
+        )
+    if "decode service account" in text:
+        return ("what is given for Google's service account is none", "give its JSON file in GOOGLE_SERVICE_ACCOUNT")
+    return None
 
 
 def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
@@ -102,14 +148,17 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
         AddressError: the address has a part that no bucket's address has, a server's address is none, or a key or
             another setting holds a line break.
     """
-    parts = urlsplit(url)
+    parts = urlsplit(url.replace("#", "%23"))
+    place = "CONTAINER@ACCOUNT.dfs.core.windows.net" if parts.scheme in BY_ACCOUNT else "BUCKET"
 
     def refuse(what: str, advice: str) -> NoReturn:
         raise AddressError(what, where=without_secrets(url), advice=advice)
 
-    for sign in "#?":
-        if sign in url:
-            refuse(f"has a {sign} in it, where an address ends", f"choose a name without {sign}")
+    if "?" in url:  # what follows may be a signature, which is no part of a name and is not shown
+        raise AddressError(
+            "has a ? in it, where an address ends", where=f"{without_secrets(url)}?...",
+            advice="choose a name without ?, and set keys in the environment",
+        )  # fmt: skip
     if not url.isprintable():
         refuse("has a line break or another control character in it", "write the address again")
     if found := re.search("%[0-9A-Fa-f]{2}", url):
@@ -118,6 +167,13 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
         refuse("has . or .. as a part of its path, which a bucket does not have", "write the whole name")
     if parts.scheme not in BY_ACCOUNT and re.search("[@:]", parts.netloc):
         refuse("has a port, a user or a password before the bucket's name", f"write {parts.scheme}://BUCKET/NAME")
+    bucket, _, account = parts.netloc.partition("@")
+    if not bucket:
+        refuse("names no bucket", f"write {parts.scheme}://{place}/NAME")
+    if not re.fullmatch(BUCKETS_NAME, bucket):
+        refuse(f"{unquote(bucket)!r} is no bucket's name", "write the name with letters, digits, dots and hyphens")
+    if account and "." not in account:
+        refuse(f"{account!r} is no server of a storage account", f"write {parts.scheme}://{place}/NAME")
     stated = {name: os.environ.get(name, "") for name in ENDPOINTS}
     stated |= {name: value for name, value in config.items() if "endpoint" in name.lower()}
     for name, value in stated.items():
@@ -144,16 +200,27 @@ def _is_servers_address(text: str) -> bool:
 
 def advice_on(error: Exception) -> str:
     """Return the advice on an error of a bucket, by the server's own reason where it gives one."""
-    if "RequestTimeTooSkewed" in str(error):
+    text = str(error)
+    store = found[1] if (found := OF_STORE.search(text)) else "S3"
+    if "RequestTimeTooSkewed" in text:
         return "set this computer's clock (timedatectl set-ntp true)"
+    if BAD_SCHEME in text:
+        return f"set {ALLOWING.get(store, ALLOWING['S3'])}=true if the server has no TLS, else write https://"
+    if CLOUDS_OWN.search(text):
+        return f"set {KEYS_OF.get(store, KEYS_OF['S3'])}"
     return "check the address, the network and the access keys"
 
 
 def is_out_of_reach(error: Exception) -> bool:
-    """Return whether no server answered: one that answers and refuses says so with a status."""
+    """Return whether no server answered, as it may later: one that answers and refuses says so with a status.
+
+    Settings that keep a request from being sent, and keys that are not there, stay so.
+    """
     import obstore
 
-    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in str(error)
+    text = str(error)
+    is_here = BAD_SCHEME in text or CLOUDS_OWN.search(text) is not None
+    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in text and not is_here
 
 
 def first_line(error: Exception) -> str:
@@ -161,14 +228,21 @@ def first_line(error: Exception) -> str:
     if reason := SERVERS_REASON.search(str(error)):
         told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
         return without_secrets(f"the server says {told}")[:LONGEST_REASON]
-    text = (str(error).splitlines() or [type(error).__name__])[0].strip()
+    if CLOUDS_OWN.search(str(error)):
+        return "no keys are set, and this computer has none as a machine of the cloud"
+    text = OF_STORE.sub("", (str(error).splitlines() or [type(error).__name__])[0].strip())
     if "HTTP error" in text and (request := REQUEST.search(text)):
         cause = CAUSE.search(str(error))
         text = f"{request[1]} does not answer" + (f": {cause[1]}" if cause else "")
+        if BAD_SCHEME in str(error):
+            text = f"{request[1]} is an address without TLS, to which nothing is sent unasked"
     return without_secrets(text)[:LONGEST_REASON]
 
 
 def without_secrets(text: str) -> str:
-    """Return a text without the user, password and query of the addresses in it: they may be keys and signatures."""
+    """Return a text without the user, password and query of the addresses in it: they may be keys and signatures.
+
+    The part behind a # stays: in a bucket it is a part of the name, and elsewhere no server is sent it.
+    """
     text = re.sub(r"(\b[a-z0-9+]+://)[^\s/@?#]*@", r"\1", text)
-    return re.sub(r"(\b[a-z0-9+]+://[^\s?#]*)[?#][^\s:,;)]*", r"\1", text)
+    return re.sub(r"(\b[a-z0-9+]+://[^\s?]*)[?][^\s:,;)]*", r"\1", text)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
 import socket
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
@@ -16,11 +20,6 @@ SKEWED = (
     "<Code>RequestTimeTooSkewed</Code><Message>The difference between the request time and the server's time is too "
     "large.</Message></Error>"
 )
-
-
-def test_an_address_with_a_hash_is_refused_where_it_would_be_cut_off():
-    with pytest.raises(AddressError, match="has a # in it"):
-        open_bucket("s3://bkt/run#1", extra="batch")
 
 
 @pytest.mark.parametrize("name", ["AWS_ENDPOINT_URL", "AWS_ENDPOINT"])
@@ -60,8 +59,16 @@ def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
 @pytest.mark.parametrize(
     ("url", "words"),
     [
-        ("s3://bkt/run?x=1", "s3://bkt/run: has a ? in it, where an address ends; choose a name without ?"),
-        ("s3://bkt/run#1", "s3://bkt/run: has a # in it, where an address ends; choose a name without #"),
+        ("s3://bkt/run?sig=hidden", "s3://bkt/run?...: has a ? in it, where an address ends; choose a name without ?, "
+         "and set keys in the environment"),
+        ("gs://", "gs://: names no bucket; write gs://BUCKET/NAME"),
+        ("s3:///run", "s3:///run: names no bucket; write s3://BUCKET/NAME"),
+        ("s3://bkt#1/run", "s3://bkt#1/run: 'bkt#1' is no bucket's name; write the name with letters, digits, dots and "
+         "hyphens"),
+        ("s3://b b/run", "s3://b b/run: 'b b' is no bucket's name; write the name with letters, digits, dots and "
+         "hyphens"),
+        ("abfs://box@account/run", "abfs://account/run: 'account' is no server of a storage account; write "
+         "abfs://CONTAINER@ACCOUNT.dfs.core.windows.net/NAME"),
         ("s3://bkt/run%231", "s3://bkt/run%231: has %23 in it, which would be another sign in the bucket; choose a "
          "name without %23"),
         ("s3://bkt/../run", "s3://bkt/../run: has . or .. as a part of its path, which a bucket does not have; write "
@@ -77,7 +84,7 @@ def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
     ],
 )  # fmt: skip
 def test_what_the_library_would_leave_out_or_change_is_refused(url, words):
-    """It writes to `run`, `run#1`, `run` of the bucket itself; a password would be shown in errors."""
+    """It writes to `run`, or to `run` of the bucket itself, or says so in words of its own."""
     with pytest.raises(AddressError) as caught:
         open_bucket(url, extra="batch")
     assert str(caught.value) == words
@@ -108,13 +115,117 @@ def test_a_setting_that_ends_the_library_is_refused_by_its_name(config, words):
 @pytest.mark.parametrize(
     ("url", "folder"),
     [
-        ("file:///srv/my%20takes", "/srv/my takes"), ("takes/new", "takes/new"), ("c:/x", "c:/x"), ("s3://b/x", None),
+        ("file:///srv/my%20takes", "/srv/my takes"), ("file:///srv/run#1?", "/srv/run#1?"),
+        ("file://localhost/srv", "/srv"), ("takes/new", "takes/new"), ("c:/x", "c:/x"), ("s3://b/x", None),
         ("gs://b", None), ("az://b/x", None), ("abfs://b@a/x", None), ("abfss://b@a/x", None), ("s3a://b/x", None),
     ],
 )  # fmt: skip
 def test_an_address_leads_to_a_folder_or_to_a_bucket(url, folder):
     found = folder_of(url)
     assert (found if found is None else str(found)) == folder
+
+
+def test_an_address_of_another_computers_folder_is_refused():
+    with pytest.raises(AddressError) as caught:
+        folder_of("file://host/takes")
+    assert str(caught.value) == (
+        "file://host/takes: file:// leads to no other computer, and host stands where one is named; write file:///... "
+        "with three slashes, and mount the folder of another computer"
+    )
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """The requests to a server without TLS that refuses each, with keys for it in the environment."""
+    paths = []
+
+    class Refusing(BaseHTTPRequestHandler):
+        def do_PUT(self):
+            paths.append(self.path)
+            self.rfile.read(int(self.headers["Content-Length"]))
+            answer = b"<Error><Code>AccessDenied</Code></Error>"
+            self.send_response(403)
+            self.send_header("Content-Length", str(len(answer)))
+            self.end_headers()
+            self.wfile.write(answer)
+
+        def log_message(self, *words):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Refusing) as server:
+        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}).start()
+        settings = {"ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}", "REGION": "r", "ACCESS_KEY_ID": "a"}
+        for name, value in (settings | {"SECRET_ACCESS_KEY": "b"}).items():
+            monkeypatch.setenv(f"AWS_{name}", value)
+        yield paths
+        server.shutdown()
+
+
+def test_a_name_with_a_hash_is_written_where_it_says(asked, monkeypatch):
+    obstore = pytest.importorskip("obstore")
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    store = open_bucket("s3://bkt/run#1", extra="batch", retries=0)
+    with pytest.raises(obstore.exceptions.BaseError) as caught:
+        obstore.put(store, "a.json", b"", use_multipart=False)
+    assert asked == ["/bkt/run%231/a.json"]
+    assert not is_out_of_reach(caught.value)
+
+
+def test_a_server_without_tls_that_is_not_allowed_is_no_server_that_does_not_answer(asked):
+    obstore = pytest.importorskip("obstore")
+    store = open_bucket("s3://bkt/run", extra="batch", retries=0)
+    with pytest.raises(obstore.exceptions.GenericError) as caught:
+        obstore.put(store, "a.json", b"", use_multipart=False)
+    told = first_line(caught.value)
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+ is an address without TLS, to which nothing is sent unasked", told)
+    assert advice_on(caught.value) == "set AWS_ALLOW_HTTP=true if the server has no TLS, else write https://"
+    assert (asked, is_out_of_reach(caught.value)) == ([], False)
+
+
+@pytest.mark.parametrize(
+    ("url", "settings", "words"),
+    [
+        ("s3://b/x", {"AWS_ALLOW_HTTP": "yes please"}, "AWS_ALLOW_HTTP is 'yes please', and has to be true or false; "
+         "set it to true or false, or leave it out"),
+        ("s3://b/x", {"AWS_TIMEOUT": "soon"}, "AWS_TIMEOUT is 'soon', and has to be a length of time; set it to one "
+         "such as 30s, or leave it out"),
+        ("s3://b/x", {"AWS_CONDITIONAL_PUT": "maybe"}, "AWS_CONDITIONAL_PUT is 'maybe', and has to be one of its "
+         "values; set it to one of them, or leave it out"),
+        ("az://c/x", {}, "an address in Azure needs the name of a storage account, and none is set; set "
+         "AZURE_STORAGE_ACCOUNT_NAME, and AZURE_STORAGE_ACCOUNT_KEY for its key"),
+        ("az://c/x", {"AZURE_STORAGE_ACCOUNT_NAME": "a", "AZURE_STORAGE_ACCOUNT_KEY": "!!"}, "the key of the storage "
+         "account is not in base64; copy AZURE_STORAGE_ACCOUNT_KEY again, all of it"),
+        ("gs://b/x", {"GOOGLE_SERVICE_ACCOUNT": "/absent"}, "the file of Google's service account cannot be opened: "
+         "/absent: No such file or directory; set GOOGLE_SERVICE_ACCOUNT to its path"),
+        ("gs://b/x", {"GOOGLE_SERVICE_ACCOUNT_KEY": "{"}, "what is given for Google's service account is none; give "
+         "its JSON file in GOOGLE_SERVICE_ACCOUNT"),
+    ],
+)  # fmt: skip
+def test_a_setting_that_the_library_refuses_is_named_in_our_words(monkeypatch, url, settings, words):
+    pytest.importorskip("obstore")
+    for name in [name for name in os.environ if name.startswith(("AWS_", "AZURE_", "GOOGLE_"))]:
+        monkeypatch.delenv(name)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(AddressError) as caught:
+        open_bucket(url, extra="batch")
+    assert str(caught.value) == f"{url}: {words}"
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        ("Generic GCS error: Error performing token request: Error performing GET http://metadata.google.internal/x in "
+         "2s - HTTP error: error sending request", "set GOOGLE_SERVICE_ACCOUNT"),
+        ("Generic S3 error: Error performing PUT http://169.254.169.254/latest/api/token in 9s - HTTP error: error "
+         "sending request", "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"),
+    ],
+)  # fmt: skip
+def test_keys_that_are_not_set_are_no_server_that_does_not_answer(text, advice):
+    obstore = pytest.importorskip("obstore")
+    error = obstore.exceptions.GenericError(text)
+    assert first_line(error) == "no keys are set, and this computer has none as a machine of the cloud"
+    assert (advice_on(error), is_out_of_reach(error)) == (advice, False)
 
 
 def test_per_cent_and_an_account_stay_where_they_mean_themselves():
@@ -182,6 +293,7 @@ def test_the_servers_own_reason_and_what_follows_from_it():
         ("HTTP error without an address", "HTTP error without an address"),
         ("x" * 201, "x" * 200),
         ("s3://key:secret@bucket/run?token=1#part: gone", "s3://bucket/run: gone"),
+        ("s3://bucket/run#1: gone", "s3://bucket/run#1: gone"),
     ],
 )  # fmt: skip
 def test_an_error_of_a_library_is_its_first_line_without_secrets(text, told):

@@ -55,7 +55,9 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
 
 def of_another_version(version: str, path: object) -> TakeError | None:
     """Return the error of a take of a version that this Hangtime does not read; nothing of one that it does."""
-    if version.isdecimal() and len(version) < 9 and 1 <= int(version) <= VERSION:
+    number = int(version) if version.isdecimal() and len(version) < 9 else 0
+    if 1 <= number <= VERSION:
         return None
-    told = f"is of format version {shortened(version)}; this Hangtime reads up to {VERSION}"
-    return TakeError(told, where=path, advice="update Hangtime")
+    told = f"is of format version {shortened(version)}; this Hangtime reads 1 to {VERSION}"
+    advice = "update Hangtime" if number else "copy it again from where it was recorded"
+    return TakeError(told, where=path, advice=advice)

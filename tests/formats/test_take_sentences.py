@@ -41,7 +41,7 @@ LZ4 = chunk_of(b"x", compression=b"lz4")
         (MCAP_MAGIC + bytes(99), "a: holds no readable header; it is not a take archive, or too little of it is left"),
         (profiled(b"hangtime-take/2"), "a: holds no readable header; it ended in its first second, or too little "
          "of it is left"),
-        (profiled(b"hangtime-take/9"), "a: is of format version 9; this Hangtime reads up to 2; update Hangtime"),
+        (profiled(b"hangtime-take/9"), "a: is of format version 9; this Hangtime reads 1 to 2; update Hangtime"),
         (profiled(b"ros2"), f"a: is not a take archive: its profile says ros2; {GIVE}"),
         (profiled(b""), f"a: is not a take archive: it is an MCAP file without a profile; {GIVE}"),
         (profiled(b"hangtime-take/2") + LZ4 + chunk_of(b"x", compression=b"brotli"),
@@ -56,9 +56,9 @@ def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
     ("changes", "sentence"),
     [
         ({"format": "hangtime-rig/1"}, "a: is a 'hangtime-rig/1', not a take; give a take archive"),
-        ({"format": "hangtime-take/3"}, "a: is of format version 3; this Hangtime reads up to 2; update Hangtime"),
-        ({"format": "hangtime-take/0"}, "a: is of format version 0; this Hangtime reads up to 2; update Hangtime"),
-        ({"format": "hangtime-take/x"}, "a: is of format version x; this Hangtime reads up to 2; update Hangtime"),
+        ({"format": "hangtime-take/3"}, "a: is of format version 3; this Hangtime reads 1 to 2; update Hangtime"),
+        ({"format": "hangtime-take/0"}, f"a: is of format version 0; this Hangtime reads 1 to 2; {COPY}"),
+        ({"format": "hangtime-take/x"}, f"a: is of format version x; this Hangtime reads 1 to 2; {COPY}"),
         ({"take_id": 3}, "a: its header does not hold: take_id must be text (got a whole number); record it again"),
         (
             {"rig": 3},

@@ -54,7 +54,10 @@ def batch_command(
         typer.Option("--workers", min=1, metavar="N", help="Workers on this machine.", show_default="one a core"),
     ] = None,
     dashboard_port: Annotated[
-        int, typer.Option("--dashboard-port", help="Port of the dashboard on 127.0.0.1; 0 chooses a free one.")
+        int,
+        typer.Option(
+            "--dashboard-port", min=0, max=65535, help="Port of the dashboard on 127.0.0.1; 0 chooses a free one."
+        ),
     ] = 8787,
     patience: Annotated[
         float,

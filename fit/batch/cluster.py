@@ -12,8 +12,9 @@ import logging
 import os
 import re
 import time
+import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,13 @@ class Workers:
     """The place of work. `scheduler` is the address or scheduler file of a running cluster, None for this machine."""
 
     scheduler: str | None = None
-    count: int | None = None  # on this machine; one a core where None
+    count: int | None = None  # on this machine; one a core where None, and no more than jobs
     dashboard_port: int = 8787
     patience: float = 600.0  # s for which a lost scheduler, a bucket that is gone and the first worker are waited for
+
+    def at_most(self, count: int) -> Workers:
+        """Return the same place with no more workers than there are jobs: others would only take memory."""
+        return replace(self, count=min(self.count or len(os.sched_getaffinity(0)), count))
 
 
 @contextlib.contextmanager
@@ -72,18 +77,20 @@ def has_workers(client: Any) -> bool:
 
 
 def _local(distributed: Any, workers: Workers) -> Any:
-    count = workers.count or len(os.sched_getaffinity(0))
-    cluster = distributed.LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        processes=True,
-        host="127.0.0.1",
-        protocol="tls://",
-        security=distributed.Security.temporary(),
-        dashboard_address=f"127.0.0.1:{workers.dashboard_port}",
-        worker_dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-    )
+    with warnings.catch_warnings():
+        # Where the port is taken dask chooses another one, which the dashboard's address shows.
+        warnings.filterwarnings("ignore", message=r"Port \d+ is already in use", category=UserWarning)
+        cluster = distributed.LocalCluster(
+            n_workers=workers.count,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            protocol="tls://",
+            security=distributed.Security.temporary(),
+            dashboard_address=f"127.0.0.1:{workers.dashboard_port}",
+            worker_dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
     return distributed.Client(cluster)
 
 

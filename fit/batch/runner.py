@@ -124,7 +124,7 @@ def run(
     fruitless, connections = 0, 0
     while found.waiting and not ending.is_over:
         before = len(found.waiting)
-        with connect(workers) as client:
+        with connect(workers.at_most(before)) as client:
             connections += 1
             say(f"Dashboard: {client.dashboard_link}" if connections == 1 else "Connected again.")
             is_lost = _Round(client, found, workers, progress, say).run(ending)

@@ -198,6 +198,11 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", ".", "--spacing", "-1"), "the mesh spacing is -1 m; give metres"),
         (("batch", ".", "--hours", "-1"), "--hours"),
         (("batch", ".", "--hours", "nan"), "--hours"),
+        (
+            ("batch", ".", "--dashboard-port", "65536"),
+            "65536 is outside the range: it must be at most 65535",
+        ),
+        (("batch", ".", "--dashboard-port", "-1"), "-1 is outside the range: it must be at least 0"),
         *(
             (("batch", ".", "--until", bad), f"--until: {bad!r} is no time of the day; give hours and minutes, such as")
             for bad in ("7pm", "24:00", "07:60", "7", "", "-1:00", "07:00:00")

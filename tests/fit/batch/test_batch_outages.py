@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
 import time
 
 import pytest
@@ -37,6 +39,27 @@ from tests.fit.here import hangtime_here
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
     return make_takes(tmp_path_factory.mktemp("takes"), 1)
+
+
+TAKEN = """
+import socket
+from fit.batch.cluster import Workers, connect
+with socket.create_server(("127.0.0.1", 0)) as held:
+    port = held.getsockname()[1]
+    with connect(Workers(count=0, dashboard_port=port)) as client:
+        assert f":{port}/" not in client.dashboard_link
+"""
+
+
+def test_a_dashboard_whose_port_is_taken_has_another_one_without_a_word_of_the_library():
+    done = subprocess.run([sys.executable, "-c", TAKEN], capture_output=True, text=True)
+    assert (done.returncode, "UserWarning" in done.stderr) == (0, False)
+
+
+def test_no_more_workers_are_started_than_there_are_jobs():
+    assert Workers(count=100_000).at_most(3).count == 3
+    assert Workers(count=2).at_most(3).count == 2
+    assert Workers().at_most(1).count == 1
 
 
 # --- workers ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ that never comes uses no processor time. It is ended when nothing has moved for 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import gc
 import inspect
@@ -26,6 +27,13 @@ from tests.whole_errors import whole_errors  # noqa: F401
 # Taichi asks of each of its 150 functions in which class it is, and so for the source of Python's importer, which has
 # none. Unless `inspect` knows whose file that is, it looks at all modules each time, which makes 1 s in every process.
 inspect.modulesbyfile["<frozen importlib._bootstrap>"] = "importlib._bootstrap"
+
+# Arrays of pictures are made and freed all the time. By default the C library gives their memory back each time, and
+# the kernel clears it anew: a fifth of what it takes to draw a frame. This holds in this process, not in its children.
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # numbers of the parameters, <malloc.h> of glibc
+with contextlib.suppress(AttributeError, OSError):  # another C library
+    ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, 32 << 20)  # bytes; the most that glibc takes
+    ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, 256 << 20)
 
 LIMIT = 300.0  # s of processor time: ten times what the longest of the quick tests takes
 LOOK = 2.0  # s of wall time between two looks

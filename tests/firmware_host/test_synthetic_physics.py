@@ -71,7 +71,7 @@ def small_swing() -> np.ndarray:
     return swing(0.01, {})
 
 
-BEGIN = TIME[:101]  # s; the nudge, and as long again
+BEGIN = TIME[:61]  # s; the nudge, and a tenth more
 
 
 @pytest.fixture(scope="module")

@@ -46,7 +46,7 @@ def record_a_day(disk, folder):
     """Three takes: the second goes to the server and leaves, the third is still running at the end."""
     with Spool(folder) as spool:
         spool.salvage()
-        for count in (40, 70):
+        for count in (40, 50):
             running = spool.begin()
             disk.promise(Number(running.sequence))
             with writer_of(running) as writer:

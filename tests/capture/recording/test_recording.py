@@ -24,11 +24,11 @@ from formats.take import FrameState
 
 @pytest.fixture(scope="module")
 def world():
-    """Three seconds: still, swung, stopped. The simulated cloth is coarse, which a drawn one does not show."""
+    """Of 2.6 s: still, swung, stopped. The simulated cloth is coarse, which a drawn one does not show."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("ROWS", "COLUMNS"):
             patch.setattr(f"firmware_host.synthetic.world.{name}", 7)
-        return make_world(motion="swing", effect="air_drag", amplitude=None, seconds=3.0, seed=3)
+        return make_world(motion="swing", effect="air_drag", amplitude=None, seconds=2.6, seed=3)
 
 
 DRAWN = 3  # every third frame, ten a second, is drawn, once for all tests
@@ -150,10 +150,10 @@ def test_a_full_disk_keeps_what_was_recorded_until_then(drawn, tmp_path):
 
 
 def test_a_disk_that_is_nearly_full_ends_the_take_whole(drawn, tmp_path, monkeypatch):
-    """Ten frames a second; from the 15th on, all the disk's room is too little; it is looked at every second."""
+    """Ten frames a second; from the 12th on, all the disk's room is too little; it is looked at every second."""
 
     def fill(frames, total, seen):
-        if frames == 15:
+        if frames == 12:
             monkeypatch.setattr("capture.recording.session.LEAST_ROOM", 1 << 62)
 
     with Every(drawn, 3) as sensor:
@@ -162,7 +162,7 @@ def test_a_disk_that_is_nearly_full_ends_the_take_whole(drawn, tmp_path, monkeyp
     assert "MB are left on the disk" in str(report.failure)
     take = read_take(tmp_path / "t.mcap")
     assert take.is_complete
-    assert 15 <= len(take.time) == report.frames <= 26
+    assert 12 <= len(take.time) == report.frames <= 23
 
 
 def test_an_error_in_a_frame_keeps_the_frames_before_it(drawn, tmp_path):

@@ -36,6 +36,7 @@ def test_the_physics_is_the_source_of_every_module_that_a_fit_loads():
     code = """
         import sys
         from pathlib import Path
+        import tests.fit.conftest
         import fit
         from fit.identification.calibrate import calibrate
         from fit.cloth import rollout

@@ -10,6 +10,7 @@ from scipy.optimize import curve_fit
 from firmware_host.synthetic.garments import shirt
 from fit.cloth.bundles import ROW
 from fit.cloth.mesh import ClothMesh, build_mesh
+from fit.cloth.model import Resolution
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, clamps
@@ -181,7 +182,8 @@ def test_even_strain_pulls_alike_wherever_it_is_sampled(monkeypatch):
         recording = prepare(take_of(GARMENTS["bias"], np.arange(0, 0.2, 0.01), np.zeros((20, 3))))
         everywhere = Clamp(lambda places: np.full(len(places), True), drawn)
         support = clamps(everywhere, start=drawn(np.zeros(1))[0], gravity=0.0)
-        return Simulator(recording, support=support).run(rows, shapes=True).forces
+        simulator = Simulator(recording, support=support, resolution=Resolution(spacing=0.1))
+        return simulator.run(rows, shapes=True).forces
 
     crossed = forces()
     monkeypatch.setattr(ClothMesh, "is_crossed", False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import json
 import re
 import shutil
@@ -35,6 +36,9 @@ setInterval(() => {
 PHONE = """<body><iframe src="{address}" style="width:390px;height:800px;border:0"></iframe><script>
 addEventListener("message", (event) => {{ [document.body.dataset.wide, told.innerHTML] = event.data; }});
 </script><div id="told"></div></body>"""
+
+
+SCENE = functools.cache(motion)
 
 
 def lost_motion():
@@ -126,7 +130,7 @@ def opened(page, address, folder):
 
 def by_hand(frame, run):
     """Root mean square distance of the free points of a frame [mm]; the first two points are held."""
-    scene = motion()
+    scene = SCENE()
     apart = np.linalg.norm(scene.real[frame, 2:] - scene.runs[run].points[frame, 2:], axis=1)
     return 1e3 * np.sqrt(np.nanmean(apart**2))
 

@@ -34,7 +34,7 @@ from formats.importers.number_cells import form_of, is_seen, magnitude_of
 
 NOISES = 7.0  # of normal noise, q is 0.67 standard deviations: one place of 400,000 is farther off
 STRETCH = 50  # places: half a swing at 100 frames a second
-LINES_LOOKED_AT = 200  # of a file, to learn how it writes numbers
+LINES_LOOKED_AT, MOST_COLUMNS = 200, 300  # of a file, to learn how it writes numbers
 # Of programs that leave out zeros, one number of ten has fewer digits. So of 100 at most 2 have in one file of 500.
 FEWEST_NUMBERS, MOST_SHORTER = 100, 0.02
 MOST_DIGITS = 9  # behind a point: those after them matter to no place and no time
@@ -70,13 +70,12 @@ def writings_of(rows: Rows, wanted: Iterable[int], columns: Sequence[int]) -> di
 
     columns: those of all places
     """
-    texts, pooled = {k: Counter[str]() for k in wanted}, Counter[str]()
-    for row in lines_looked_at(rows):
-        pooled.update(cell for k in columns if k < len(row) and is_seen(cell := row[k].strip()))
+    texts = {k: Counter[str]() for k in wanted}
+    for row in lines_looked_at(rows) if texts else ():
         for k, own in texts.items():
             if k < len(row) and is_seen(cell := row[k].strip()):
                 own[cell] += 1
-    of_all, found = _writing(pooled), dict[int, Writing]()
+    of_all, found = writing_of_all(rows, columns), dict[int, Writing]()
     for k, own in texts.items():
         writing = _writing(own) if len(own) >= FEWEST_NUMBERS else of_all
         shorter = sum(count for text, count in own.items() if form_of(text).digits < of_all.always)
@@ -87,6 +86,14 @@ def writings_of(rows: Rows, wanted: Iterable[int], columns: Sequence[int]) -> di
         repeated = frozenset(text for text, count in own.items() if count > 1)
         found[k] = replace(writing, always=always, repeated=repeated)
     return found
+
+
+def writing_of_all(rows: Rows, columns: Sequence[int]) -> Writing:
+    """Return how the numbers of columns are written, by some of the lines and of the columns."""
+    some, texts = columns[:: 1 + len(columns) // MOST_COLUMNS], Counter[str]()
+    for row in lines_looked_at(rows):
+        texts.update(cell for k in some if k < len(row) and is_seen(cell := row[k].strip()))
+    return _writing(texts)
 
 
 def lines_looked_at(rows: Rows) -> Iterator[list[str]]:
@@ -105,18 +112,19 @@ def _writing(texts: Counter[str]) -> Writing:
         return CLOCK
     most = min(max(form.digits for form in forms.values()), MOST_DIGITS)
     powers = Counter(form.power for form in forms.values())
-    shorter = [text for text, form in forms.items() if form.digits < most]
+    usual_digits = Counter(form.digits for form in forms.values()).most_common(1)[0][0]
+    others = [text for text, form in forms.items() if form.digits != usual_digits]
     is_known = len(texts) >= FEWEST_NUMBERS
-    is_rare = len(shorter) <= MOST_SHORTER * len(texts) and sum(map(texts.__getitem__, shorter)) <= (
+    is_rare = len(others) <= MOST_SHORTER * len(texts) and sum(map(texts.__getitem__, others)) <= (
         MOST_SHORTER * texts.total()
     )
-    is_fixed = is_known and is_rare and powers.keys() == {0} and most < MOST_DIGITS
-    is_fixed = is_fixed and len({magnitude_of(text) for text in forms.keys() - set(shorter)}) > 1
+    is_fixed = is_known and is_rare and powers.keys() == {0} and usual_digits < MOST_DIGITS
+    is_fixed = is_fixed and len({magnitude_of(text) for text in forms.keys() - set(others)}) > 1
     lengths = Counter({power: count for power, count in powers.items() if power})
     usual = next(
         (power for power, count in lengths.most_common(1) if are_rare(lengths.total() - count, lengths.total())), 0
     )
-    return Writing(most, most if is_fixed else 0, bool(lengths), is_known and not powers[0], usual)
+    return Writing(most, usual_digits if is_fixed else 0, bool(lengths), is_known and not powers[0], usual)
 
 
 def are_rare(count: int, total: int) -> bool:

@@ -14,9 +14,11 @@ import numpy as np
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_lines
+from formats.importers.cell_forms import take_out_odd_cells
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_signs import DecimalSigns, may_be_motion
 from formats.importers.leaps import take_out_leaps
+from formats.importers.lost_lines import take_out_joined_lines
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import as_seen, take_out_signs
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
@@ -109,7 +111,10 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     for at in within:
         _take_out_the_last(places, at, cells, columns)
     doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
+    if min(table.markers, default=0):  # without a clock, lines begin with a place
+        doubts.append(take_out_joined_lines(first[:, 0], time, places, line))
     doubts.append(take_out_leaps(time, places, table.labels, line))
+    doubts.append(take_out_odd_cells(rows, columns, places, table.labels, line))
     return Frames(time, places, "; ".join(filter(None, doubts)))
 
 

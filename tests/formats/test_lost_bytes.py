@@ -1,0 +1,91 @@
+"""Bytes that are lost within the lines of a text leave numbers of other digits, or join two lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
+from tests.formats.test_marker_tables import read
+
+AT = 60
+HOLE = "{} missing behind line {}, so its markers count as not seen"
+NO_DIGITS = "line 66: {!r} of a has not the 3 digits behind a point that its column has, so it counts as not seen there"
+
+
+def with_cell(lines, change, column=4):
+    cells = lines[AT].split(",")
+    cells[column] = change(cells[column])
+    return [*lines[:AT], ",".join(cells), *lines[AT + 1 :]], cells[column]
+
+
+def unseen(found):
+    return np.argwhere(np.isnan(found.positions).any(2)).tolist()
+
+
+@pytest.mark.parametrize("change", [lambda cell: cell[:-1], lambda cell: cell + "7", lambda cell: cell[:-4]])
+@pytest.mark.parametrize("column", [2, 4])
+def test_a_number_of_other_digits_than_its_column_has_is_no_place(tmp_path, change, column):
+    lines, cell = with_cell(vicon(WRITERS["%.3f"], places()), change, column)
+    found = imported(tmp_path, lines)
+    assert (found.doubt, unseen(found)) == (NO_DIGITS.format(cell), [[AT, 0]])
+
+
+def test_several_numbers_are_counted_also_in_lines_whose_empty_cells_are_left_out(tmp_path):
+    lines = [
+        line if k % 3 else ",".join(line.split(",")[:5]) for k, line in enumerate(vicon("{:.3f}".format, places()))
+    ]
+    lines, first = with_cell(lines, lambda cell: cell[:-2], 3)
+    lines[AT + 4] = ",".join([*lines[AT + 4].split(",")[:5], "410.5", *lines[AT + 4].split(",")[6:]])
+    found = imported(tmp_path, lines)
+    assert found.doubt.startswith(f"2 numbers have other than the 3 digits of their columns, first {first!r}")
+    assert np.isnan(found.positions[[AT, AT + 4], [0, 1]]).all()
+
+
+@pytest.mark.parametrize("writer", ["%.0f", "%g", "%.6e", "repr"])
+def test_programs_that_leave_out_zeros_write_other_digits(tmp_path, writer):
+    found = imported(tmp_path, vicon(WRITERS[writer], places()))
+    assert (found.doubt, unseen(found)) == ("", [])
+
+
+@pytest.mark.parametrize("value", ["0", "nan", "-", " 1205.340 ", "1205"])
+def test_words_spaces_and_numbers_that_a_column_repeats_are_no_odd_numbers(tmp_path, value):
+    lines = vicon(WRITERS["%.3f"], places())
+    for k in (10, 60, 110):
+        lines[k] = ",".join([*lines[k].split(",")[:4], value, *lines[k].split(",")[5:]])
+    found = imported(tmp_path, lines)
+    assert "digits" not in found.doubt
+
+
+def test_two_joined_lines_show_by_the_frames_that_are_missing(tmp_path):
+    """From within a's z of one line to within that of another one, as a lost block leaves it."""
+    lines = vicon(WRITERS["%.3f"], places())
+    begin, end = lines[AT].split(","), lines[AT + 10].split(",")
+    joined = ",".join([*begin[:4], begin[4][:1] + end[4][1:], *end[5:]])
+    found = imported(tmp_path, [*lines[:AT], joined, *lines[AT + 11 :]])
+    assert (found.doubt, unseen(found)) == (HOLE.format("frames 62 to 71 are", 66), [[AT, 0], [AT, 1]])
+    found = imported(tmp_path, [*lines[: AT + 1], *lines[AT + 2 :]])
+    assert (found.doubt, unseen(found)) == (HOLE.format("frame 62 is", 66), [[AT, 0], [AT, 1]])
+
+
+@pytest.mark.parametrize(("lost", "is_told"), [(1, False), (2, True), (10, True)])
+def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is_told):
+    cells = [line.split(",", 2)[2] for line in vicon("{:.4f}".format, places(), 1e-3)]
+    lines = [f"{k / 100:.2f},{row}" for k, row in enumerate(cells)]
+    head = "time_s," + ",".join(f"{name}_{axis}_m" for name in "ab" for axis in "xyz") + "\n"
+    text = head + "\n".join([*lines[:AT], *lines[AT + lost :]]) + "\n"
+    found = read(tmp_path, text, None, "own.csv")
+    assert found.doubt == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_told else "")
+
+
+def test_programs_that_leave_out_frames_in_many_places_lost_no_bytes(tmp_path):
+    lines = vicon(WRITERS["%.3f"], places())
+    found = imported(tmp_path, [line for k, line in enumerate(lines) if k % 20 != 7])
+    assert (found.doubt, unseen(found)) == ("", [])
+
+
+def test_a_line_without_a_clock_begins_with_a_place_and_not_with_the_number_of_a_frame(tmp_path):
+    head = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t1\nFREQUENCY\t100\nMARKER_NAMES\ta\n"
+    rows = "".join(f"{k + 9 * (k > 20)}\t200\t{k}\n" for k in range(30))
+    found = read(tmp_path, head + rows, None, "a.tsv")
+    assert (found.doubt, unseen(found)) == ("", [])

@@ -72,10 +72,10 @@ def test_without_a_home_kernels_run_all_the_same_and_nothing_is_left(tmp_path, h
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """A folder with the compiled kernel of SQUARES, the script, and how to run it there."""
+    """A folder with the compiled kernel of SQUARES, the script without the commands, and how to run it there."""
     folder = tmp_path_factory.mktemp("cache")
     script = folder / "squares.py"
-    script.write_text(SQUARES)
+    script.write_text("from fit import runtime" + SQUARES.partition("add_commands(typer.Typer())")[2])
 
     def run():
         return subprocess.run(

@@ -19,6 +19,7 @@ from formats.take import Take
 LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
+RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
 LARGEST_LEAP = 600.0  # s between two frames of one take: five times its longest recording; a simulation goes through it
 NEAR_A_RATE = 2.0  # times: a rate so near the range is meant as it is; a wrong unit is wrong by 30 times and more
 RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
@@ -103,6 +104,24 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
         f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
         f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=step_or_anyway("give its time in seconds", offers_anyway),
     )  # fmt: skip
+
+
+def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse a frame rate, by which times [s], (frames,), were counted, that no camera has or a copy [1/s] contradicts.
+
+    Raises:
+        ImplausibleError: names it, and the copy.
+    """
+    if len(time) < 2:
+        return
+    found = 1 / float(np.median(np.diff(time)))
+    advice = step_or_anyway("export it again with its frame rate", offers_anyway)
+    if not SLOWEST / 1.001 <= found <= FASTEST * 1.001:
+        raise ImplausibleError(f"it states {found:.4g} frames a second; {RATES}", where=where, advice=advice)
+    if rate is not None and not 1 / RATE_WITHIN <= found / rate <= RATE_WITHIN:
+        raise ImplausibleError(
+            f"it states {found:.4g} frames a second, and its header {rate:.4g}", where=where, advice=advice
+        )
 
 
 def check_stated_rate(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:

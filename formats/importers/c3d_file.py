@@ -26,6 +26,7 @@ from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_tracks import MarkerTracks, as_seen, take_out_signs
 from formats.importers.units import metres_of
 from formats.plain_text import sized
+from formats.plausible import RATES
 
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
@@ -58,7 +59,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
             advice="export trajectories, not only analogue data",
         )  # fmt: skip
     if not 0 < rate <= LONGEST_RATE:
-        states = f"states {rate:g} frames a second" if rate else "states no frame rate above 0"
+        states = f"states {rate:g} frames a second; {RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
@@ -77,7 +78,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     blocks = zero_blocks(path, header.data_at, frames * header.width)
     doubts.append(take_out_zero_blocks(places, blocks, FLOAT if header.is_float else SHORT, header.width))
     doubt = "; ".join(filter(None, [*doubts, take_out_leaps(time, places, labels, frame_of)]))
-    return MarkerTracks(tuple(labels), time, places, header.rate, doubt)
+    return MarkerTracks(tuple(labels), time, places, header.rate, doubt, has_times=False)
 
 
 def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str:

@@ -10,6 +10,7 @@ Qualisys Track Manager, "TSV export".
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
 from formats.importers.units import METRES, axes_of, metres_of
 from formats.plain_text import counted
+from formats.plausible import RATES
 from formats.rows import spreadsheet_cell
 
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
@@ -73,8 +75,8 @@ def _rate(cell: str, path: Path) -> float:
     except ValueError:
         rate = np.nan
     if not 0 < rate < 1e4:
-        shown = cell.strip()[:LONGEST_SHOWN]
-        raise TakeError(f"its frame rate is {shown!r}", where=path, advice="export it with its frame rate")
+        shown = repr(cell.strip()[:LONGEST_SHOWN]) + f"; {RATES}" * bool(rate > 0)
+        raise TakeError(f"its frame rate is {shown}", where=path, advice="export it with its frame rate")
     return rate
 
 
@@ -198,7 +200,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
     frames = read_frames(body, Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate), path)
-    return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt)
+    return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt, has_times=False)
 
 
 def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
@@ -273,4 +275,5 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         return first[:, 1] if has_clock else np.arange(end) / rate
 
     frames = read_frames(body, Table(width, range(begin, width, 3), names, metres_of("mm", unit, path), clock), path)
-    return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
+    tracks = MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
+    return replace(tracks, has_times=has_clock)

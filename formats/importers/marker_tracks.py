@@ -42,6 +42,7 @@ class MarkerTracks:
 
     - `labels`: as the file has them, a subject's name before a colon included
     - `rate` [1/s]: what the file states besides the times, None where it states none
+    - `has_times`: whether the file has a time for each frame, and not a frame rate alone
     - `doubt`: a sentence about a file that contradicts itself and was read all the same, '' where there is none
     """
 
@@ -50,6 +51,7 @@ class MarkerTracks:
     positions: Floats
     rate: float | None = None
     doubt: str = ""
+    has_times: bool = True
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return which markers have this name, of any subject where none is given."""

@@ -27,7 +27,7 @@ from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
 from formats.plain_text import counted
-from formats.plausible import check_plausible_times, check_stated_rate
+from formats.plausible import check_plausible_times, check_rate_alone, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
@@ -161,6 +161,8 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
             advice="mend the times, or the numbers of the frames",
         )  # fmt: skip
     if not options.anyway:
+        if not tracks.has_times:
+            check_rate_alone(time, tracks.rate, path, offers_anyway=options.anyway is not None)
         check_plausible_times(time, path, offers_anyway=options.anyway is not None)
         check_stated_rate(time, tracks.rate, path, offers_anyway=options.anyway is not None)
     positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]

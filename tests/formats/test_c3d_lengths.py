@@ -117,8 +117,8 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
         (b"\0\x50" + bytes(600), "is no C3D file that can be read (its first block is none); export it again"),
         (b"x\ty\r\n" * 200, "is no C3D file that can be read (its first block is none); it is text: give it the "
          "ending .trc, .csv or .tsv"),
-        (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=10_001.0), "states 10001 frames a second; export it again with its "
-         "frame rate"),
+        (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=10_001.0), "states 10001 frames a second; 5 to 1000 can be "
+         "used; export it again with its frame rate"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=None, header={"rate": 0}), "states no frame rate above 0; "
          "export it again with its frame rate"),
         (c3d_bytes(np.ones((20, 0, 3)), [], analogue=3), "has no marker paths (0 points, 20 frames); export "

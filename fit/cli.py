@@ -148,6 +148,7 @@ def fit_command(
     """
     from msgspec import to_builtins
 
+    from fit.api.calls import sorted_out
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
     from fit.engines import check_engine
@@ -168,7 +169,8 @@ def fit_command(
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
     ).request()  # fmt: skip
     check_engine(request.engine, request.method, request.effects)
-    training, testing = _read(takes, held_out, held_out_motion, anyway)
+    mesh = request.resolution.spacing
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     prepared = ready(training, testing)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(request.search)
@@ -188,7 +190,7 @@ def fit_command(
         with alone(out):
             result = calibrate(
                 training, testing, request, prepared=prepared, checkpoint=checkpoint, progress=show,
-                begun=lambda: say_takes(training, testing),
+                begun=lambda: say_takes(training, testing, mesh),
             )  # fmt: skip
             progress.end()
             aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
@@ -296,7 +298,7 @@ def diagnose_command(
     """
     from msgspec import to_builtins
 
-    from fit.api.calls import library_of
+    from fit.api.calls import library_of, sorted_out
     from fit.api.shown import diagnosis_tables
     from fit.api.tables import as_text
     from fit.cloth.effect import parameter_names
@@ -315,7 +317,7 @@ def diagnose_command(
 
     if arrows is not None or plot is not None:
         import PIL  # noqa: F401 - before the work, not after it
-    training, testing = _read(takes, held_out, held_out_motion, anyway)
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
     decided = deciding(by)
@@ -340,7 +342,7 @@ def diagnose_command(
     progress = ProgressLine("diagnosis")
 
     def begun() -> None:
-        say_takes(training, testing)
+        say_takes(training, testing, spacing)
         if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
             say(f"Going on with {finished} finished fits.")
 
@@ -383,17 +385,15 @@ def diagnose_command(
         raise typer.Exit(INCONCLUSIVE)
 
 
-def _read(takes: list[Path], held_out: list[Path], motions: list[str], anyway: bool) -> tuple[list[Take], list[Take]]:
-    """Takes to fit to and takes to judge on, by name or by motion."""
-    from fit.api.calls import sorted_out
+def say_takes(training: list[Take], testing: list[Take], spacing: float | None = None) -> None:
+    """Say which takes a command fits to and judges on, once nothing refuses them, and what a fine mesh costs.
 
-    return sorted_out(takes, held_out, motions, anyway=anyway)
+    spacing: of the mesh [m], None for a default
+    """
+    from fit.cloth.mesh import cost_words
 
-
-def say_takes(training: list[Take], testing: list[Take]) -> None:
-    """Say which takes a command fits to and judges on, once nothing refuses them."""
     judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
-    say(f"Fitting to {_listed(training)}; {judging}.")
+    say(f"Fitting to {_listed(training)}; {judging}.{cost_words(training[0].garment, spacing)}")
 
 
 def _listed(takes: list[Take]) -> str:

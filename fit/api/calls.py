@@ -92,7 +92,8 @@ def fit(
     check_call(progress, "progress")
     request = Plan(**checked(options)).request()
     file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
-    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
+    mesh = request.resolution.spacing
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     with output_folder(file.parent) if file is not None else contextlib.nullcontext():
         prepared = ready(training, testing)
         result = calibrate(training, testing, request, prepared=prepared, checkpoint=file, progress=progress)
@@ -144,7 +145,7 @@ def diagnose(
     mesh = number_of(spacing, "spacing")
     resolution = Resolution(spacing=mesh) if mesh is not None else None
     folder = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
-    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     if not training:
         raise FitError("no take was given", advice="name at least one take archive")
     add, without = names_of(add, "add"), names_of(without, "without")
@@ -296,15 +297,23 @@ def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]
 
 
 def sorted_out(
-    takes: Takes, held_out: Takes = (), held_out_motion: Sequence[str] = (), *, anyway: bool = False
+    takes: Takes,
+    held_out: Takes = (),
+    held_out_motion: Sequence[str] = (),
+    *,
+    anyway: bool = False,
+    spacing: float | None = None,
 ) -> tuple[list[Take], list[Take]]:
     """Return the takes to fit to and the takes to judge on, read where a path is given.
 
-    anyway: accept implausible takes
+    - `anyway`: accept implausible takes
+    - `spacing`: of the mesh [m] that they are simulated on, None for a default
 
     Raises:
-        HangtimeError: an archive cannot be read, a take is implausible, or no take moves in a kind to be held out.
+        HangtimeError: an archive cannot be read, a take is implausible, no take moves in a kind to be held out, or no
+            such mesh can be made of the garment.
     """
+    from fit.cloth.mesh import check_mesh
     from fit.recordings.selection import split_by_motion
 
     kinds = names_of(held_out_motion, "held_out_motion")
@@ -313,6 +322,8 @@ def sorted_out(
         for take in every + judged:
             check_plausible_take(take, take.take_id, offers_anyway=True)
     training, moving = split_by_motion(every, kinds)
+    if training and spacing is not None:
+        check_mesh(training[0].garment, spacing)
     return training, moving + judged
 
 

@@ -28,7 +28,13 @@ from formats.garment import Garment
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
-MOST_MESH_NODES = 250_000  # a second of motion of so many takes a minute or more, and memory grows with them
+MOST_MESH_NODES = 250_000  # more than any program wants, and memory grows with them
+MOST_SIMULATED_NODES = (
+    40_000  # six seconds of motion take 0.33 s on 100, 2.6 s on 400 (measured): 44 minutes on so many
+)
+MANY_MESH_NODES = 1000  # likewise: ten seconds, and an hour for a fit of 350 simulations
+USUAL_NODES = 100  # of a garment of 0.5 m at a spacing of 0.05 m
+OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m that a spacing of one in them is
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
@@ -108,6 +114,45 @@ class _Laid:
     layers: Integers
 
 
+def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODES) -> None:
+    """Refuse a spacing [m] that gives a garment no mesh, or one of more than `most` nodes.
+
+    Raises:
+        FitError: it is refused; the error names the unit that may be meant.
+    """
+    check_spacing(spacing)
+    width, height = _sides(np.asarray(garment.outline_m, float))
+    # Rounded up to a tenth of a millimetre: the advice is then one to follow.
+    finest, coarsest = float(np.ceil(1e4 * np.sqrt(width * height / most)) / 1e4), min(width, height) / 2
+    if finest <= spacing <= coarsest:
+        return
+    what = f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m"
+    if spacing < finest:
+        what += f", and gives it about {_nodes(garment, spacing):.0f} nodes where {most} are the most"
+    meant = [
+        f"{spacing * size:g} for {unit}" for unit, size in OTHER_UNITS.items() if finest <= spacing * size <= coarsest
+    ]
+    raise FitError(
+        what, where=garment.name,
+        advice=f"choose a spacing from {finest:g} m to half of its smaller side"
+        + (f"; it is in metres: {' or '.join(meant)}" if meant else ""),
+    )  # fmt: skip
+
+
+def cost_words(garment: Garment, spacing: float | None) -> str:
+    """Return a sentence on what a fine mesh costs, after a space; nothing of a usual one or a default, None."""
+    nodes = 0.0 if spacing is None else _nodes(garment, spacing)
+    if nodes < MANY_MESH_NODES:
+        return ""
+    longer = (nodes / USUAL_NODES) ** 1.5  # half the spacing: four times the nodes, and twice the steps
+    return f" The mesh has about {nodes:.0f} nodes; a simulation takes {longer:.0f} times as long as on {USUAL_NODES}."
+
+
+def _nodes(garment: Garment, spacing: float) -> float:
+    """Return about how many nodes [1] a mesh of a spacing [m] has."""
+    return (2 if garment.seams else 1) * garment.area_m2 / spacing**2
+
+
 @functools.lru_cache(maxsize=8)
 def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     """Mesh a garment with nodes about `spacing` [m] apart; their places on the flat garment are the front's.
@@ -117,15 +162,8 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     Raises:
         FitError: the outline cannot be meshed, or the spacing is larger than the garment.
     """
+    check_mesh(garment, spacing, MOST_MESH_NODES)
     outline = np.asarray(garment.outline_m, float)
-    width, height = _sides(outline)
-    finest = np.sqrt(width * height / MOST_MESH_NODES)
-    if not finest <= spacing <= min(width, height) / 2:
-        raise FitError(
-            f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m",
-            where=garment.name,
-            advice=f"choose a spacing from {finest:.1g} m to half of its smaller side",
-        )
     is_panel = garment.is_four_sided and not garment.holes_m
     laid = _panel(garment, outline, spacing) if is_panel else _pattern(garment, spacing)
     grid = laid.elements

@@ -210,6 +210,11 @@ def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, fl
             f"{known[name].maximum:g}",
         ) from None  # fmt: skip
     parameter = known[name]
+    if math.isnan(low) or math.isnan(high):
+        raise FitError(
+            f"{text!r} has a bound that is no number", where="--bounds",
+            advice=f"for example {name}={parameter.minimum:g}:{parameter.maximum:g}",
+        )  # fmt: skip
     if not low < high:
         raise FitError(
             f"the lower bound of {name}, {low:g}, is not below its upper bound, {high:g}",

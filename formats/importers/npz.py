@@ -17,6 +17,8 @@ from formats.plain_text import sized
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
+BEGINNING = b"PK\x03\x04"  # of the first file in an archive (APPNOTE.TXT, 4.3.7)
+
 
 def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
     """Return the named arrays; others in the archive are not read.
@@ -31,6 +33,9 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
         check_ends(path)
         with path.open("rb") as file:
             if not zipfile.is_zipfile(file):
+                file.seek(0)
+                if file.read(len(BEGINNING)) == BEGINNING:
+                    raise TakeError("is cut off: its archive has no end", where=path, advice="copy or export it again")
                 raise TakeError(
                     "is empty" if not path.stat().st_size else "is no .npz archive", where=path, advice=advice
                 )

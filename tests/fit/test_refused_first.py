@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from fit.cli import say_takes
 from formats.archive import write_take
 from tests.fit.here import hangtime_here
+from tests.fit.scenes import sheet
 from tests.fit.test_command_line import a_swung_take
 
 
@@ -43,3 +47,18 @@ def test_the_takes_are_named_once_nothing_refuses_them(tmp_path, command):
         done = hangtime_here(command, *words, folder=tmp_path)
         assert (done.returncode, done.stdout, "Fitting" in done.stderr) == (2, "", False)
         assert sentence in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("spacing", "words"),
+    [
+        (None, "is held out.\n"),
+        (0.02, "is held out.\n"),
+        (0.01, "is held out. The mesh has about 1800 nodes; a simulation takes 76 times as long as on 100.\n"),
+    ],
+)
+def test_a_fine_mesh_says_before_the_work_what_it_costs(spacing, words, capsys):
+    """0.4 m x 0.45 m; 18 times the nodes, and 18 to the power of 1.5 times the time."""
+    take = a_swung_take(seconds=2.05)
+    say_takes([replace(take, garment=sheet())], [], spacing)
+    assert capsys.readouterr().err.endswith(words)

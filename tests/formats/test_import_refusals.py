@@ -42,6 +42,13 @@ def test_a_file_of_another_kind_is_sent_to_its_own_door(tmp_path, name, words):
     assert done.stderr.startswith(f"hangtime: {name}: {words}")
 
 
+def test_an_archive_that_is_cut_off_is_told_from_another_kind_of_file(tmp_path):
+    np.savez(tmp_path / "a.npz", points=np.zeros((40, 3)))
+    (tmp_path / "a.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:-100])
+    done = hangtime_here("import", "a.npz", folder=tmp_path)
+    assert done.stderr == "hangtime: a.npz: is cut off: its archive has no end; copy or export it again\n"
+
+
 @pytest.mark.parametrize("name", ["a.csv", "a.npz", "a"])
 def test_a_folder_is_no_missing_file(tmp_path, name):
     (tmp_path / name).mkdir()

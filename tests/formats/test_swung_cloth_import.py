@@ -149,7 +149,8 @@ def test_bytes_that_are_no_archive_are_refused(tmp_path, change):
     swung_cloth(tmp_path / "r.npz")
     (tmp_path / "r.npz").write_bytes(change((tmp_path / "r.npz").read_bytes()))
     with pytest.raises(
-        TakeError, match=r"r\.npz: is (empty|no .npz archive|an .npz archive that is damaged or holds objects);"
+        TakeError,
+        match=r"r\.npz: is (empty|cut off: its archive has no end|no .npz archive|an .npz archive that is damaged.*);",
     ):
         import_swung_cloth(tmp_path / "r.npz")
 

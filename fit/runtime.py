@@ -13,11 +13,9 @@ import os
 import shutil
 import struct
 import tempfile
-import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -211,7 +209,7 @@ def _read_kernels_quickly() -> None:
     """Spare most of what Taichi 1.7 takes to read a kernel's source, which it does in every process.
 
     Taichi lays out the lines around every node of the syntax tree for a possible error message. Without this, an error
-    names file and line alone. Taichi also looks up a function's source, and lays out its lines, at each call.
+    names file and line alone. Taichi also looks up a function's source at each call.
     """
     from taichi.lang import kernel_impl
 
@@ -222,7 +220,6 @@ def _read_kernels_quickly() -> None:
     kernel_impl.ASTTransformerContext = Context
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
     kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
-    kernel_impl.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
 
 
 @contextlib.contextmanager

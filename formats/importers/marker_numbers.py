@@ -200,7 +200,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
-    if len(row) < width and _marks_join_cells(rows, at, width):
+    if len(row) < width and _marks_join_cells(rows, at):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}: quotation marks join some of them", where=path,
             advice="take the quotation marks out of that line",
@@ -228,10 +228,10 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
         )  # fmt: skip
 
 
-def _marks_join_cells(rows: Rows, at: int, width: int) -> bool:
-    """Return whether a line's cell holds a separator, but no number with a decimal comma such as whole lines hold."""
+def _marks_join_cells(rows: Rows, at: int) -> bool:
+    """Return whether a line's cell holds a separator, but no number with a decimal comma such as longer lines hold."""
     joined = [cell for cell in rows[at] if rows.separator in cell]
-    whole = chain.from_iterable(line for line in lines_around(rows, at) if len(line) == width) if joined else ()
+    whole = chain.from_iterable(line for line in lines_around(rows, at) if len(line) > len(rows[at])) if joined else ()
     return bool(joined) and not (all(map(is_number, joined)) and any(rows.separator in cell for cell in whole))
 
 

@@ -113,7 +113,8 @@ def quoted(k, markers):
     return ",".join([f"{k + 1},0", *(f'"{number:.2f}"'.replace(".", ",") for number in numbers)])
 
 
-def test_numbers_with_decimal_commas_in_quotation_marks_join_no_cells(tmp_path):
-    found = imported(tmp_path, [quoted(k, 1 if 40 < k < 45 else 2) for k in range(FRAMES)])
+@pytest.mark.parametrize("end", ["", ","])
+def test_numbers_with_decimal_commas_in_quotation_marks_join_no_cells(tmp_path, end):
+    found = imported(tmp_path, [quoted(k, 1 if 40 < k < 45 else 2) + end for k in range(FRAMES)])
     assert (found.doubt, np.isnan(found.positions).any(2).sum(0).tolist()) == ("", [0, 4])
     assert found.positions[0, 0] == pytest.approx([0.3, 0.40665, 0.51322])

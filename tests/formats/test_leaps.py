@@ -104,3 +104,11 @@ def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_place(tmp_
     found = imported(tmp_path, lines)
     assert found.doubt.startswith("line 66: a leaps 0.5 m away")
     assert np.isnan(found.positions[AT]).all()
+
+
+def test_a_place_that_does_not_come_back_is_no_leap():
+    """Rounded to 0.1 m, a path turns by steps: off its lines by 71, 141 and 100 mm, between places 141 mm apart."""
+    where = np.ones((120, 2, 3))
+    where[AT:, 0] = [0.9, 0.9, 1.0]
+    where[AT + 2 :, 0, 2] = 0.9
+    assert leaps(np.arange(120) / 100, where) == ("", [])

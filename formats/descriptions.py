@@ -89,6 +89,17 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     return rig
 
 
+def says(path: Path, description: Garment | Rig) -> bool:
+    """Return whether a file that is there says what a description says, in whatever spelling.
+
+    Raises:
+        DescriptionError: it cannot be read or is none; the user may have accepted an implausible one, so that counts.
+    """
+    if isinstance(description, Rig):
+        return load_rig(path, anyway=True) == description
+    return load_garment(path, anyway=True).as_meant == description.as_meant
+
+
 def dump_description(description: Garment | Rig) -> str:
     """Return the TOML text of a rig or garment."""
     plain = {k: v for k, v in msgspec.to_builtins(description).items() if v is not None}

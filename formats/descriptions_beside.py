@@ -11,13 +11,14 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
 
-from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig, refuse_codes
-from formats.errors import DescriptionError, TakeError
+from formats.descriptions import check_garment, check_rig, dump_description, refuse_codes, says
+from formats.errors import DescriptionError, OutputError, TakeError
 from formats.garment import Garment
 from formats.outputs import check_length, unwritable
 from formats.rig import Rig
@@ -26,11 +27,12 @@ from formats.unfinished import (
     ANOTHER_FOLDER,
     DESCRIBED_BESIDE,
     already_there,
-    left_beside,
     prepared_name,
     unfinished_name,
 )
 from formats.whole_files import sync_folder
+
+PATIENCE = 10.0  # s; an import needs some milliseconds for its descriptions and the name of its take
 
 
 def check_room_beside(take: Path) -> None:
@@ -58,7 +60,7 @@ def check_description(path: Path, description: Garment | Rig, *, overwrite: bool
     if not os.path.lexists(path) or (overwrite and not path.is_dir()):
         return
     try:
-        if _says(path, description):
+        if says(path, description):
             return
         what = f"is already there and describes another {kind} than that of this take"
     except DescriptionError as error:
@@ -91,6 +93,8 @@ def described_beside(take: Path, descriptions: Mapping[str, Garment | Rig], *, o
             yield
         except BaseException:
             _settle(folder)
+            for name in changed.keys() - _left(take):
+                prepared_name(take, name).unlink(missing_ok=True)
             raise
         for name in changed:
             _give_name(take, name)
@@ -99,11 +103,12 @@ def described_beside(take: Path, descriptions: Mapping[str, Garment | Rig], *, o
 
 
 def settle(folder: Path) -> list[Path]:
-    """Give the descriptions that a killed import left their names, and return these; remove those of no take.
+    """Give the descriptions that a killed import left their names, and return these.
+
+    A description that was edited since stays, and one that cannot be renamed: whoever reads the take names both.
 
     Raises:
-        OutputError: one cannot be renamed.
-        OSError: one cannot be removed.
+        OutputError: another program keeps the folder locked, or it cannot be read.
     """
     with _alone_in(folder):
         return _settle(folder)
@@ -115,21 +120,28 @@ def _settle(folder: Path) -> list[Path]:
         ending = unfinished_name(Path(f".{name}")).name
         for prepared in sorted(folder.glob(f"*{ending}")):
             take = folder / f"{prepared.name.removesuffix(ending)}.mcap"
-            if name in left_beside(take) and _is_of(prepared, name, take):
-                _give_name(take, name)
-                settled.append(folder / name)
-            elif not prepared.is_dir():
-                prepared.unlink()
+            if name in _left(take) and not _is_newer(folder / name, prepared):
+                with contextlib.suppress(OutputError):
+                    _give_name(take, name)
+                    settled.append(folder / name)
     return settled
 
 
-def _is_of(prepared: Path, name: str, take: Path) -> bool:
-    """Return whether a prepared file is of a take that has its name: else its import never came so far."""
+def _left(take: Path) -> tuple[str, ...]:
+    """Return the descriptions that were left beside a take and are its own; none where it cannot be read."""
     try:
-        found = read_take(take)
+        report = read_take(take).report
     except TakeError:
+        return ()
+    return report.left if report is not None else ()
+
+
+def _is_newer(path: Path, prepared: Path) -> bool:
+    """Return whether a description was changed after another was prepared to replace it."""
+    try:
+        return path.stat().st_mtime_ns > prepared.stat().st_mtime_ns
+    except OSError:
         return False
-    return _is_said(prepared, found.rig if name == DESCRIBED_BESIDE[0] else found.garment)
 
 
 def _give_name(take: Path, name: str) -> None:
@@ -154,29 +166,42 @@ def _prepare(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Wait until no other import is at the descriptions of a folder."""
-    handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    """Wait until no other import is at the descriptions of a folder.
+
+    Raises:
+        OutputError: it is locked for longer than an import takes, or it cannot be read.
+    """
     try:
-        with contextlib.suppress(OSError):  # a file system without locks of folders
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    try:
+        until = time.monotonic() + PATIENCE
+        while not _locked(handle):
+            if time.monotonic() > until:
+                raise OutputError(
+                    f"has been locked by another program for {PATIENCE:g} s", where=folder,
+                    advice="wait until that program ends, or choose another folder with --out",
+                )  # fmt: skip
+            time.sleep(0.02)
         yield
     finally:
         os.close(handle)
 
 
+def _locked(handle: int) -> bool:
+    """Return whether a folder is this process's own now, also where a file system has no locks of folders."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
 def _is_said(path: Path, description: Garment | Rig) -> bool:
     """Return whether a file says what a description says; False of one that is not there or cannot be read."""
     with contextlib.suppress(DescriptionError):
-        return _says(path, description)
+        return says(path, description)
     return False
-
-
-def _says(path: Path, description: Garment | Rig) -> bool:
-    """Return whether a file that is there says what a description says, in whatever spelling.
-
-    Raises:
-        DescriptionError: it cannot be read or is none; the user may have accepted an implausible one, so that counts.
-    """
-    if isinstance(description, Rig):
-        return load_rig(path, anyway=True) == description
-    return load_garment(path, anyway=True).as_meant == description.as_meant

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
 import msgspec
 import pytest
 
-from formats.archive import write_take
+from formats.archive import read_take, write_take
 from formats.descriptions import dump_description
 from formats.descriptions_beside import described_beside, settle
 from formats.errors import OutputError
@@ -87,9 +89,12 @@ def test_work_that_fails_before_the_take_has_its_name_changes_nothing(tmp_path):
 
 
 def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its_own(tmp_path):
-    """Its own is what the archive says; a description of no take is removed by the next import."""
+    """Its own is what the archive says. A description of no take, or of another, is nobody's to remove."""
     take = a_take(20)
     (tmp_path / "rig.toml").write_text(dump_description(OTHER))
+    others = {"a.garment.toml.partial": "# mine", "gone.rig.toml.partial": dump_description(OTHER)}
+    for name, text in others.items():
+        (tmp_path / name).write_text(text)
 
     def interrupt():
         with described_beside(tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=True):
@@ -99,7 +104,51 @@ def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its
     with pytest.raises(KeyboardInterrupt):
         interrupt()
     assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
-    for name in ("a.garment.toml.partial", "gone.rig.toml.partial"):
-        (tmp_path / name).write_text(dump_description(GARMENT))
     assert settle(tmp_path) == []
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "rig.toml"]
+    assert read_take(tmp_path / "a.mcap").report.left == ()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*sorted({"a.mcap", *others}), "rig.toml"]
+
+
+def left_by_a_killed_import(folder, take):
+    write_take(folder / "a.mcap", take)
+    (folder / "rig.toml").write_text(dump_description(OTHER))
+    (folder / "a.rig.toml.partial").write_text(dump_description(take.rig))
+
+
+def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_the_other(tmp_path):
+    take = a_take(20)
+    left_by_a_killed_import(tmp_path, take)
+    edited = f"# mine\n{dump_description(OTHER)}"
+    (tmp_path / "rig.toml").write_text(edited)
+    later = (tmp_path / "a.rig.toml.partial").stat().st_mtime + 1
+    os.utime(tmp_path / "rig.toml", (later, later))
+    assert settle(tmp_path) == []
+    assert (tmp_path / "rig.toml").read_text() == edited
+    assert read_take(tmp_path / "a.mcap").report.left == ("rig.toml",)
+    os.utime(tmp_path / "rig.toml", (later - 2, later - 2))
+    assert settle(tmp_path) == [tmp_path / "rig.toml"]
+    assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
+
+
+def test_a_take_that_a_killed_import_did_not_replace_tells_of_no_description(tmp_path):
+    """The old take stays, beside what was prepared for the new one."""
+    take = a_take(20)
+    left_by_a_killed_import(tmp_path, take)
+    (tmp_path / "a.rig.toml.partial").write_text(dump_description(msgspec.structs.replace(take.rig, name="new")))
+    assert read_take(tmp_path / "a.mcap").report.left == ()
+    assert settle(tmp_path) == []
+    assert (tmp_path / "rig.toml").read_text() == dump_description(OTHER)
+
+
+def test_a_folder_that_another_program_keeps_locked_is_named_after_a_while(tmp_path, monkeypatch):
+    monkeypatch.setattr("formats.descriptions_beside.PATIENCE", 0.1)
+    handle = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    try:
+        with pytest.raises(OutputError, match=r"has been locked by another program for 0\.1 s; wait until"):
+            settle(tmp_path)
+    finally:
+        os.close(handle)
+    assert settle(tmp_path) == []
+    with pytest.raises(OutputError, match="gone: cannot be written"):
+        settle(tmp_path / "gone")

@@ -69,8 +69,11 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def as_meant(self) -> Garment:
-        """The garment with every default spelled out: two descriptions that mean the same are then equal."""
-        return msgspec.structs.replace(self, format="hangtime-garment/2", points_are=self.point_kind)
+        """The garment in the latest version of its format: two descriptions that mean the same are then equal.
+
+        A kind of points that is left out stays so, as a fit mends what a camera makes of a stated silhouette only.
+        """
+        return msgspec.structs.replace(self, format="hangtime-garment/2")
 
     @property
     def areal_density(self) -> float:

@@ -9,7 +9,7 @@ lean. Cloth that swings to one side loses its border, cloth that swings to the o
 The amplitude is a, the loss [m] at the border per unit of lean; positive eats cloth that leans along the normal.
 
 Believe it when the cloth looks shorter on one side of its swing than on the other, and its length at rest is right. A
-loss that stays the same is `corner_erosion`. Material points (`Garment.point_kind`) are left as they are.
+loss that stays the same is `corner_erosion`. Points that the garment file states as material are left as they are.
 
 Source: a re-gridded silhouette (github Alados5/tfm_matlab) whose length is 262 mm moving away and 309 mm approaching.
 """
@@ -40,7 +40,7 @@ class ErodedOutline(Effect):
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points drawn towards the held edge, or away from it, by pose."""
-        if amplitude[0] == 0.0 or recording.garment.point_kind == "material":
+        if amplitude[0] == 0.0 or recording.garment.points_are == "material":
             return points
         outline = np.asarray(recording.garment.outline_m[:2], float)
         edge = outline[1] - outline[0]

@@ -12,8 +12,8 @@ None of it needs a cloth. The steps are taken in this order:
 Then it is said how far the outline is eaten (`fit.recordings.outline`), how the held row still errs, and how the cloth
 leans at rest (`fit.recordings.row_and_rest`).
 
-Points are a silhouette's as the garment file states or, where it states nothing, as its kind means
-(`Garment.point_kind`). Points and hanger of the same pictures have one clock, and its stamps are not examined.
+A silhouette is one that the garment file states (`points_are`). Older files are treated as before. Points and hanger of
+the same pictures have one clock, and its stamps are not examined.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def retimed(
     """
     if on_edge.sum() < 2:
         return Seen(time, points)
-    is_silhouette = garment.point_kind == "silhouette"
+    is_silhouette = garment.points_are == "silhouette"
     across = np.array([p.at_m[0] for p in garment.points])[on_edge]
     row = row_middle(points[:, on_edge], across - across.mean())
     if (grid := _grid_of_silhouette(garment)) is not None:
@@ -212,7 +212,7 @@ def is_still(time: Floats, path: Curve) -> Booleans:
 
 
 def _grid_of_silhouette(garment: Garment) -> Grid | None:
-    return grid_of(garment) if garment.point_kind == "silhouette" else None
+    return grid_of(garment) if garment.points_are == "silhouette" else None
 
 
 def _is_straight(points: Floats, grid: Grid) -> Booleans:

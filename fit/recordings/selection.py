@@ -36,7 +36,7 @@ def content_of_garment(garment: Garment) -> str:
 def _differences(one: Take, other: Take) -> str:
     """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'`; of several fields two, and how many more.
 
-    Of fields with a default, the meanings count and not the spellings.
+    The meanings count, and not the version of the format.
     """
     names = told_apart([one, other])
     fields = [field.name for field in msgspec.structs.fields(Garment)]
@@ -59,8 +59,8 @@ def _first_difference(place: str, one: Any, other: Any, ids: Sequence[str]) -> s
             return f"{place} has the length {len(one)} in {ids[0]!r} and {len(other)} in {ids[1]!r}"
         k = next(k for k in range(len(one)) if one[k] != other[k])
         return _first_difference(f"{place}[{k}]", one[k], other[k], ids)
-    one, other = (shortened(value) if isinstance(value, str) else value for value in (one, other))
-    return f"{place} is {one!r} in {ids[0]!r} and {other!r} in {ids[1]!r}"
+    here, there = ("left out" if v is None else repr(shortened(v) if isinstance(v, str) else v) for v in (one, other))
+    return f"{place} is {here} in {ids[0]!r} and {there} in {ids[1]!r}"
 
 
 def check_together(training: list[Take], held_out: list[Take]) -> list[str]:

@@ -44,13 +44,13 @@ def test_a_description_that_says_the_same_keeps_its_comments(tmp_path, descripti
 
 
 def test_a_garment_that_means_the_same_in_other_words_is_the_same_and_one_that_was_accepted_is_read(tmp_path):
-    """A swatch has material points where nothing is stated; of 0.5 kg none would be, unless --anyway accepts it."""
+    """Two versions of the format say the same; of 0.5 kg no swatch would be, unless --anyway accepts it."""
     heavy = msgspec.structs.replace(GARMENT, mass_kg=0.5)
-    stated = msgspec.structs.replace(heavy, format="hangtime-garment/2", points_are="material")
+    latest = msgspec.structs.replace(heavy, format="hangtime-garment/2")
     put_beside(tmp_path / "a.mcap", heavy, name="garment.toml")
-    put_beside(tmp_path / "b.mcap", stated, name="garment.toml")
+    put_beside(tmp_path / "b.mcap", latest, name="garment.toml")
     assert held_in(tmp_path) == {"garment.toml": dump_description(heavy)}
-    seen = msgspec.structs.replace(stated, points_are="silhouette")
+    seen = msgspec.structs.replace(latest, points_are="silhouette")
     with pytest.raises(OutputError, match=r"garment\.toml: is already there and describes another garment than that"):
         put_beside(tmp_path / "c.mcap", seen, name="garment.toml")
 

@@ -158,7 +158,7 @@ def test_a_c3d_file_that_states_two_rates_more_than_a_fifth_apart_is_refused(tmp
     path = tmp_path / "a.c3d"
     path.write_bytes(raw)
     if is_refused:
-        with pytest.raises(ImplausibleError, match=rf"come at 100 frames a second, and it states {stated:g}"):
+        with pytest.raises(ImplausibleError, match=rf"states 100 frames a second, and its header {stated:g}; export"):
             import_marker_take(path, GARMENT)
     take = import_marker_take(path, GARMENT, MarkerOptions(anyway=True if is_refused else None))
     assert take.time[1] == pytest.approx(0.01)

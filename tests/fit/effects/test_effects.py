@@ -71,9 +71,9 @@ def driven(name, amplitude, path=None, seconds=4.0, points=None):
     return instants, recording.held(instants).reshape(-1, 2, 3), changed(instants).reshape(-1, 2, 3)
 
 
-def observed(name, amplitude, points, garment=None):
+def observed(name, amplitude, points):
     """What an effect makes of points, (frames, points, 3)."""
-    garment = garment or sheet(grid=5)
+    garment = sheet(grid=5)
     time = np.arange(len(points)) * FRAME
     recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
     return effect(name).observe(points, recording, np.atleast_1d(amplitude).astype(float))

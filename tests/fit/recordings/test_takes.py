@@ -19,12 +19,10 @@ from fit.methods import SI
 from fit.recordings.copies import Track, are_copies
 from fit.recordings.intact import FRAME_FIELDS
 from fit.recordings.ready import ready
-from fit.recordings.recording import prepare
 from fit.recordings.selection import check_together, content_of
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.blind.blind_answers import diagnosis
-from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
 from tests.fit.scenes import material, shared, sheet, simulate_take, swing
 
 COARSE = Resolution(spacing=0.15)
@@ -88,7 +86,7 @@ def test_takes_of_different_garments_are_refused_with_the_field_and_both_values(
         ({"layers": 2, "name": "other"}, "name is 'sheet' in 'a' and 'other' in 'b'; layers is 1 in 'a' and 2 in 'b'"),
         ({"points": moved}, f"points[3].at_m[0] is {x} in 'a' and 0.1 in 'b'"),
         ({"points": points[1:]}, f"points has the length {len(points)} in 'a' and {len(points) - 1} in 'b'"),
-        ({"points_are": "silhouette"}, "points_are is 'material' in 'a' and 'silhouette' in 'b'"),
+        ({"points_are": "silhouette"}, "points_are is left out in 'a' and 'silhouette' in 'b'"),
         ({"layers": 2, "held": "corners", "grain_degrees": 3.0, "mass_kg": 0.041},
          f"mass_kg is {one.garment.mass_kg} in 'a' and 0.041 in 'b'; held is 'edge' in 'a' and 'corners' in 'b'; and 2 "
          "more fields"),
@@ -124,27 +122,13 @@ def test_takes_of_one_name_are_told_apart_by_their_files(tmp_path):
     assert str(refused.value) == f"{part}: {told}; {advice}"
 
 
-def test_garments_that_mean_the_same_in_other_words_are_one_garment():
-    """A swatch has material points where nothing is stated, and a statement needs another version of the format."""
+def test_two_versions_of_the_format_are_one_garment_and_a_statement_that_changes_a_fit_is_not_left_out():
     take, other = a_take("a"), a_take("b", hz=0.9)
-    stated = msgspec.structs.replace(other.garment, format="hangtime-garment/2", points_are="material")
-    check_together([take, dataclasses.replace(other, garment=stated)], [])
-
-
-@pytest.mark.parametrize(("kind", "meant", "is_placed"), [("swatch", "material", False), ("skirt", "silhouette", True)])
-def test_a_kind_of_points_that_is_left_out_is_prepared_as_the_one_that_is_meant(kind, meant, is_placed):
-    """Frames are late by 0.12 s, which is mended for either kind: a silhouette's get a shift each."""
-    time = uneven(duration=6.0)
-    share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
-    left_out, stated = (
-        prepare(
-            swung(msgspec.structs.replace(silhouette_sheet(words), kind=kind), time, time - 0.12, seen_length=share)
-        )
-        for words in (None, meant)
-    )
-    assert (left_out.camera.is_retimed, left_out.camera.is_placed) == (True, is_placed)
-    for name in ("time", "points", "held_seen"):
-        np.testing.assert_array_equal(getattr(left_out, name), getattr(stated, name))
+    latest = msgspec.structs.replace(other.garment, format="hangtime-garment/2")
+    check_together([take, dataclasses.replace(other, garment=latest)], [])
+    stated = msgspec.structs.replace(latest, points_are="material")
+    with pytest.raises(FitError, match="garments: points_are is left out in 'a' and 'material' in 'b'; fit and"):
+        check_together([take, dataclasses.replace(other, garment=stated)], [])
 
 
 @pytest.mark.parametrize("kept", [slice(0, 40), slice(30, None), np.r_[0:20, 35:60]])

@@ -79,13 +79,13 @@ def test_screening_ranks_the_planted_effect_first():
 
 @pytest.mark.parametrize(
     ("name", "amplitude", "far"),
-    [("clip_slack", -0.004, 0.4), ("clip_slack", 0.004, 0.75), ("hanger_compliance", 1.7e-3, 0.25)],
+    [("clip_slack", -0.004, 0.4), ("clip_slack", 0.014, 0.45), ("hanger_compliance", 1.7e-3, 0.25)],
 )
 def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, amplitude, far):
     """Taut cloth resists and slack cloth does not; a rod of 3.9 Hz rings otherwise than one of 6 Hz.
 
-    Slack cloth folds one way or another by rounding alone: eight seeds of `scripts/test --jitter` found 0.4 to 1.1 of
-    its true amplitude. The other two cases stayed within 0.02.
+    Under eight seeds of `scripts/test --jitter`, 0.9 to 1.3 of 14 mm of slack were found. Of 4 mm, eleven found 0.4
+    to 0.7, and one as much tautness: cloth that is hardly slack folds one way or another by rounding alone.
     """
     take = a_take(effect=name, amplitude=amplitude, noise=0.0005)
     observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)

@@ -232,8 +232,8 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
         refuse('holes_m, seams and grain_degrees need format = "hangtime-garment/2"')
     if garment.format == "hangtime-garment/1" and garment.points_are is not None:
         refuse('points_are needs format = "hangtime-garment/2"')
-    for number, corners in enumerate(garment.holes_m, 1):
-        hole = np.array(corners, float)
+    holes = [np.array(corners, float) for corners in garment.holes_m]
+    for number, hole in enumerate(holes, 1):
         if len(hole) < 3 or crosses_itself(hole):
             refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
         if corner_twice(hole) is not None or touches_itself(hole) is not None:
@@ -242,7 +242,6 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
             refuse(f"holes_m: hole {number} is not inside the outline")
         if touch(hole, outline):
             refuse(f"holes_m: hole {number} touches the outline: cut it out of the outline instead")
-    holes = [np.array(corners, float) for corners in garment.holes_m]
     if (pair := first_overlap(holes)) is not None:
         refuse(f"holes_m: hole {pair[0] + 1} overlaps hole {pair[1] + 1}")
     places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)

@@ -31,6 +31,7 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import MARKER_SD
 from formats.importers.number_cells import form_of, is_seen, magnitude_of
+from formats.importers.strays import straight_lines
 
 NOISES = 7.0  # of normal noise, q is 0.67 standard deviations: one place of 400,000 is farther off
 STRETCH = 50  # places: half a swing at 100 frames a second
@@ -194,22 +195,13 @@ def _is_broken(cell: str, number: float, should: Floats, bounds: Floats, writing
 
 def _should_be(time: Floats, path: Floats) -> tuple[Floats, Floats]:
     """Return where three straight lines lead, (3, n), NaN without one, and how far off noise may be, (3, n)."""
-    should, reach = np.full((3, len(time)), np.nan), np.ones((3, len(time)))
-    step = np.diff(time)
-    slope = np.diff(path) / step
-    before, after = step[:-1], step[1:]
-    should[0, 1:-1] = path[:-2] + (path[2:] - path[:-2]) * before / (before + after)
-    reach[0, 1:-1] = before * after
-    should[1, 2:] = path[1:-1] + slope[:-1] * after
-    reach[1, 2:] = after * (before + after)
-    should[2, :-2] = path[1:-1] - slope[1:] * before
-    reach[2, :-2] = before * (before + after)
+    should, reach = straight_lines(time, path)
     off = np.abs(path - should[0])
     off[[0, -1]] = off[[1, -2]]
     stretches = np.array_split(off, -(-len(off) // STRETCH))
     halves = np.pad([np.median(stretch) for stretch in stretches], 1, mode="edge")
     noise = np.repeat(np.max([halves[:-2], halves[1:-1], halves[2:]], 0), [len(stretch) for stretch in stretches])
-    return should, NOISES * noise * np.maximum(1.0, reach / np.median(step) ** 2)
+    return should, NOISES * noise * np.maximum(1.0, reach / np.median(np.diff(time)) ** 2)
 
 
 def _may_begin(cell: str, low: float, high: float, writing: Writing) -> bool:

@@ -25,6 +25,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
 from formats.importers.number_cells import LONGEST_SHOWN
+from formats.importers.strays import straight_lines
 from formats.motion import HARDEST_PULL
 
 LEAST_LEAP = 0.05  # m, stated by us: two diameters of a marker; lost bytes leave most places farther off
@@ -63,9 +64,8 @@ def _leaps_of(time: Floats, path: Floats) -> tuple[Integers, Floats]:
     seen = np.flatnonzero(np.isfinite(path).all(1))
     none = np.zeros(0, int), np.zeros(0)
     instants, places, step = time[seen], path[seen], float(np.median(np.diff(time)))
-    if (
-        len(seen) < FEWEST_PLACES or np.abs(np.diff(places, axis=0)).max() < LEAST_LEAP / 2
-    ):  # most markers never go so far in a step
+    # Most markers never go so far in a step.
+    if len(seen) < FEWEST_PLACES or np.abs(np.diff(places, axis=0)).max() < LEAST_LEAP / 2:
         return none
     off, reach = _beside_lines(instants, places)
     noise = float(np.median(off.min(0)))
@@ -90,18 +90,8 @@ def _beside_lines(time: Floats, places: Floats) -> tuple[Floats, Floats]:
 
     `time` [s], (n,); `places` [m], (n, 3); the first two and the last two lack lines
     """
-    steps = np.diff(time)
-    slopes = np.diff(places, axis=0) / steps[:, None]
-    two_before, before, after, two_behind = steps[:-3], steps[1:-2], steps[2:-1], steps[3:]
-    here = places[2:-2]
-    share = (before / (before + after))[:, None]
-    lines = [
-        (1 - share) * places[1:-3] + share * places[3:-1],
-        places[1:-3] + slopes[:-3] * before[:, None],
-        places[3:-1] - slopes[3:] * after[:, None],
-    ]
-    reach = np.stack([before * after, before * (two_before + before), after * (after + two_behind)])
-    return np.linalg.norm(here - np.stack(lines), axis=2), reach
+    lead, reach = straight_lines(time, places)
+    return np.linalg.norm(places - lead, axis=2)[:, 2:-2], reach[:, 2:-2]
 
 
 def _is_beyond(off: Floats, reach: Floats, noise: float, step: float) -> Booleans:

@@ -171,8 +171,8 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> None:
         check_description(target.with_name(name), one, overwrite=overwrite)
     try:
         write_take(
-            target, take, overwrite=overwrite, beside=described_beside(target, described, overwrite=overwrite),
-            instead=ANOTHER_FOLDER, tell_aside=tell_aside,
+            target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside,
+            beside=described_beside(target, described, overwrite=overwrite, tell_aside=tell_aside),
         )  # fmt: skip
     except OSError as error:
         raise unwritable(target, error) from error

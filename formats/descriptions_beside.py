@@ -20,14 +20,16 @@ import msgspec
 from formats.descriptions import check_garment, check_rig, dump_description, refuse_codes, says
 from formats.errors import DescriptionError, OutputError, TakeError
 from formats.garment import Garment
-from formats.outputs import check_length, unwritable
+from formats.outputs import check_length, holds, unwritable
 from formats.rig import Rig
 from formats.take_reader import read_take
 from formats.unfinished import (
     ANOTHER_FOLDER,
     DESCRIBED_BESIDE,
+    TellAside,
     already_there,
     prepared_name,
+    put_aside,
     unfinished_name,
 )
 from formats.whole_files import sync_folder
@@ -69,12 +71,15 @@ def check_description(path: Path, description: Garment | Rig, *, overwrite: bool
 
 
 @contextlib.contextmanager
-def described_beside(take: Path, descriptions: Mapping[str, Garment | Rig], *, overwrite: bool) -> Iterator[None]:
+def described_beside(
+    take: Path, descriptions: Mapping[str, Garment | Rig], *, overwrite: bool, tell_aside: TellAside | None = None
+) -> Iterator[None]:
     """Let work give a take that is whole its name, and then give its rig and garment theirs beside it.
 
     Work that fails leaves both as they were. One that is there and says the same stays as it is.
 
-    descriptions: by the names of `DESCRIBED_BESIDE`
+    - `descriptions`: by the names of `DESCRIBED_BESIDE`
+    - `tell_aside`: called with the names of a file in the way that was put aside, before and after
 
     Raises:
         DescriptionError, OutputError: as `check_description`, or one cannot be written.
@@ -85,15 +90,17 @@ def described_beside(take: Path, descriptions: Mapping[str, Garment | Rig], *, o
         for name, description in descriptions.items():
             check_description(folder / name, description, overwrite=overwrite)
         changed = {name: one for name, one in descriptions.items() if not _is_said(folder / name, one)}
+        made = list[str]()
         try:
             for name, description in changed.items():
-                _prepare(prepared_name(take, name), dump_description(description))
+                _prepare(take, name, dump_description(description), tell_aside)
+                made.append(name)
             if changed:
                 sync_folder(folder)
             yield
         except BaseException:
             _settle(folder)
-            for name in changed.keys() - _left(take):
+            for name in set(made) - set(_left(take)):
                 prepared_name(take, name).unlink(missing_ok=True)
             raise
         for name in changed:
@@ -137,9 +144,9 @@ def _left(take: Path) -> tuple[str, ...]:
 
 
 def _is_newer(path: Path, prepared: Path) -> bool:
-    """Return whether a description was changed after another was prepared to replace it."""
+    """Return whether a description was changed, or came there, after another was prepared to replace it."""
     try:
-        return path.stat().st_mtime_ns > prepared.stat().st_mtime_ns
+        return path.stat().st_ctime_ns > prepared.stat().st_ctime_ns
     except OSError:
         return False
 
@@ -152,11 +159,17 @@ def _give_name(take: Path, name: str) -> None:
         raise unwritable(path, error) from error
 
 
-def _prepare(path: Path, text: str) -> None:
-    """Write a file that no other writer is at, as the lock of its take tells, and that counts only once it is whole."""
+def _prepare(take: Path, name: str, text: str, tell_aside: TellAside | None) -> None:
+    """Write a description under its first name; anything else that has this name is put aside."""
+    path = prepared_name(take, name)
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
+        if path.is_file() and not path.is_symlink() and holds(path, text.encode()):
+            path.unlink()
+        elif os.path.lexists(path):
+            aside = put_aside(path, take.with_name(f"{take.stem}.{name}"))
+            if tell_aside is not None:
+                tell_aside(path, aside)
+        with path.open("x", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

@@ -84,7 +84,7 @@ def refuse_to_replace(
         if path.is_dir():
             raise already_there(path, instead=instead)
         return
-    if os.path.lexists(path) and not (text is not None and _holds(path, text.encode())):
+    if os.path.lexists(path) and not (text is not None and holds(path, text.encode())):
         left = f", and {partial.name} is what an interrupted recording or import of it left" * is_left
         raise already_there(path, instead=instead, what=f"is already there{left}")
     if is_left:
@@ -105,7 +105,12 @@ def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOT
                 raise OutputError("would replace the take that is read", where=target, advice=instead)
 
 
-def _holds(path: Path, content: bytes) -> bool:
+def holds(path: Path, content: bytes) -> bool:
+    """Return whether a file is there that holds just these bytes.
+
+    Raises:
+        OSError: it cannot be read.
+    """
     return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
 
 

@@ -131,7 +131,7 @@ class UnfinishedFile:
             if not overwrite:
                 self._refuse_to_replace(is_left=is_left)
             elif is_left:
-                left, aside = self.file, _put_aside(self.partial, path)
+                left, aside = self.file, put_aside(self.partial, path)
                 if tell_aside is not None:
                     tell_aside(self.partial, aside)
                 self.file = _locked(self.partial, instead)
@@ -180,10 +180,14 @@ class UnfinishedFile:
             raise left_unfinished(self.partial, instead=self._instead)
 
 
-def _put_aside(partial: Path, path: Path) -> Path:
-    """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free."""
+def put_aside(partial: Path, path: Path) -> Path:
+    """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free.
+
+    Raises:
+        OSError: it cannot be renamed.
+    """
     number = 1
-    while (aside := unfinished_name(path.with_name(f"{path.stem}.left-{number}{path.suffix}"))).exists():
+    while os.path.lexists(aside := unfinished_name(path.with_name(f"{path.stem}.left-{number}{path.suffix}"))):
         number += 1
     partial.rename(aside)
     sync_folder(partial.parent)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import time
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
@@ -119,13 +120,15 @@ def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_
     take = a_take(20)
     left_by_a_killed_import(tmp_path, take)
     edited = f"# mine\n{dump_description(OTHER)}"
-    (tmp_path / "rig.toml").write_text(edited)
-    later = (tmp_path / "a.rig.toml.partial").stat().st_mtime + 1
-    os.utime(tmp_path / "rig.toml", (later, later))
+    (tmp_path / "copy").write_text(edited)
+    os.utime(tmp_path / "copy", (0, 0))  # as a copy that keeps the time of its original
+    time.sleep(0.02)  # what a change of a file is dated by comes in steps of up to 10 ms
+    (tmp_path / "copy").replace(tmp_path / "rig.toml")
     assert settle(tmp_path) == []
     assert (tmp_path / "rig.toml").read_text() == edited
     assert read_take(tmp_path / "a.mcap").report.left == ("rig.toml",)
-    os.utime(tmp_path / "rig.toml", (later - 2, later - 2))
+    time.sleep(0.02)
+    (tmp_path / "a.rig.toml.partial").chmod(0o600)
     assert settle(tmp_path) == [tmp_path / "rig.toml"]
     assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
 
@@ -152,3 +155,44 @@ def test_a_folder_that_another_program_keeps_locked_is_named_after_a_while(tmp_p
     assert settle(tmp_path) == []
     with pytest.raises(OutputError, match="gone: cannot be written"):
         settle(tmp_path / "gone")
+
+
+def a_file(path):
+    path.write_text("# mine")
+
+
+def an_empty_file(path):
+    path.touch()
+
+
+def a_link(path):
+    path.symlink_to("gone")
+
+
+def a_name_of_another(path):
+    path.with_name("mine.toml").write_text("# mine")
+    path.hardlink_to(path.with_name("mine.toml"))
+
+
+@pytest.mark.parametrize("make", [a_file, an_empty_file, a_link, a_name_of_another, os.mkfifo, os.mkdir])
+def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_told(tmp_path, make):
+    """It is nobody's to remove or to write to, and a pipe is not waited for."""
+    take, told = a_take(20), []
+    make(tmp_path / "a.rig.toml.partial")
+    before = os.lstat(tmp_path / "a.rig.toml.partial")
+    with described_beside(
+        tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=False, tell_aside=lambda *two: told.append(two)
+    ):
+        write_take(tmp_path / "a.mcap", take)
+    aside = tmp_path / "a.rig.left-1.toml.partial"
+    assert told == [(tmp_path / "a.rig.toml.partial", aside)]
+    after = os.lstat(aside)
+    assert (after.st_ino, after.st_mode, after.st_size) == (before.st_ino, before.st_mode, before.st_size)
+    assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
+
+
+def test_what_a_killed_import_of_the_same_description_left_is_used_up(tmp_path):
+    take = a_take(20)
+    (tmp_path / "a.rig.toml.partial").write_text(dump_description(take.rig))
+    put_beside(tmp_path / "a.mcap", take.rig)
+    assert held_in(tmp_path) == {"rig.toml": dump_description(take.rig)}

@@ -134,7 +134,8 @@ def import_recordings(
                     take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
                 _write_imported(take, target, overwrite=overwrite)
             except HangtimeError as error:
-                if str(error.where).startswith("--"):  # an option is wrong for every recording
+                is_file = isinstance(error.where, Path)
+                if not is_file and str(error.where).startswith("--"):  # an option is wrong for every recording
                     raise
                 lost[path] = error
         end_with(lost, len(paths))

@@ -8,7 +8,7 @@ import re
 import sys
 from copy import copy
 from importlib.metadata import entry_points, requires, version
-from typing import Any, NoReturn
+from typing import Any
 
 import typer
 from typer.main import get_command, get_command_name
@@ -101,10 +101,12 @@ def main() -> None:
         choose_shell()
         try:
             command(prog_name="hangtime")  # also as `python -m hangtime`, of which no shell completes anything
+        except BaseException as error:
+            if (spoken := _spoken(error)) is not None:
+                telling.know(error=str(spoken))
+            raise
         finally:  # a command that failed at a part of its work has told the rest
             telling.end()
-    except HangtimeError as error:
-        _refuse(error)
     except KeyboardInterrupt:
         say("Interrupted.")
         sys.exit(INTERRUPTED)
@@ -115,22 +117,28 @@ def main() -> None:
     except BrokenPipeError:  # a reader of the JSON document went away
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
         sys.exit(CUT_OFF)
-    except ModuleNotFoundError as error:
+    except BaseException as error:
+        if (spoken := _spoken(error)) is None:
+            raise
+        say(f"hangtime: {spoken}", is_error=True)
+        sys.exit(spoken.exit_code)
+
+
+def _spoken(error: BaseException) -> HangtimeError | None:
+    """Return what to tell of an error that a user can act on; None of one of the program, and of an interruption."""
+    if isinstance(error, HangtimeError):
+        return error
+    if isinstance(error, ModuleNotFoundError):
         library = (error.name or "").split(".")[0]
         if library in {"", "formats", "firmware_host", "capture", "fit"}:
-            raise
-        _refuse(HangtimeError(f"{library} is not installed", advice=_how_to_get(library)))
-    except OSError as error:
-        if (spoken := of_system(error)) is None:
-            raise
-        _refuse(spoken)
-    except BaseException as error:
-        if type(error).__name__ != PANIC:
-            raise
+            return None
+        return HangtimeError(f"{library} is not installed", advice=_how_to_get(library))
+    if isinstance(error, OSError):
+        return of_system(error)
+    if type(error).__name__ == PANIC:
         cause = str(error).partition("\n")[0]
-        _refuse(
-            HangtimeError(f"a library failed ({cause})", advice="check the addresses, keys and settings it was given")
-        )
+        return HangtimeError(f"a library failed ({cause})", advice="check the addresses, keys and settings it was given")
+    return None
 
 
 def _how_to_get(library: str) -> str:
@@ -143,11 +151,6 @@ def _how_to_get(library: str) -> str:
     if extra == "fit" and sys.platform == "linux" and (machine := platform.machine()) != "x86_64":
         return f"Taichi has no package for Linux on {machine}: this computer records takes but cannot fit them"
     return f"in Hangtime's checkout: pip install -e '.[{extra}]'"
-
-
-def _refuse(error: HangtimeError) -> NoReturn:
-    say(f"hangtime: {error}", is_error=True)
-    sys.exit(error.exit_code)
 
 
 if __name__ == "__main__":

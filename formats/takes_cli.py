@@ -227,7 +227,7 @@ def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> 
     """Tell why a take is not recovered; raise it where its file is the only one and cannot be written."""
     from formats.errors import OutputError
 
-    entry = {**_lost(path, error), "file": None}
+    entry = _lost(path, error)
     if is_alone and isinstance(error, OutputError):
         know(takes=[entry])
         raise error

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
+import json
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 
-from formats import command, store_address
+from formats import command, store_address, telling
 from formats.archive import write_take
 from formats.descriptions import check_garment, check_rig, dump_description
 from formats.errors import WHOLE_STAY, DescriptionError, HangtimeError, TakeError
@@ -299,9 +300,14 @@ def _fails_with(error):
     ],
 )  # fmt: skip
 def test_what_only_the_system_says_becomes_one_sentence(monkeypatch, tmp_path, error, sentence):
-    monkeypatch.setattr(command, "whole", lambda name: _fails_with(error))
+    def run(**_):
+        telling.ask_json(is_asked=True)
+        raise error
+
+    monkeypatch.setattr(command, "whole", lambda name: run)
     done = hangtime_here("takes", folder=tmp_path)
     assert (done.returncode, done.stderr) == (2, f"hangtime: {sentence}\n")
+    assert json.loads(done.stdout) == {"error": sentence}
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,16 @@ def test_more_frames_than_a_recording_has_is_the_options_fault_for_that_recordin
     assert told in done.stdout + done.stderr
 
 
+def test_a_file_whose_name_begins_as_an_option_keeps_no_other_from_its_import(tmp_path):
+    write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    (tmp_path / "--frames.csv").write_text("nonsense")
+    hangtime_here("swatch", "g.toml", "--mass", "0.05", folder=tmp_path)
+    done = hangtime_here("import", "--garment", "g.toml", "--", "--frames.csv", "a.csv", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "")
+    assert "a.mcap: 30 frames" in done.stdout
+    assert "lost: --frames.csv: no line names the columns" in done.stdout
+
+
 @pytest.mark.parametrize(("option", "value"), [("--frames", 30), ("--unit", "mm"), ("--subject", "Who")])
 def test_an_option_of_motion_capture_is_not_ignored_for_swung_cloth(tmp_path, option, value):
     changed(tmp_path / "r.npz")

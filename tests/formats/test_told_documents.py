@@ -162,7 +162,7 @@ def test_json_has_the_state_of_a_take_of_which_nothing_is_read(desk, to):
         told = json.loads(done.stdout)
         (found,) = told[key] if key else [told]
         assert (done.returncode, found.pop("error")[:35]) == (2, "takes/e.mcap: is not a take archive")
-        assert found == (e if key != "takes" else {**e, "file": None})
+        assert found == e
     words = ("takes", "export", "takes/e.mcap", "takes/a.mcap", "--to", to, "--out", f"some.{to}", "--json")
     (found,) = json.loads(hangtime_here(*words, folder=desk).stdout)["lost"]
     assert {**found, "error": ""} == {**e, "error": ""}
@@ -176,6 +176,20 @@ def test_json_has_the_state_of_a_take_of_which_nothing_is_written(desk):
         told = f"full/{name}: is a folder; choose another folder with --out"
         assert (done.returncode, done.stderr) == (2, f"hangtime: {told}\n")
         assert (found["state"], found["error"]) == ("not written", told)
+
+
+@pytest.mark.parametrize(
+    "words", ["takes list gone", "takes list takes/a.mcap", "import gone.npz", "swatch s.txt --mass 1", "fabric gone"]
+)
+def test_json_of_a_command_that_fails_has_the_sentence_of_its_error(desk, words):
+    done = hangtime_here(*words.split(), "--json", folder=desk)
+    assert done.returncode == 2
+    assert f"hangtime: {json.loads(done.stdout)['error']}\n" == done.stderr
+
+
+def test_json_of_several_takes_that_are_lost_names_each_file(desk):
+    done = hangtime_here("takes", "recover", "gone.mcap", "takes/e.mcap", "--json", folder=desk)
+    assert [one["file"] for one in json.loads(done.stdout)["takes"]] == ["gone.mcap", "takes/e.mcap"]
 
 
 def _rounded(value):

@@ -14,8 +14,6 @@ from formats.takes_cli import add_takes_commands, end_with, refuse_the_same_name
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
-    from formats.garment import Garment
-    from formats.rig import Rig
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
@@ -79,7 +77,8 @@ def import_recordings(
 ) -> None:  # fmt: skip
     """Turn other people's recordings into takes, with a rig and a garment description beside them.
 
-    Exit code 2: at least one recording cannot be imported; the others are, and the end names each that is lost.
+    Exit code 2: at least one recording cannot be imported, or a description beside a take not be replaced; the others
+    are, and the end names each recording that is lost.
     """
     from formats.descriptions import load_garment
     from formats.descriptions_beside import check_room_beside, settle
@@ -119,9 +118,10 @@ def import_recordings(
                     advice="leave out --hanger",
                 )
     lost: dict[Path, HangtimeError] = {}
+    is_whole = True
     with output_folder(out):
         for settled in settle(out):
-            words = f"{plain(settled)}: is now that of a take whose import was killed before it was replaced"
+            words = f"{plain(settled)}: is now that of a take whose import ended before it was replaced"
             tell_entry("settled", words, file=str(settled))
         for path, target in zip(paths, targets, strict=True):
             try:
@@ -132,13 +132,15 @@ def import_recordings(
                     take = import_marker_take(path, described, options)
                 else:
                     take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
-                _write_imported(take, target, overwrite=overwrite)
+                is_whole &= _write_imported(take, target, overwrite=overwrite)
             except HangtimeError as error:
                 is_file = isinstance(error.where, Path)
                 if not is_file and str(error.where).startswith("--"):  # an option is wrong for every recording
                     raise
                 lost[path] = error
         end_with(lost, len(paths))
+    if not is_whole:
+        raise typer.Exit(2)
 
 
 def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -> None:
@@ -153,27 +155,31 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
             )  # fmt: skip
 
 
-def _write_imported(take: Take, target: Path, *, overwrite: bool) -> None:
-    """Write a take with rig and garment beside it, and tell of it."""
+def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
+    """Write a take with rig and garment beside it, and tell of it; returns whether both are beside it."""
     from msgspec import to_builtins
 
     from formats.archive import write_take
     from formats.descriptions_beside import check_description, described_beside
+    from formats.errors import OutputError
     from formats.fault_words import doubts_of, state_of_take
     from formats.judgement import judge
+    from formats.left_descriptions import named
     from formats.outputs import unwritable
     from formats.plain_text import plain
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
-    from formats.unfinished import ANOTHER_FOLDER, DESCRIBED_BESIDE
+    from formats.unfinished import ANOTHER_FOLDER
 
-    pair: tuple[Rig, Garment] = (take.rig, take.garment)
-    described: dict[str, Garment | Rig] = dict(zip(DESCRIBED_BESIDE, pair, strict=True))
+    described = named(take.rig, take.garment)
     for name, one in described.items():
         check_description(target.with_name(name), one, overwrite=overwrite)
+    left: dict[str, OutputError] = {}
     try:
         write_take(
             target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside,
-            beside=described_beside(target, described, overwrite=overwrite, tell_aside=tell_aside),
+            beside=described_beside(
+                target, described, overwrite=overwrite, tell_aside=tell_aside, tell_left=left.__setitem__
+            ),
         )  # fmt: skip
     except OSError as error:
         raise unwritable(target, error) from error
@@ -187,14 +193,16 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> None:
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)
     findings = judge(take)
-    words += "".join(f"\nWarning: {doubt}" for doubt in doubts)
+    words += "".join(f"\nWarning: {doubt}" for doubt in (*left.values(), *doubts))
     words += "".join(f"\nWarning: {plain(one.words)}; {plain(one.advice)}" for one in findings)
     tell_entry(
         "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front,
         never_seen=[p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()],
         clock=take.notes.get("clock"), file_doubt=take.notes.get("file"), findings=[one.as_fact() for one in findings],
+        left=list(left),
         **to_builtins(state_of_take(take)),
     )  # fmt: skip
+    return not left
 
 
 def describe_swatch(

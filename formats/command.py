@@ -137,7 +137,9 @@ def _spoken(error: BaseException) -> HangtimeError | None:
         return of_system(error)
     if type(error).__name__ == PANIC:
         cause = str(error).partition("\n")[0]
-        return HangtimeError(f"a library failed ({cause})", advice="check the addresses, keys and settings it was given")
+        return HangtimeError(
+            f"a library failed ({cause})", advice="check the addresses, keys and settings it was given"
+        )
     return None
 
 

@@ -12,7 +12,7 @@ import contextlib
 import fcntl
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -20,19 +20,16 @@ import msgspec
 from formats.descriptions import check_garment, check_rig, dump_description, refuse_codes, says
 from formats.errors import DescriptionError, OutputError, TakeError
 from formats.garment import Garment
+from formats.left_descriptions import DESCRIBED_BESIDE, is_said, named, prepared_name
 from formats.outputs import check_length, holds, unwritable
 from formats.rig import Rig
+from formats.system_causes import step_to_read
 from formats.take_reader import read_take
-from formats.unfinished import (
-    ANOTHER_FOLDER,
-    DESCRIBED_BESIDE,
-    TellAside,
-    already_there,
-    prepared_name,
-    put_aside,
-    unfinished_name,
-)
+from formats.take_report import LeftState
+from formats.unfinished import ANOTHER_FOLDER, TellAside, already_there, put_aside, unfinished_name
 from formats.whole_files import sync_folder
+
+TellLeft = Callable[[str, OutputError], None]
 
 PATIENCE = 10.0  # s; an import needs some milliseconds for its descriptions and the name of its take
 
@@ -72,14 +69,16 @@ def check_description(path: Path, description: Garment | Rig, *, overwrite: bool
 
 @contextlib.contextmanager
 def described_beside(
-    take: Path, descriptions: Mapping[str, Garment | Rig], *, overwrite: bool, tell_aside: TellAside | None = None
-) -> Iterator[None]:
+    take: Path, descriptions: Mapping[str, Garment | Rig], *, overwrite: bool, tell_aside: TellAside | None = None,
+    tell_left: TellLeft,
+) -> Iterator[None]:  # fmt: skip
     """Let work give a take that is whole its name, and then give its rig and garment theirs beside it.
 
     Work that fails leaves both as they were. One that is there and says the same stays as it is.
 
     - `descriptions`: by the names of `DESCRIBED_BESIDE`
     - `tell_aside`: called with the names of a file in the way that was put aside, before and after
+    - `tell_left`: called with the name of one that cannot be replaced although the take has its name, and with why
 
     Raises:
         DescriptionError, OutputError: as `check_description`, or one cannot be written.
@@ -89,7 +88,7 @@ def described_beside(
         _settle(folder)
         for name, description in descriptions.items():
             check_description(folder / name, description, overwrite=overwrite)
-        changed = {name: one for name, one in descriptions.items() if not _is_said(folder / name, one)}
+        changed = {name: one for name, one in descriptions.items() if not is_said(folder / name, one)}
         made = list[str]()
         try:
             for name, description in changed.items():
@@ -100,19 +99,31 @@ def described_beside(
             yield
         except BaseException:
             _settle(folder)
-            for name in set(made) - set(_left(take)):
+            for name in set(made) - set(_left_of(take)):
                 prepared_name(take, name).unlink(missing_ok=True)
             raise
         for name in changed:
-            _give_name(take, name)
+            try:
+                prepared_name(take, name).replace(folder / name)
+            except OSError as error:
+                tell_left(name, _irreplaceable(take, name, error))
         if changed:
             sync_folder(folder)
+
+
+def _irreplaceable(take: Path, name: str, error: OSError) -> OutputError:
+    prepared = prepared_name(take, name).name
+    return OutputError(
+        f"cannot be replaced ({error.strerror}), and {take.name} is there", where=take.with_name(name),
+        advice=f"remove it, or have its owner do so, then rename {prepared} to {name}",
+    )  # fmt: skip
 
 
 def settle(folder: Path) -> list[Path]:
     """Give the descriptions that a killed import left their names, and return these.
 
     A description that was edited since stays, and one that cannot be renamed: whoever reads the take names both.
+    One that is left beside another that says the same is removed.
 
     Raises:
         OutputError: another program keeps the folder locked, or it cannot be read.
@@ -126,37 +137,15 @@ def _settle(folder: Path) -> list[Path]:
     for name in DESCRIBED_BESIDE:
         ending = unfinished_name(Path(f".{name}")).name
         for prepared in sorted(folder.glob(f"*{ending}")):
-            take = folder / f"{prepared.name.removesuffix(ending)}.mcap"
-            if name in _left(take) and not _is_newer(folder / name, prepared):
-                with contextlib.suppress(OutputError):
-                    _give_name(take, name)
+            with contextlib.suppress(OSError, TakeError):
+                take = read_take(folder / f"{prepared.name.removesuffix(ending)}.mcap")
+                own = named(take.rig, take.garment)[name]
+                if is_said(folder / name, own) and is_said(prepared, own):
+                    prepared.unlink()
+                elif take.report is not None and take.report.left.get(name) == "waiting":
+                    prepared.replace(folder / name)
                     settled.append(folder / name)
     return settled
-
-
-def _left(take: Path) -> tuple[str, ...]:
-    """Return the descriptions that were left beside a take and are its own; none where it cannot be read."""
-    try:
-        report = read_take(take).report
-    except TakeError:
-        return ()
-    return report.left if report is not None else ()
-
-
-def _is_newer(path: Path, prepared: Path) -> bool:
-    """Return whether a description was changed, or came there, after another was prepared to replace it."""
-    try:
-        return path.stat().st_ctime_ns > prepared.stat().st_ctime_ns
-    except OSError:
-        return False
-
-
-def _give_name(take: Path, name: str) -> None:
-    path = take.with_name(name)
-    try:
-        prepared_name(take, name).replace(path)
-    except OSError as error:
-        raise unwritable(path, error) from error
 
 
 def _prepare(take: Path, name: str, text: str, tell_aside: TellAside | None) -> None:
@@ -177,6 +166,15 @@ def _prepare(take: Path, name: str, text: str, tell_aside: TellAside | None) -> 
         raise unwritable(path, error) from error
 
 
+def _left_of(take: Path) -> Mapping[str, LeftState]:
+    """Return the descriptions that were left beside a take; none where it cannot be read."""
+    try:
+        report = read_take(take).report
+    except TakeError:
+        return {}
+    return report.left if report is not None else {}
+
+
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
     """Wait until no other import is at the descriptions of a folder.
@@ -187,7 +185,9 @@ def _alone_in(folder: Path) -> Iterator[None]:
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
-        raise unwritable(folder, error) from error
+        raise OutputError(
+            f"cannot be read ({error.strerror})", where=folder, advice=f"{step_to_read(error)}, or {ANOTHER_FOLDER}"
+        ) from error
     try:
         until = time.monotonic() + PATIENCE
         while not _locked(handle):
@@ -211,10 +211,3 @@ def _locked(handle: int) -> bool:
     except OSError:
         return True
     return True
-
-
-def _is_said(path: Path, description: Garment | Rig) -> bool:
-    """Return whether a file says what a description says; False of one that is not there or cannot be read."""
-    with contextlib.suppress(DescriptionError):
-        return says(path, description)
-    return False

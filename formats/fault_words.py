@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from formats.fit_records import TakeState
+from formats.left_descriptions import prepared_name
 from formats.missing import missing_words, noted_doubts
 from formats.plain_text import counted
 from formats.take import Take
-from formats.take_report import TakeReport
-from formats.unfinished import prepared_name
+from formats.take_report import LeftState, TakeReport
 
 TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
@@ -82,14 +82,23 @@ def faults(take: Take, report: TakeReport) -> list[str]:
 
 
 def unsettled(report: TakeReport) -> list[str]:
-    """Word what a killed recording or import has left to do: a take without its name, descriptions without theirs."""
+    """Word what a recording or import that was ended has left: a take without its name, descriptions without theirs."""
     path = Path(report.file)
     if path.name.endswith(".mcap.partial") and report.is_sound:
         return [f"it is whole and never got its name; {RECOVERS} of it"]
-    return [
-        f"its import was killed before {name} beside it was replaced; rename {prepared_name(path, name).name} to {name}"
-        for name in report.left
-    ]
+    return [_left(state, prepared_name(path, name).name, name) for name, state in report.left.items()]
+
+
+def _left(state: LeftState, prepared: str, name: str) -> str:
+    """Word what is to be done about a description that an import left under its first name."""
+    if state == "unreadable":
+        return f"{prepared}, which an import left beside it, cannot be read; get the permission to read it"
+    if state == "outdated":
+        return (
+            f"{name} beside it is newer than {prepared}, which its import left; remove {prepared}, or rename it to "
+            f"{name} if the take's own is to stand there"
+        )
+    return f"its import ended before {name} beside it was replaced; rename {prepared} to {name}"
 
 
 def of_another(report: TakeReport) -> str:

@@ -12,9 +12,8 @@ from formats.errors import OutputError
 from formats.plain_text import counted
 from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
-from formats.whole_files import make_folders, make_writable, name_of_its_own, write_whole
+from formats.whole_files import longest_name, make_folders, make_writable, name_of_its_own, write_whole
 
-MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 NAMED_PARTIAL = (".mcap", ".oni")  # are written as NAME.partial, and others as `name_of_its_own` says
 
 
@@ -36,10 +35,7 @@ def check_length(path: Path, written_as: Iterable[Path]) -> None:
     Raises:
         OutputError: it is, and by how many bytes.
     """
-    try:
-        most = os.pathconf(path.parent, "PC_NAME_MAX")
-    except OSError:  # a folder that is not there yet
-        most = MOST_NAME_BYTES
+    most = longest_name(path.parent)
     added = max(len(os.fsencode(one.name)) for one in written_as) - len(os.fsencode(path.name))
     over = len(os.fsencode(path.name)) + added - most
     if over > 0:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
-from formats.descriptions import says
-from formats.errors import DescriptionError, TakeError
-from formats.garment import Garment
+from formats.errors import TakeError
+from formats.left_descriptions import left_beside
 from formats.missing import noted_doubts, possible_spans
 from formats.plain_text import counted
-from formats.rig import Rig
 from formats.sound_blocks import decoded, in_order, increasing, sound_scans
 from formats.system_causes import step_to_read
 from formats.table_memory import TableMemory
@@ -23,7 +20,6 @@ from formats.take_end import Held, contradictions, is_end, missing_spans, stray_
 from formats.take_header import described, of_another_version
 from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
-from formats.unfinished import DESCRIBED_BESIDE, left_beside, prepared_name
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
@@ -215,22 +211,13 @@ class _Archive:
             earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
             earlier_doubts="; ".join(noted_doubts(words.notes)), file=str(self._where),
-            left=tuple(self._left(rig, garment)),
+            left=left_beside(self._where, rig, garment) if isinstance(self._where, Path) else {},
         )  # fmt: skip
         return Take(
             take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source,
             notes=notes, is_complete=is_complete and not earlier, report=report,
             missing=tuple(sorted((*earlier, *spans))), scans=tuple(scans), **columns,
         ), report  # fmt: skip
-
-    def _left(self, rig: Rig, garment: Garment) -> Iterator[str]:
-        """Name the descriptions of this take that a killed import left beside it."""
-        if not isinstance(where := self._where, Path):
-            return
-        for name in left_beside(where):
-            with contextlib.suppress(DescriptionError):
-                if says(prepared_name(where, name), rig if name == DESCRIBED_BESIDE[0] else garment):
-                    yield name
 
 
 def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> TakeError:

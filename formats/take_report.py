@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 Span = tuple[float, float]  # s of the sensor's clock: begin, end
+LeftState = Literal["waiting", "outdated", "unreadable"]  # outdated: what has its name is newer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +24,7 @@ class TakeReport:
     - `doubts`: sentences about what its header and its end say and what cannot be
     - `earlier_doubts`: those that its notes keep, of an earlier file of this take or of its import; '' without any
     - `file`: whence it was read, '' of a take that was never in a file
-    - `left`: the rig or garment beside it that a killed import left, as `formats.unfinished.left_beside` finds them
+    - `left`: the rig or garment that its import left, as `formats.left_descriptions.left_beside` finds them
     """
 
     is_complete: bool
@@ -40,7 +43,7 @@ class TakeReport:
     unread_blocks: int = 0
     doubts: tuple[str, ...] = ()
     file: str = ""
-    left: tuple[str, ...] = ()
+    left: Mapping[str, LeftState] = field(default_factory=dict)
 
     @property
     def is_sound(self) -> bool:

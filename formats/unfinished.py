@@ -15,34 +15,15 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
-from formats.whole_files import loop_words, sync_folder
+from formats.whole_files import longest_name, loop_words, sync_folder
 
 ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
-DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an imported take
 TellAside = Callable[[Path, Path], None]  # called with the names of a file that was put aside, before and after
 
 
 def unfinished_name(path: Path) -> Path:
     """Return the name under which a file is written that is to become `path`."""
     return path.with_name(path.name + ".partial")
-
-
-def prepared_name(take: Path, description: str) -> Path:
-    """Return the name under which the rig or garment of an imported take waits until the take has its own.
-
-    description: one of `DESCRIBED_BESIDE`
-    """
-    return unfinished_name(take.with_name(f"{take.stem}.{description}"))
-
-
-def left_beside(take: Path) -> tuple[str, ...]:
-    """Return those of `DESCRIBED_BESIDE` that a killed import did not replace after its take had got its name.
-
-    Before that moment they are as they were, and the unfinished take itself is what the import left.
-    """
-    if take.suffix != ".mcap" or os.path.lexists(unfinished_name(take)):
-        return ()
-    return tuple(name for name in DESCRIBED_BESIDE if os.path.lexists(prepared_name(take, name)))
 
 
 def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is already there") -> OutputError:
@@ -138,7 +119,7 @@ class UnfinishedFile:
                 left.close()
             sync_folder(self.partial.parent)
         except BaseException:
-            self.keep()
+            self._leave()
             raise
 
     def finish(self) -> None:
@@ -171,10 +152,15 @@ class UnfinishedFile:
             self.partial.unlink(missing_ok=True)
             self.keep()
 
+    def _leave(self) -> None:
+        """Let go of what was there before; an empty file, which may be new, is removed."""
+        if os.fstat(self.file.fileno()).st_size > 0:
+            self.keep()
+        else:
+            self.discard()
+
     def _refuse_to_replace(self, *, is_left: bool) -> None:
         if os.path.lexists(self.path):
-            if not is_left:
-                self.partial.unlink(missing_ok=True)
             raise already_there(self.path, instead=self._instead)
         if is_left:
             raise left_unfinished(self.partial, instead=self._instead)
@@ -183,15 +169,25 @@ class UnfinishedFile:
 def put_aside(partial: Path, path: Path) -> Path:
     """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free.
 
+    The end of a long NAME gives way.
+
     Raises:
         OSError: it cannot be renamed.
     """
     number = 1
-    while os.path.lexists(aside := unfinished_name(path.with_name(f"{path.stem}.left-{number}{path.suffix}"))):
+    while os.path.lexists(aside := _aside_name(path, number)):
         number += 1
     partial.rename(aside)
     sync_folder(partial.parent)
     return aside
+
+
+def _aside_name(path: Path, number: int) -> Path:
+    stem, ending = path.stem, f".left-{number}{path.suffix}"
+    room = longest_name(path.parent) - len(os.fsencode(unfinished_name(Path(ending)).name))
+    while len(os.fsencode(stem)) > room:
+        stem = stem[:-1]
+    return unfinished_name(path.with_name(stem + ending))
 
 
 def _locked(partial: Path, instead: str, access: int = os.O_RDWR | os.O_CREAT) -> BinaryIO:

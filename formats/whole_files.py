@@ -8,6 +8,8 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
+MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
+
 
 def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None:
     """Write a file of a folder that is there; on any failure the former file stays, and nothing else is left.
@@ -137,11 +139,25 @@ def make_writable(folder: Path) -> None:
 def sync_folder(folder: Path) -> None:
     """Put on the disk which names a folder holds: a file's own fsync does not (`man 2 fsync`).
 
+    Of a folder that may be written to and not read, as a drop box, the whole system is (`man 2 sync`).
+
     Raises:
         OSError: the disk fails.
     """
-    handle = os.open(folder, os.O_RDONLY)
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        os.sync()
+        return
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def longest_name(folder: Path) -> int:
+    """Return how many bytes the name of a file in a folder may have; the folder need not be there yet."""
+    try:
+        return os.pathconf(folder, "PC_NAME_MAX")
+    except OSError:
+        return MOST_NAME_BYTES

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from threading import Barrier
 
 import msgspec
@@ -15,8 +17,11 @@ from formats.archive import read_take, write_take
 from formats.descriptions import dump_description
 from formats.descriptions_beside import described_beside, settle
 from formats.errors import OutputError
+from formats.fault_words import unsettled
 from formats.rig import Rig
+from tests.fit.here import hangtime_here
 from tests.formats.test_archive import RIG, a_take
+from tests.formats.test_command_line import swung_cloth
 from tests.formats.test_marker_oddities import GARMENT
 
 A_RIG = Rig(format="hangtime-rig/1", name="a", gravity=(0.0, 0.0, -1.0))
@@ -27,8 +32,15 @@ def held_in(folder):
     return {path.name: path.read_text() for path in folder.iterdir()}
 
 
+def beside(take, descriptions, *, overwrite=False, tell_aside=None):
+    def tell_left(name, error):
+        raise error
+
+    return described_beside(take, descriptions, overwrite=overwrite, tell_aside=tell_aside, tell_left=tell_left)
+
+
 def put_beside(take, description, *, overwrite=False, name="rig.toml"):
-    with described_beside(take, {name: description}, overwrite=overwrite):
+    with beside(take, {name: description}, overwrite=overwrite):
         pass
 
 
@@ -63,9 +75,7 @@ def test_imports_that_put_one_description_there_at_once_all_go_on(tmp_path):
     def write(number):
         take = tmp_path / f"{number}.mcap"
         together.wait()
-        write_take(
-            take, a_take(20), overwrite=False, beside=described_beside(take, {"rig.toml": A_RIG}, overwrite=False)
-        )
+        write_take(take, a_take(20), overwrite=False, beside=beside(take, {"rig.toml": A_RIG}))
 
     with ThreadPoolExecutor(len(imports)) as threads:
         list(threads.map(write, imports))
@@ -80,7 +90,7 @@ def test_work_that_fails_before_the_take_has_its_name_changes_nothing(tmp_path):
     before = held_in(tmp_path)
 
     def fail():
-        with described_beside(tmp_path / "a.mcap", {"rig.toml": A_RIG, "garment.toml": GARMENT}, overwrite=True):
+        with beside(tmp_path / "a.mcap", {"rig.toml": A_RIG, "garment.toml": GARMENT}, overwrite=True):
             assert len(held_in(tmp_path)) == 4, "both wait"
             raise KeyboardInterrupt
 
@@ -98,7 +108,7 @@ def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its
         (tmp_path / name).write_text(text)
 
     def interrupt():
-        with described_beside(tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=True):
+        with beside(tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=True):
             write_take(tmp_path / "a.mcap", take)
             raise KeyboardInterrupt
 
@@ -106,7 +116,7 @@ def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its
         interrupt()
     assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
     assert settle(tmp_path) == []
-    assert read_take(tmp_path / "a.mcap").report.left == ()
+    assert read_take(tmp_path / "a.mcap").report.left == {}
     assert sorted(path.name for path in tmp_path.iterdir()) == [*sorted({"a.mcap", *others}), "rig.toml"]
 
 
@@ -114,6 +124,59 @@ def left_by_a_killed_import(folder, take):
     write_take(folder / "a.mcap", take)
     (folder / "rig.toml").write_text(dump_description(OTHER))
     (folder / "a.rig.toml.partial").write_text(dump_description(take.rig))
+
+
+def told_of(take):
+    return unsettled(read_take(take).report)
+
+
+def test_a_description_that_says_the_same_as_the_one_that_was_left_is_not_advised_and_the_other_is_removed(tmp_path):
+    take = a_take(20)
+    left_by_a_killed_import(tmp_path, take)
+    mine = f"# mine\n{dump_description(take.rig)}"
+    (tmp_path / "rig.toml").write_text(mine)
+    assert told_of(tmp_path / "a.mcap") == []
+    assert settle(tmp_path) == []
+    (tmp_path / "a.mcap").unlink()
+    assert held_in(tmp_path) == {"rig.toml": mine}
+
+
+def test_a_description_that_was_left_and_cannot_be_read_is_told(tmp_path, monkeypatch):
+    left_by_a_killed_import(tmp_path, a_take(20))
+    opened = Path.open
+
+    def refuse(path, *how, **more):
+        if path.name == "a.rig.toml.partial":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opened(path, *how, **more)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    words = "a.rig.toml.partial, which an import left beside it, cannot be read; get the permission to read it"
+    assert told_of(tmp_path / "a.mcap") == [words]
+
+
+def test_a_description_that_cannot_be_replaced_leaves_the_take_its_name_and_is_told(tmp_path, monkeypatch):
+    """As where it belongs to another user, in a folder whose files only their owners may replace."""
+    swung_cloth(tmp_path / "a.npz")
+    (tmp_path / "takes").mkdir()
+    (tmp_path / "takes/garment.toml").write_text(dump_description(GARMENT))
+    replace = Path.replace
+
+    def refuse(path, target):
+        if target.name == "garment.toml":
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    done = hangtime_here("import", "a.npz", "--overwrite", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "")
+    assert done.stdout.startswith(
+        "takes/a.mcap: 40 frames, 4.3 s\nWarning: takes/garment.toml: cannot be replaced (Operation not permitted), "
+        "and a.mcap is there; remove it, or have its owner do so, then rename a.garment.toml.partial to garment.toml\n"
+    )
+    assert (tmp_path / "takes/garment.toml").read_text() == dump_description(GARMENT)
+    monkeypatch.undo()
+    assert settle(tmp_path / "takes") == [tmp_path / "takes/garment.toml"]
 
 
 def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_the_other(tmp_path):
@@ -126,7 +189,10 @@ def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_
     (tmp_path / "copy").replace(tmp_path / "rig.toml")
     assert settle(tmp_path) == []
     assert (tmp_path / "rig.toml").read_text() == edited
-    assert read_take(tmp_path / "a.mcap").report.left == ("rig.toml",)
+    assert told_of(tmp_path / "a.mcap") == [
+        "rig.toml beside it is newer than a.rig.toml.partial, which its import left; remove a.rig.toml.partial, or "
+        "rename it to rig.toml if the take's own is to stand there"
+    ]
     time.sleep(0.02)
     (tmp_path / "a.rig.toml.partial").chmod(0o600)
     assert settle(tmp_path) == [tmp_path / "rig.toml"]
@@ -138,7 +204,7 @@ def test_a_take_that_a_killed_import_did_not_replace_tells_of_no_description(tmp
     take = a_take(20)
     left_by_a_killed_import(tmp_path, take)
     (tmp_path / "a.rig.toml.partial").write_text(dump_description(msgspec.structs.replace(take.rig, name="new")))
-    assert read_take(tmp_path / "a.mcap").report.left == ()
+    assert read_take(tmp_path / "a.mcap").report.left == {}
     assert settle(tmp_path) == []
     assert (tmp_path / "rig.toml").read_text() == dump_description(OTHER)
 
@@ -153,7 +219,7 @@ def test_a_folder_that_another_program_keeps_locked_is_named_after_a_while(tmp_p
     finally:
         os.close(handle)
     assert settle(tmp_path) == []
-    with pytest.raises(OutputError, match="gone: cannot be written"):
+    with pytest.raises(OutputError, match="gone: cannot be read"):
         settle(tmp_path / "gone")
 
 
@@ -180,9 +246,7 @@ def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_told(tmp_
     take, told = a_take(20), []
     make(tmp_path / "a.rig.toml.partial")
     before = os.lstat(tmp_path / "a.rig.toml.partial")
-    with described_beside(
-        tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=False, tell_aside=lambda *two: told.append(two)
-    ):
+    with beside(tmp_path / "a.mcap", {"rig.toml": take.rig}, tell_aside=lambda *two: told.append(two)):
         write_take(tmp_path / "a.mcap", take)
     aside = tmp_path / "a.rig.left-1.toml.partial"
     assert told == [(tmp_path / "a.rig.toml.partial", aside)]

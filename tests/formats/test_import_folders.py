@@ -150,7 +150,7 @@ def assert_usable(folder, whole, former):
             (folder / f"copy/o/m.{name}.partial").rename(folder / "copy/o" / name)
         assert_mended(folder / "copy", whole)
         again = hangtime_here(*IMPORT, "o", folder=folder)
-        assert again.stdout.count("is now that of a take whose import was killed") == len(waiting)
+        assert again.stdout.count("is now that of a take whose import ended") == len(waiting)
         assert_mended(folder, whole)
         return len(waiting)
     assert {name: held.get(name) for name in former} == former, "nothing is lost"

@@ -125,7 +125,7 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
         ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
             {"file": "in/m.mcap", **SOUND, "take_id": "m", "frames": 30,
              "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
-             "clock": None, "file_doubt": None, "findings": [
+             "clock": None, "file_doubt": None, "left": [], "findings": [
                  {"name": "too_short", "is_grave": False, **dict(zip(WORDS, SHORT, strict=True))},
                  {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
                  {"name": "points_never_seen", "is_grave": False, **dict(zip(WORDS, UNSEEN, strict=True))},
@@ -134,7 +134,7 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
         ("import r.npz --out own", 0, {"takes": [
             {"file": "own/r.mcap", **SOUND, "take_id": "r", "frames": 40,
              "duration_s": 4.29, "front": None, "never_seen": [],
-             "clock": None, "file_doubt": None, "findings": [
+             "clock": None, "file_doubt": None, "left": [], "findings": [
                  {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
              ]},
         ]}),
@@ -179,7 +179,7 @@ def test_json_has_the_state_of_a_take_of_which_nothing_is_written(desk):
 
 
 @pytest.mark.parametrize(
-    "words", ["takes list gone", "takes list takes/a.mcap", "import gone.npz", "swatch s.txt --mass 1", "fabric gone"]
+    "words", ["takes list gone", "takes list takes/a.mcap", "import gone.npz", "swatch s.txt --mass 1"]
 )
 def test_json_of_a_command_that_fails_has_the_sentence_of_its_error(desk, words):
     done = hangtime_here(*words.split(), "--json", folder=desk)

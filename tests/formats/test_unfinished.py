@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import signal
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 from formats.archive import TakeWriter, read_take, verify_take, write_take
 from formats.errors import OutputError
 from formats.outputs import refuse_to_replace
+from formats.unfinished import put_aside
 from tests.formats.test_archive import GARMENT, RIG, a_take, frame_of
 from tests.formats.test_whole_files import synced
 
@@ -88,6 +90,31 @@ def test_what_is_too_large_to_be_read_is_put_aside_all_the_same(tmp_path):
     write_take(tmp_path / "t.mcap", a_take())
     assert verify_take(tmp_path / "t.mcap").is_sound
     assert (tmp_path / "t.left-1.mcap.partial").stat().st_size == 300 << 30
+
+
+def test_a_long_name_gives_way_where_what_is_left_of_it_is_put_aside(tmp_path):
+    """Of 241 bytes 8 are given up for .left-10, and no letter is cut; without an end of its own it is whole."""
+    name = "é" * 120 + "n"
+    for number in range(1, 11):
+        left = tmp_path / f"{name}.mcap.partial"
+        left.write_bytes(b"what is left")
+        aside = put_aside(left, tmp_path / f"{name}.mcap")
+        assert aside.name == f"{'é' * 117}.left-{number}.mcap.partial"
+    assert len(names(tmp_path)) == 10
+
+
+def test_a_writer_whose_folder_fails_leaves_no_empty_file_and_keeps_what_was_left(tmp_path, monkeypatch):
+    def fail(folder):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("formats.unfinished.sync_folder", fail)
+    with pytest.raises(OSError, match="Input"):
+        a_writer(tmp_path)
+    assert names(tmp_path) == []
+    (tmp_path / "t.mcap.partial").write_bytes(b"what is left")
+    with pytest.raises(OSError, match="Input"):
+        a_writer(tmp_path, overwrite=True)
+    assert names(tmp_path) == ["t.left-1.mcap.partial"]
 
 
 def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_path):

@@ -62,6 +62,20 @@ def test_the_name_of_a_file_is_put_on_the_disk_after_its_content(tmp_path, monke
     assert seen[1] == str(tmp_path)
 
 
+def test_names_of_a_folder_that_nobody_may_read_are_put_on_the_disk_with_everything_else(tmp_path, monkeypatch):
+    opened, done = os.open, []
+
+    def refuse(path, flags, *mode, **more):
+        if path == tmp_path and not flags & os.O_TMPFILE:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opened(path, flags, *mode, **more)
+
+    monkeypatch.setattr(os, "open", refuse)
+    monkeypatch.setattr(os, "sync", lambda: done.append(os.listdir(tmp_path)))
+    write_whole(tmp_path / "a.json", b"one")
+    assert done == [["a.json"]]
+
+
 def test_new_folders_are_put_on_the_disk_from_above(tmp_path, monkeypatch):
     (tmp_path / "a").mkdir()
     seen = synced(monkeypatch)

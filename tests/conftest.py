@@ -15,6 +15,7 @@ import inspect
 import os
 import resource
 import signal
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -59,6 +60,12 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+def pytest_sessionfinish() -> None:
+    """Let Taichi keep the kernels that it compiled for the next run: it writes when it is freed, and frozen it is not."""
+    if taichi := sys.modules.get("taichi"):
+        taichi.reset()
 
 
 @pytest.hookimpl(optionalhook=True)

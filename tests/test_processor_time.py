@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -58,6 +59,13 @@ def test_time_in_which_the_processor_did_something_else_does_not_count(monkeypat
     clock[0] += 2.0
     with pytest.raises(pytest.fail.Exception, match="took more than 60 s"):
         watch.look()
+
+
+def test_a_run_that_ends_frees_taichi_which_then_keeps_its_kernels_for_the_next_run(monkeypatch):
+    told = []
+    monkeypatch.setitem(sys.modules, "taichi", SimpleNamespace(reset=lambda: told.append("freed")))
+    conftest.pytest_sessionfinish()
+    assert told == ["freed"]
 
 
 def test_tests_of_a_room_of_fit_stay_in_one_process_and_others_with_their_file():

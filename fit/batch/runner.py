@@ -21,10 +21,11 @@ from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
 from fit.batch.kept import has_fit
 from fit.batch.store import Store
-from fit.batch.worker import run_job
-from fit.errors import BatchError, UnreachableError
+from fit.batch.worker import run_job, words_of
+from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
+from formats.errors import TakeError
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
@@ -94,6 +95,8 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
             found.outcomes[key] = Outcome(key=key, state="known")
         elif why is not None:
             found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
+        elif is_new and (no_mesh := _refused_mesh(content, name, plan)):
+            found.outcomes[key] = Outcome(key=key, state="refused", sentence=no_mesh)
         elif is_new:
             found.jobs.append(
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
@@ -102,6 +105,24 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     # The smallest first: a huge take keeps no other waiting.
     found.jobs.sort(key=lambda job: sizes[job.take] if isinstance(job, Job) else 0)
     return found
+
+
+def _refused_mesh(content: bytes, name: str, plan: Plan) -> str:
+    """Return why a take's garment has no mesh of the asked spacing, as `fit` does; '' where a worker is to judge."""
+    from fit.cloth.mesh import check_mesh
+    from formats.archive import take_of
+
+    if plan.spacing is None:
+        return ""
+    try:
+        garment = take_of(content, name).garment
+    except TakeError:
+        return ""
+    try:
+        check_mesh(garment, plan.spacing)
+    except FitError as error:
+        return words_of(error)
+    return ""
 
 
 def run(

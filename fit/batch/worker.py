@@ -96,7 +96,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     except BatchError:
         raise
     except ImplausibleError as error:  # not kept: --anyway makes it a take like any other
-        return ended("refused", _sentence(error))
+        return ended("refused", words_of(error))
     except MemoryError:
         return ended("refused", "not enough memory; use fewer workers")
     except (OSError, ImportError) as error:
@@ -104,7 +104,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
             raise store_is_full(error, error.filename or results.url) from error
         return ended("refused", f"this worker cannot do it ({error})")
     except Exception as error:  # no fault of a take may end a night
-        sentence = _sentence(error)
+        sentence = words_of(error)
         record = {"format": "hangtime-batch-failure/1", "take": ", ".join(errand.digests), "sentence": sentence,
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
         results.write(failure_name(job.key), json.dumps(record, indent=2).encode())
@@ -163,8 +163,8 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
     return result_bytes(result, Path(result_name(job.key)))
 
 
-def _sentence(error: Exception) -> str:
+def words_of(error: Exception) -> str:
+    """Return the words for an error of a take whose name stands beside them."""
     if isinstance(error, HangtimeError):
-        # The take's name stands beside the sentence.
         return error.what + (f"; {error.advice}" if error.advice else "")
     return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import subprocess
 from dataclasses import replace
@@ -42,6 +43,17 @@ def state_of(night):
     found = survey(*night, PLAN)
     (key,) = found.keys.values()
     return found.outcomes[key].state if key in found.outcomes else "waiting"
+
+
+@pytest.mark.parametrize(
+    ("spacing", "sentence"),
+    [(0.0005, r"gives it about \d+ nodes where 40000 are the most; choose a spacing from 0\.00"), (0.05, None)],
+)
+def test_a_spacing_that_gives_a_take_no_mesh_is_told_before_the_night(night, spacing, sentence):
+    (night[0].path("") / "torn.mcap").write_bytes(b"torn")
+    found = survey(*night, replace(PLAN, spacing=spacing))
+    assert [job.take for job in found.jobs] == (["torn.mcap"] if sentence else ["torn.mcap", "a.mcap"])
+    assert all(o.state == "refused" and re.search(sentence, o.sentence) for o in found.outcomes.values())
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,13 @@ from urllib.parse import unquote, urlsplit
 
 from formats.errors import AddressError
 
-BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
+S3, GOOGLE, AZURE = ("s3", "s3a"), ("gs",), ("az", "abfs", "abfss")
+BUCKETS = S3 + GOOGLE + AZURE
 BY_ACCOUNT = ("abfs", "abfss")  # their addresses are CONTAINER@ACCOUNT
-ENDPOINTS = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT")
+ENDPOINTS = {
+    S3: ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT"), GOOGLE: ("GOOGLE_BASE_URL",),
+    AZURE: ("AZURE_STORAGE_ENDPOINT", "AZURE_ENDPOINT"),
+}  # fmt: skip
 SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
 REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
 CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
@@ -34,7 +38,7 @@ KEYS_OF = {
     "MicrosoftAzure": "AZURE_STORAGE_ACCOUNT_KEY",
 }  # fmt: skip
 ALLOWING = {"S3": "AWS_ALLOW_HTTP", "MicrosoftAzure": "AZURE_ALLOW_HTTP"}  # Google's needs none
-KEYS_BEGIN = ("AWS_", "AZURE_")  # names of what becomes headers of requests; Google's keys are JSON of several lines
+KEYS_BEGIN = {S3: "AWS_", AZURE: "AZURE_"}  # what becomes headers of requests; Google's keys are JSON of several lines
 LONGEST_REASON = 200  # characters of an error that are passed on
 
 
@@ -174,8 +178,9 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
         refuse(f"{unquote(bucket)!r} is no bucket's name", "write the name with letters, digits, dots and hyphens")
     if account and "." not in account:
         refuse(f"{account!r} is no server of a storage account", f"write {parts.scheme}://{place}/NAME")
-    stated = {name: os.environ.get(name, "") for name in ENDPOINTS}
-    stated |= {name: value for name, value in config.items() if "endpoint" in name.lower()}
+    kind = next(one for one in ENDPOINTS if parts.scheme in one)
+    stated = {name: os.environ.get(name, "") for name in ENDPOINTS[kind]}
+    stated |= {name: value for name, value in config.items() if re.search("endpoint|base_url", name.lower())}
     for name, value in stated.items():
         if value and not value.startswith(("http://", "https://")):
             refuse(
@@ -183,7 +188,8 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
             )
         if value and not _is_servers_address(value):
             refuse(f"{name} is no server's address (it is {without_secrets(value)!r})", "write http(s)://NAME:PORT")
-    settings = {name: value for name, value in os.environ.items() if name.startswith(KEYS_BEGIN)} | dict(config)
+    begin = KEYS_BEGIN.get(kind)
+    settings = {name: value for name, value in os.environ.items() if begin and name.startswith(begin)} | dict(config)
     for name, value in settings.items():
         if re.search(r"[\x00-\x1f\x7f]", value):
             refuse(f"{name} holds a line break or another control character", "set it again, without that character")
@@ -204,11 +210,21 @@ def advice_on(error: Exception) -> str:
     store = found[1] if (found := OF_STORE.search(text)) else "S3"
     if "RequestTimeTooSkewed" in text:
         return "set this computer's clock (timedatectl set-ntp true)"
-    if BAD_SCHEME in text:
+    if is_without_tls(error):
         return f"set {ALLOWING.get(store, ALLOWING['S3'])}=true if the server has no TLS, else write https://"
-    if CLOUDS_OWN.search(text):
+    if is_without_keys(error):
         return f"set {KEYS_OF.get(store, KEYS_OF['S3'])}"
     return "check the address, the network and the access keys"
+
+
+def is_without_tls(error: Exception) -> bool:
+    """Return whether nothing was sent because the server's address has no TLS, and no setting allows that."""
+    return BAD_SCHEME in str(error)
+
+
+def is_without_keys(error: Exception) -> bool:
+    """Return whether nothing was sent to the bucket because no keys are set."""
+    return CLOUDS_OWN.search(str(error)) is not None
 
 
 def is_out_of_reach(error: Exception) -> bool:
@@ -218,9 +234,8 @@ def is_out_of_reach(error: Exception) -> bool:
     """
     import obstore
 
-    text = str(error)
-    is_here = BAD_SCHEME in text or CLOUDS_OWN.search(text) is not None
-    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in text and not is_here
+    is_here = is_without_tls(error) or is_without_keys(error)
+    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in str(error) and not is_here
 
 
 def first_line(error: Exception) -> str:
@@ -228,13 +243,13 @@ def first_line(error: Exception) -> str:
     if reason := SERVERS_REASON.search(str(error)):
         told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
         return without_secrets(f"the server says {told}")[:LONGEST_REASON]
-    if CLOUDS_OWN.search(str(error)):
+    if is_without_keys(error):
         return "no keys are set, and this computer has none as a machine of the cloud"
     text = OF_STORE.sub("", (str(error).splitlines() or [type(error).__name__])[0].strip())
     if "HTTP error" in text and (request := REQUEST.search(text)):
         cause = CAUSE.search(str(error))
         text = f"{request[1]} does not answer" + (f": {cause[1]}" if cause else "")
-        if BAD_SCHEME in str(error):
+        if is_without_tls(error):
             text = f"{request[1]} is an address without TLS, to which nothing is sent unasked"
     return without_secrets(text)[:LONGEST_REASON]
 

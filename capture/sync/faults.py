@@ -9,7 +9,7 @@ from functools import partial
 from typing import Literal
 
 from capture.errors import SyncError
-from formats.store_address import first_line, without_secrets
+from formats.store_address import first_line, is_without_keys, is_without_tls, without_secrets
 
 FULL_CODES = {
     "InsufficientStorage",
@@ -67,11 +67,21 @@ def fault_of(error: Exception, where: str, *, writing: bool = True) -> ServerErr
     if isinstance(error, ServerError):
         return error
     text = str(error)
+    if is_without_keys(error) or is_without_tls(error):
+        return _unsent(error, where)
     if answer := _answer(text):
         return _refusal(answer, where, writing=writing)
     if isinstance(error, OSError) and error.errno is not None:
         return _folder_fault(error, where)
     return _no_answer(error, text, where)
+
+
+def _unsent(error: Exception, where: str) -> ServerError:
+    """Return the fault of a request that this device's own settings kept back."""
+    advice = "put the keys into the credentials of sync"
+    if is_without_tls(error):
+        advice = "set allow_http = true in [sync] if the server has no TLS, else write https:// in endpoint"
+    return ServerError(first_line(error), where=where, advice=advice, kind="person")
 
 
 def _answer(text: str) -> Answer | None:

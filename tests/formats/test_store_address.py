@@ -41,6 +41,22 @@ def test_a_servers_address_that_ends_in_a_panic_of_the_library_is_refused(monkey
         open_bucket("s3://bkt/takes", extra="batch")
 
 
+@pytest.mark.parametrize(
+    ("url", "name", "own"),
+    [("gs://b/x", "AWS_ENDPOINT_URL", "GOOGLE_BASE_URL"), ("az://b/x", "AWS_ENDPOINT_URL_S3", "AZURE_STORAGE_ENDPOINT"),
+     ("s3://b/x", "GOOGLE_BASE_URL", "AWS_ENDPOINT")],
+)  # fmt: skip
+def test_only_the_settings_of_a_store_itself_are_judged(monkeypatch, url, name, own):
+    pytest.importorskip("obstore")
+    others = "AZURE_KEY" if url.startswith("s3") else "AWS_SESSION_TOKEN"
+    for setting, value in ((name, "of another store"), (others, "key\n"), ("AZURE_STORAGE_ACCOUNT_NAME", "a")):
+        monkeypatch.setenv(setting, value)
+    open_bucket(url, extra="batch")
+    monkeypatch.setenv(own, "h:9")
+    with pytest.raises(AddressError, match=f"{own} lacks http:// or https://"):
+        open_bucket(url, extra="batch")
+
+
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9", "https://s3.example.org/below", "http://[::1]:9000"])
 def test_servers_addresses_with_port_path_and_six_byte_groups_are_taken(monkeypatch, address):
     pytest.importorskip("obstore")

@@ -11,6 +11,7 @@ import pytest
 
 from capture.appliance.sync_status import read_status, sentences
 from capture.sync.credentials import Credentials
+from capture.sync.faults import fault_of
 from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
 from tests.capture.sync.servers import FAULTS, KEY, told_of
 from tests.capture.sync.syncing import NOW, check_server, folder_of, on_server, sync_of
@@ -66,6 +67,21 @@ def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, na
     fault = sync_of(told_of(spool.folder, proxy, authority, **named))[0].once()
     assert sentence in fault.what
     assert advice in fault.advice
+
+
+def test_an_address_without_tls_that_is_not_allowed_is_a_persons_to_mend(far, spool, three):
+    _, proxy, authority = far
+    fault = sync_of(told_of(spool.folder, proxy, authority, endpoint="http://127.0.0.1:9"))[0].once()
+    assert fault.what == "http://127.0.0.1:9 is an address without TLS, to which nothing is sent unasked"
+    assert (fault.kind, fault.advice[:30]) == ("person", "set allow_http = true in [sync")
+
+
+def test_keys_that_are_not_set_are_told_as_such_and_not_as_the_refusal_of_another_server():
+    """Without keys the library asks the machine's own cloud for some, whose answer is no server's of ours."""
+    text = "Generic S3 error: Error performing PUT http://169.254.169.254/latest - status code: 403 Forbidden: no"
+    fault = fault_of(RuntimeError(text), "s3://b")
+    assert fault.what == "no keys are set, and this computer has none as a machine of the cloud"
+    assert (fault.kind, fault.advice) == ("person", "put the keys into the credentials of sync")
 
 
 def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three):

@@ -16,7 +16,7 @@ from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_lines
 from formats.importers.cell_forms import take_out_odd_cells
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
-from formats.importers.decimal_signs import DecimalSigns, may_be_motion
+from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less, may_be_motion
 from formats.importers.leaps import take_out_leaps
 from formats.importers.lost_lines import take_out_joined_lines
 from formats.importers.marker_lines import Rows
@@ -53,6 +53,10 @@ class Table:
     clock: Callable[[Floats], Floats]
     is_exact: bool = False
 
+    def columns(self) -> Integers:
+        """Return the columns of each marker's x, y and z, (markers, 3)."""
+        return np.add.outer(np.asarray(self.markers, int), np.arange(3))
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -79,9 +83,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
         raise TakeError(
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
-    columns = np.add.outer(np.asarray(table.markers, int), np.arange(3))
+    columns, begin = table.columns(), min(table.markers, default=width)
     cells = np.empty(len(rows), int)
-    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(), cells)
+    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(begin), cells)
     time = table.clock(first)
     metres = np.full(len(columns), table.metres)
 
@@ -89,16 +93,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
         return f"line {rows.numbers[frame]}"
 
     signs_of_gaps = take_out_signs(places, metres, line)
-    refuse_a_cut_time(rows, cells, first, time, min(table.markers, default=width), width, path)
-    if not rows.decimal and (number := signs.of_thousands(rows.separator)):
-        sign, name = (",", "commas") if "," in number else (".", "points")
-        first, large = _numbers(rows, table, columns, path, DecimalSigns(parts_thousands=sign), cells)
-        if may_be_motion(table.clock(first), large):
-            raise TakeError(
-                f"{name} may part decimals or thousands: {number!r} is {number.replace(sign, '.')} or "
-                f"{number.replace(sign, '')}", where=path,
-                advice=SAY_WHICH,
-            )  # fmt: skip
+    refuse_a_cut_time(rows, cells, first, time, begin, width, path)
+    if not rows.decimal:
+        _refuse_thousands(rows, table, path, signs, time, places)
     broken = broken_lines(rows, cells, columns, time, places, table.metres)
     last = _doubt_of_the_last(rows, columns, width, places, path, is_broken=bool(broken[-1:].any()))
     if not last and last_may_be_cut(rows, cells, width):
@@ -116,6 +113,28 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     doubts.append(take_out_leaps(time, places, table.labels, line))
     doubts.append(take_out_odd_cells(rows, columns, places, table.labels, line))
     return Frames(time, places, "; ".join(filter(None, doubts)))
+
+
+def _refuse_thousands(rows: Rows, table: Table, path: Path, signs: DecimalSigns, time: Floats, places: Floats) -> None:
+    """Refuse places whose signs may part thousands as well as decimals.
+
+    `time` [s], (rows,); `places` [m], (rows, markers, 3), NaN where not seen: where signs part decimals
+    """
+    number, is_usual = signs.of_thousands, signs.are_usual(rows.separator)
+    if not number or not (is_usual or leap_less(time, places, np.zeros_like(places))):
+        return
+    sign, name = (",", "commas") if "," in number else (".", "points")
+    as_thousands = DecimalSigns(parts_thousands=sign)
+    first, large = _numbers(rows, table, table.columns(), path, as_thousands, np.empty(len(rows), int))
+    large[np.isnan(places)] = np.nan
+    clock = time if signs.has_clock_of_decimals else table.clock(first)
+    is_motion = is_usual and may_be_motion(clock, large)
+    if not are_too_far(large) and (is_motion or leap_less(time, places, large)):
+        raise TakeError(
+            f"{name} may part decimals or thousands: {number!r} is {number.replace(sign, '.')} or "
+            f"{number.replace(sign, '')}", where=path,
+            advice=NO_THOUSANDS if signs.has_clock_of_decimals else SAY_WHICH,
+        )  # fmt: skip
 
 
 def _take_out_the_last(places: Floats, at: int, cells: Integers, columns: Integers) -> None:

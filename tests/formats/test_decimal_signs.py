@@ -89,8 +89,57 @@ def test_points_between_commas_or_tabs_and_of_moving_markers_part_decimals(tmp_p
     assert found.positions[0, 0, 0] == pytest.approx(0.1, abs=1e-3)
 
 
-def vicon(write, start, noise=0.0):
-    """A table of Vicon whose cells semicolons part."""
+@pytest.mark.parametrize("separator", [",", "\t"])
+@pytest.mark.parametrize(("start", "first"), [(800.0, "1.100"), (965.0, "1.115"), (-1020.0, "-1.020")])
+def test_points_of_a_path_that_leaps_where_it_crosses_1000_part_thousands(tmp_path, start, first, separator):
+    """987 mm is beside 1.012, which is read as 1012 mm by no leap."""
+    text = vicon(lambda value: f"{value:,.0f}".replace(",", "."), start, noise=0.2).replace(";", separator)
+    with pytest.raises(TakeError) as refused:
+        read(tmp_path, text, None, "a.csv")
+    assert str(refused.value) == (
+        f"{tmp_path}/a.csv: points may part decimals or thousands: {first!r} is {first} or {first.replace('.', '')}; "
+        "say which with --decimal comma or --decimal point"
+    )
+    found = read_marker_text(tmp_path / "a.csv", None, ",").positions[0]
+    assert found.ravel() == pytest.approx(start / 1e3 + np.arange(6) * 0.15, abs=2e-3)
+
+
+def test_thousands_beside_times_with_the_same_sign_ask_for_another_export(tmp_path):
+    """No `--decimal` fits both."""
+    rows = table(lambda value: f"{value:,.0f}".replace(",", "."), start=965.0)[0].splitlines()[5:]
+    head = "\t".join(["time_s", *(f"{name}_{axis}_mm" for name in "ab" for axis in "xyz")])
+    text = "".join(f"{line}\n" for line in [head, *(f"{k / 100:.2f}\t{row}" for k, row in enumerate(rows))])
+    with pytest.raises(TakeError, match=r"'1\.115' is 1\.115 or 1115; export numbers without a sign between thousands"):
+        read(tmp_path, text, None, "a.tsv")
+
+
+@pytest.mark.parametrize("write", ["{:.3f}", "{:.6g}"])
+@pytest.mark.parametrize(("damage", "noise"), [(None, 0.0), (None, 0.1), ("1.234", 0.0), ("1234", 0.0), ("234", 0.0)])
+def test_three_decimals_between_tabs_are_read_also_where_a_marker_leaps(tmp_path, write, damage, noise):
+    """Millimetres beside the origin, of which one may be another marker's or lack its point or first digit."""
+    lines = table(write.format, start=160.0, noise=noise)[0].splitlines()
+    if damage:
+        lines[20] = "\t".join([damage, *lines[20].split("\t")[1:]])
+    found = read(tmp_path, "".join(f"{line}\n" for line in lines), None, "a.tsv")
+    assert found.positions[0].ravel() == pytest.approx(0.16 + np.arange(6) * 0.15, abs=1e-3)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("start", [1.2, -1.9, 0.53])
+@pytest.mark.parametrize("sign", [",", "."])
+def test_metres_with_three_decimals_are_no_thousands_also_at_rest(tmp_path, separator, start, sign):
+    """As thousands, 1,234 m would be more than a kilometre."""
+    text = vicon(lambda value: f"{value:.3f}".replace(".", sign), 1e3 * start, unit="m").replace(";", separator)
+    found = read(tmp_path, text, None, "a.csv")
+    assert found.doubt == ""
+    assert found.positions.reshape(30, 6) == pytest.approx(start + np.arange(6) * 0.15 + np.zeros((30, 6)), abs=1e-9)
+
+
+def vicon(write, start, noise=0.0, unit="mm"):
+    """A table of Vicon whose cells semicolons part; markers of metres are at rest."""
     lines = table(write, start=start, noise=noise)[0].splitlines()[5:]
-    head = "Trajectories\n100\n;;a;;;b;;\nFrame;Sub Frame;X;Y;Z;X;Y;Z\n;;mm;mm;mm;mm;mm;mm\n"
+    if unit == "m":
+        lines = ["\t".join(write(start / 1e3 + 0.15 * k) for k in range(6))] * 30
+    units = ";".join([unit] * 6)
+    head = f"Trajectories\n100\n;;a;;;b;;\nFrame;Sub Frame;X;Y;Z;X;Y;Z\n;;{units}\n"
     return head + "".join(f"{k};0;{line}\n".replace("\t", ";") for k, line in enumerate(lines, 1))

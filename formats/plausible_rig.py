@@ -203,15 +203,20 @@ def _check_bodies(rig: Rig, refuse: Refuse) -> None:
     is_known = rig.sensor is not None or from_origin > 0  # else the origin may be anywhere in a room
     viewer = "camera" if is_known else "origin"
     for number, body in enumerate(rig.near, 1):
+        depth = -float(distances_from(body, np.array(rig.viewpoint)))
         for name, place in (("at_m", body.at_m), ("to_m", body.to_m)):
-            away = 0.0 if place is None else float(np.linalg.norm(np.subtract(place, rig.viewpoint)))
-            if place is not None and away - (body.radius_m or 0.0) > FARTHEST_BODY:
+            if place is None:
+                continue
+            if body.normal is not None:  # its point may lie anywhere on a plane
+                name, away = f"the plane through {name}", abs(depth)
+            else:
+                away = float(np.linalg.norm(np.subtract(place, rig.viewpoint)))
+            if not away - (body.radius_m or 0.0) <= FARTHEST_BODY:
                 refuse(
                     f"bodies: {name} = {_told(place)} of body {number} is {away:g} m from the {viewer}, a body that "
                     f"cloth may touch at most {FARTHEST_BODY:g} m{unit_of(away, NEAREST_VIEW, FARTHEST_BODY)}",
                     "give metres in the sensor frame",
                 )
-        depth = -float(distances_from(body, np.array(rig.viewpoint)))
         if is_known and depth > 0:
             refuse(
                 f"bodies: the camera is {depth:g} m inside body {number}, a {body.kind}",

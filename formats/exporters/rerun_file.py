@@ -17,6 +17,7 @@ from formats.descriptions import dump_description
 from formats.exporters.by_library import bytes_by_library
 from formats.missing import missing_words
 from formats.outputs import write_bytes
+from formats.plain_text import lines_of
 from formats.take import Take
 from formats.unfinished import ANOTHER_FOLDER
 
@@ -55,12 +56,17 @@ def _send_still(rerun: Any, stream: Any, take: Take) -> None:
     origin = seen[0].mean(0) if len(seen) else np.zeros(3)
     arrow = rerun.Arrows3D(origins=[origin], vectors=[GRAVITY_LENGTH * gravity], labels=["gravity"])
     stream.log("take/gravity", arrow, static=True)
-    about = [f"take_id = {take.take_id}", f"created = {take.created}", f"source = {take.source}"]
-    about += [f"{name} = {text}" for name, text in take.notes.items()]
-    about += [f"missing: {words}"] if (words := missing_words(take)) else []
-    texts = {"about": "\n".join(about), "rig": dump_description(take.rig), "garment": dump_description(take.garment)}
+    texts = {"about": about(take), "rig": dump_description(take.rig), "garment": dump_description(take.garment)}
     for name, text in texts.items():
         stream.log(f"text/{name}", rerun.TextDocument(text), static=True)
+
+
+def about(take: Take) -> str:
+    """Return the words of a take, each on a line of its own: the end of a line within a word is escaped."""
+    words = [("take_id", take.take_id), ("created", take.created), ("source", take.source), *take.notes.items()]
+    lines = [f"{name} = {text}" for name, text in words]
+    lines += [f"missing: {missing}"] if (missing := missing_words(take)) else []
+    return "\n".join(lines_of(line).replace("\n", "\\n") for line in lines)
 
 
 def _send_moving(rerun: Any, stream: Any, take: Take) -> None:

@@ -16,7 +16,7 @@ from formats.archive import write_take
 from formats.errors import OutputError, TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
-from formats.exporters.rerun_file import write_rrd
+from formats.exporters.rerun_file import about, write_rrd
 from formats.garment import TrackedPoint
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
@@ -168,6 +168,12 @@ def test_parquet_holds_many_takes_of_different_garments_and_null_where_nothing_w
         assert row["x_m"] == (place[0] if seen else None)
     assert rows[3]["time_s"] == takes[1].time[3]
     assert rows[3]["sd_z_m"] == 0.003
+
+
+def test_a_note_of_several_lines_is_one_line_of_the_words_for_rerun():
+    take = replace(a_take(20), notes={"a": "one\ntwo = \x1b[2J", "take_id\n": "b"})
+    *_, first, second = about(take).split("\n")
+    assert (first, second) == ("a = one\\ntwo = \\x1b[2J", "take_id\\n = b")
 
 
 def test_rerun_gets_every_place_where_it_was_seen_and_nothing_where_it_was_not(tmp_path):

@@ -81,8 +81,8 @@ PLAY = "; `hangtime sensor play` tells"
         ({"gravity": (-0.8, 0.0, 0.6)}, f"gravity = [-0.8, 0, 0.6] points to a side{AXES}"),
         ({"marker_size_m": 0.006}, "hanger.marker_size_m = 0.006 m is 6.9 px wide at 0.5 m, and no marker is read below"
          " 12 px; measure the black square's side and give metres"),
-        (near("plane", (0, 0, 210), normal=(0, 0, -1)), "bodies: at_m = [0, 0, 210] of body 1 is 210 m from the camera,"
-         f" a body that cloth may touch at most 10 m; were centimetres or inches meant? {PLACE}"),
+        (near("plane", (0, 0, 210), normal=(0, 0, -1)), "bodies: the plane through at_m = [0, 0, 210] of body 1 is 210 "
+         f"m from the camera, a body that cloth may touch at most 10 m; were centimetres or inches meant? {PLACE}"),
         (near("capsule", (300, -500, 1900), to_m=(300, 1000, 1900), radius_m=0.03), "bodies: at_m = [300, -500, 1900] "
          "of body 1 is 1987.46 m from the camera, a body that cloth may touch at most 10 m; were millimetres meant? "
          f"{PLACE}"),
@@ -130,6 +130,7 @@ def test_a_rig_of_no_hanger_or_sensor_says_which_number_and_why_and_is_accepted_
         {"marker_size_m": 0.006, "marker": "dot"},
         near("sphere", (0, 0, 12.9), radius_m=3.0),
         near("plane", (0, 0.01, 0), normal=(0, -1, 0)),
+        near("plane", (-3000, 1, 4000), normal=(0, -1, 0)),
         {"gravity_sd_degrees": 30.0, "depth_scale_sd": 0.1, "held_sd_m": ((0.05,) * 3,) * 2},
         {"depth_offset_sd_px": (float("inf"), 30.0)},
     ],

@@ -143,9 +143,7 @@ class Spool:
                     "nothing was written of this take", where=unfinished_name(finished), advice="record it again"
                 )
             return kept
-        with finished.open("rb") as file:
-            os.fsync(file.fileno())
-        return self._give_name(running.sequence, finished, facts)
+        return self._give_name(running.sequence, finished, facts)  # its writer synced it before it had this name
 
     def salvage(self) -> list[KeptTake]:
         """Keep what a crash left, and remove what it left over; returns the takes that were kept by this.

@@ -149,7 +149,6 @@ def test_the_replay_finds_content_that_was_never_synced(tmp_path, monkeypatch):
     folder.mkdir()
     disk = Disk(folder)
     monkeypatch.setattr(UnfinishedFile, "sync", lambda self: self.file.flush())
-    monkeypatch.setattr("capture.appliance.spool.os.fsync", lambda handle: None)
     with disk.recording(monkeypatch):
         record_a_day(disk, folder)
     with pytest.raises(AssertionError, match="take 1 is lost"):

@@ -7,9 +7,15 @@ from typing import Annotated
 
 import typer
 
+from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
 from formats.command_groups import RECORD
 from formats.telling import know, tell
 from formats.terminal import ProgressLine
+
+Seconds = Annotated[
+    float,
+    typer.Option("--seconds", min=SHORTEST_WRITTEN, max=LONGEST_RECORDING, help="Length of the recording."),
+]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -99,7 +105,7 @@ def synthesise(
     amplitude: Annotated[
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
     ] = None,
-    seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
+    seconds: Seconds = 8.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
     fabric: Annotated[
@@ -172,7 +178,7 @@ def synthesise_silhouette(
         ),
     ] = 0.03,
     noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of the recording.")] = 12.0,
+    seconds: Seconds = 12.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")

@@ -31,7 +31,6 @@ Nodes = tuple[slice, slice]  # of the grid
 ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step
-LONGEST_RECORDING = 120.0  # s of any synthetic motion: its frames are simulated first, a skirt's for 3.5 minutes
 MOST_DRAG = 100.0  # 1: a plate across the air has 1.2; up to here the hardest motion and silk stay finite
 HEM_SHARE = 0.8  # of the weight at most: the lighter the rest, the shorter the stable step
 

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import LONGEST_RECORDING, ClothPhysics, simulate
+from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
 from firmware_host.synthetic.swatch import TO_SENSOR
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
@@ -232,10 +233,10 @@ def _check(faults: CameraFaults, seconds: float, seed: int) -> None:
             raise SensorAddressError(
                 f"cannot be {getattr(faults, name):g}", where=option_of(name), advice=f"choose {low:g} to {high:g}"
             )
-    if not 4.0 <= seconds <= LONGEST_RECORDING:
+    if not SHORTEST_WRITTEN <= seconds <= LONGEST_RECORDING:
         raise SensorAddressError(
             f"{seconds:g} s is no length of a recording", where="--seconds",
-            advice=f"choose 4 to {LONGEST_RECORDING:g} s",
+            advice=f"choose {SHORTEST_WRITTEN:g} to {LONGEST_RECORDING:g} s",
         )  # fmt: skip
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")

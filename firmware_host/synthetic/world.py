@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import COLUMNS, LONGEST_RECORDING, ROWS, ClothPhysics, simulate
+from firmware_host.synthetic.cloth import COLUMNS, ROWS, ClothPhysics, simulate
 from firmware_host.synthetic.depth_noise import spoil
+from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_RECORDING
 from firmware_host.synthetic.motion import hanger_pose
 from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.render import Renderer, View
@@ -31,7 +32,6 @@ from formats.garment import Garment
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
-SHORTEST_RECORDING = 1.0  # s: until then nothing moves
 LARGEST_OFFSET = 0.5  # s either way of a planted time offset: a silhouette's latency has as much
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255

@@ -77,8 +77,8 @@ def import_recordings(
 ) -> None:  # fmt: skip
     """Turn other people's recordings into takes, with a rig and a garment description beside them.
 
-    Exit code 2: at least one recording cannot be imported, or a description beside a take not be replaced; the others
-    are, and the end names each recording that is lost.
+    Exit code 2: at least one recording cannot be imported, or a description not be replaced; the end names each
+    recording that is lost.
     """
     from formats.descriptions import load_garment
     from formats.descriptions_beside import check_room_beside, settle

@@ -95,8 +95,8 @@ def _left(state: LeftState, prepared: str, name: str) -> str:
         return f"{prepared}, which an import left beside it, cannot be read; get the permission to read it"
     if state == "outdated":
         return (
-            f"{name} beside it is newer than {prepared}, which its import left; remove {prepared}, or rename it to "
-            f"{name} if the take's own is to stand there"
+            f"{name} beside it is newer than {prepared} of its import; remove {prepared}, or rename it to {name} to "
+            "have the take's own"
         )
     return f"its import ended before {name} beside it was replaced; rename {prepared} to {name}"
 

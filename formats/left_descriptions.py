@@ -33,7 +33,7 @@ def left_beside(take: Path, rig: Rig, garment: Garment) -> dict[str, LeftState]:
     """Return those of `DESCRIBED_BESIDE` that an import left under their first names after its take had got its own.
 
     Before that moment they are as they were, and the unfinished take itself is what the import left. One whose place
-    is taken by the same has nothing left to do. What says another thing is of another import, or of a person.
+    is taken by the same has nothing left to do. Another description is of another import, or of a person.
 
     rig, garment: those that the take holds
     """

@@ -190,8 +190,8 @@ def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_
     assert settle(tmp_path) == []
     assert (tmp_path / "rig.toml").read_text() == edited
     assert told_of(tmp_path / "a.mcap") == [
-        "rig.toml beside it is newer than a.rig.toml.partial, which its import left; remove a.rig.toml.partial, or "
-        "rename it to rig.toml if the take's own is to stand there"
+        "rig.toml beside it is newer than a.rig.toml.partial of its import; remove a.rig.toml.partial, or rename it to "
+        "rig.toml to have the take's own"
     ]
     time.sleep(0.02)
     (tmp_path / "a.rig.toml.partial").chmod(0o600)

@@ -9,6 +9,7 @@ import typer
 
 from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
 from formats.command_groups import RECORD
+from formats.plain_text import counted
 from formats.telling import know, tell
 from formats.terminal import ProgressLine
 
@@ -81,10 +82,15 @@ def play(
             coverage.append(float(np.count_nonzero(frame.depth)) / frame.depth.size)
             if count == max_frames:
                 break
-    rate = f"{(count - 1) / (last - first):.1f} a second" if last > first else "its clock was set back"
+    if count < 2:
+        rate = ""
+    elif last > first:
+        rate = f" ({(count - 1) / (last - first):.1f} a second)"
+    else:
+        rate = " (its clock was set back)"
     depth = float(np.mean(coverage)) if coverage else 0.0
     tell(
-        f"{count} frames in {max(last - first, 0):.2f} s ({rate}), "
+        f"{counted(count, 'frame')} in {max(last - first, 0):.2f} s{rate}, "
         f"{dropped} dropped, {without_colour} without colour; depth in {100 * depth:.0f} % of the pixels",
         name=info.name, width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx,
         cy=camera.cy, notes=list(info.notes), frames=count, duration_s=max(last - first, 0.0), dropped=dropped,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from firmware_host import openni2_library
 from firmware_host.errors import RecordingError, SensorAddressError, SensorError, SensorUnavailableError
 from firmware_host.opening import open_sensor
+from firmware_host.synthetic.scene import CAMERA
 from firmware_host.synthetic.swatch import make_swatch_take
 from formats.command import app, gather_commands
 from tests import openni2
@@ -71,12 +75,18 @@ def test_a_synthetic_world_tells_how_far_it_is(capsys: pytest.CaptureFixture[str
     assert (lines[0], lines[-1]) == ("synthetic world: 0 %, cloth", "synthetic world: 100 %, cloth")
 
 
-@pytest.mark.parametrize("command", ["synthesise", "synthesise-swatch"])
-def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, command: str) -> None:
+@pytest.mark.parametrize(
+    ("command", "option", "number"),
+    [("synthesise", "--seed", "-1"), ("synthesise-swatch", "--seed", "-1"), ("synthesise", "--seconds", "121"),
+     ("synthesise-silhouette", "--seconds", "121"), ("synthesise-silhouette", "--seconds", "3.9")],
+)  # fmt: skip
+def test_a_seed_or_length_beyond_its_ends_is_refused_before_anything_is_made(
+    tmp_path: Path, command: str, option: str, number: str
+) -> None:
     gather_commands()
-    done = CliRunner().invoke(app, ["sensor", command, str(tmp_path / "d"), "--seed", "-1"])
+    done = CliRunner().invoke(app, ["sensor", command, str(tmp_path / "d"), option, number])
     assert done.exit_code == 2
-    assert "Invalid value for '--seed'" in done.output
+    assert f"Invalid value for '{option}'" in done.output
     assert list(tmp_path.iterdir()) == []
 
 
@@ -91,6 +101,24 @@ def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, co
 def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str, Any], sentence: str) -> None:
     with pytest.raises(SensorAddressError, match=sentence):
         make_swatch_take(tmp_path, fabric="silk", **number)
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ([], "0 frames in 0.00 s, "), ([5.0], "1 frame in 0.00 s, "), ([5.0, 6.0], "2 frames in 1.00 s (1.0 a second)"),
+        ([5.0, 2.0], "2 frames in 0.00 s (its clock was set back)"),
+    ],
+)  # fmt: skip
+def test_playing_tells_a_rate_where_there_are_two_frames(
+    monkeypatch: pytest.MonkeyPatch, times: list[float], said: str
+) -> None:
+    played = [SimpleNamespace(time_s=time, dropped_before=0, colour=None, depth=np.ones((2, 2))) for time in times]
+    info = SimpleNamespace(name="a", intrinsics=CAMERA, fps=30.0, notes=())
+    sensor = SimpleNamespace(info=info, frames=lambda: iter(played))
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda source: nullcontext(sensor))
+    gather_commands()
+    assert said in CliRunner().invoke(app, ["sensor", "play", "a.oni"]).output
 
 
 def test_an_address_of_an_unknown_kind_is_refused() -> None:

@@ -102,8 +102,8 @@ def main() -> None:
         try:
             command(prog_name="hangtime")  # also as `python -m hangtime`, of which no shell completes anything
         except BaseException as error:
-            if (spoken := _spoken(error)) is not None:
-                telling.know(error=str(spoken))
+            if (told := _told(error)) is not None:
+                telling.know(error=told)
             raise
         finally:  # a command that failed at a part of its work has told the rest
             telling.end()
@@ -122,6 +122,15 @@ def main() -> None:
             raise
         say(f"hangtime: {spoken}", is_error=True)
         sys.exit(spoken.exit_code)
+
+
+def _told(error: BaseException) -> str | None:
+    """Return the sentence of an error for the JSON document; None of an end without one."""
+    wrong_use = getattr(error.__context__, "format_message", None)  # of an error that Typer showed, and then ended
+    if isinstance(error, SystemExit) and wrong_use is not None:
+        return str(wrong_use())
+    spoken = _spoken(error)
+    return None if spoken is None else str(spoken)
 
 
 def _spoken(error: BaseException) -> HangtimeError | None:

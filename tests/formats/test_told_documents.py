@@ -187,6 +187,12 @@ def test_json_of_a_command_that_fails_has_the_sentence_of_its_error(desk, words)
     assert f"hangtime: {json.loads(done.stdout)['error']}\n" == done.stderr
 
 
+@pytest.mark.parametrize("words", ["takes show", "swatch s.toml --mass much"])
+def test_json_of_a_command_that_is_used_wrongly_has_the_sentence_of_its_error(desk, words):
+    done = hangtime_here(*words.split(), "--json", folder=desk)
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (2, f"Error: {json.loads(done.stdout)['error']}")
+
+
 def test_json_of_several_takes_that_are_lost_names_each_file(desk):
     done = hangtime_here("takes", "recover", "gone.mcap", "takes/e.mcap", "--json", folder=desk)
     assert [one["file"] for one in json.loads(done.stdout)["takes"]] == ["gone.mcap", "takes/e.mcap"]

@@ -22,6 +22,7 @@ from typing import Any
 import psutil
 import pytest
 import typer.testing
+from _pytest.runner import runtestprotocol
 
 from tests.whole_errors import whole_errors  # noqa: F401
 
@@ -63,7 +64,7 @@ def pytest_collection() -> Iterator[None]:
 
 
 def pytest_sessionfinish() -> None:
-    """Let Taichi keep the kernels that it compiled for the next run: it writes when it is freed, and frozen it is not."""
+    """Let Taichi keep for the next run what it compiled: it writes when it is freed, and what is frozen never is."""
     if taichi := sys.modules.get("taichi"):
         taichi.reset()
 
@@ -174,6 +175,30 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
         before, item.session.stash[SPENT] = item.session.stash.get(SPENT, 0.0), done()
         report.user_properties = [*report.user_properties, (NAME, item.session.stash[SPENT] - before)]
     return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """In one of several processes, send one report of a test that passed in place of three, and not that it begins.
+
+    Each message is packed, sent, unpacked and shown: of a test of moments that was more than half of what it cost.
+    """
+    if not hasattr(item.config, "workerinput"):
+        return None
+    reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    for report in one_report(reports):
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def one_report(reports: list[pytest.TestReport]) -> list[pytest.TestReport]:
+    """The report of the test itself, with what the last one says of it, where all of them passed; else all of them."""
+    if [report.when for report in reports if report.passed] != ["setup", "call", "teardown"]:
+        return reports
+    _, itself, last = reports
+    itself.user_properties = last.user_properties
+    return [itself]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -68,6 +68,20 @@ def test_a_run_that_ends_frees_taichi_which_then_keeps_its_kernels_for_the_next_
     assert told == ["freed"]
 
 
+def test_of_a_test_that_passed_one_report_is_sent_with_its_time_and_of_another_one_all():
+    def reports(*failing):
+        return [
+            SimpleNamespace(when=when, passed=when not in failing, user_properties=[("of", when)])
+            for when in ("setup", "call", "teardown")
+        ]
+
+    (one,) = conftest.one_report(reports())
+    assert (one.when, one.user_properties) == ("call", [("of", "teardown")])
+    for failing in ("call", "teardown"):
+        assert len(conftest.one_report(reports(failing))) == 3
+    assert len(conftest.one_report(reports("setup")[::2])) == 2  # a test that could not begin
+
+
 def test_tests_of_a_room_of_fit_stay_in_one_process_and_others_with_their_file():
     assert conftest.room_of("tests/fit/gap/test_floor.py::test_one[a/b]") == "tests/fit/gap"
     assert conftest.room_of("tests/formats/test_damage.py::test_one") == "tests/formats/test_damage.py"

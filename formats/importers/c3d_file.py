@@ -18,13 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.errors import TakeError
 from formats.importers.c3d_blocks import BLOCK_BYTES, refuse_lost_bytes, take_out_zero_blocks, zero_blocks
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.leaps import take_out_leaps
-from formats.importers.marker_tracks import MarkerTracks, as_seen, take_out_signs
+from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.number_cells import LONGEST_SHOWN
 from formats.importers.units import metres_of
+from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
 from formats.plain_text import sized
 from formats.plausible import RATES
 
@@ -36,6 +38,7 @@ MOST_FRAMES = 65535  # that the header can state
 PIECE = 1 << 22  # bytes of the data that are turned into places at once
 LARGEST_SECTION = 1 << 24  # bytes of parameters
 SAME_SCALE = 1e-3  # relative: a copy has the same digits
+MOST_NAMES = 3  # without a path, of which each is told
 LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
@@ -65,20 +68,36 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     _refuse_a_long_file(frames, stated, header, path)
     if header.parameters_at < header.data_at:
         refuse_lost_bytes(path, size, header.data_at + frames * header.width)
-    # Labels beyond the points name nothing; points beyond the labels have no name.
+    # Labels beyond the points name nothing, and may be filled up with empty ones; points beyond them have no name.
+    without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames) / rate, float)
-    places = _places(path, header, frames, scale)
+    places, lacking = _places(path, header, frames, scale)
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    doubts = [_doubt_of_length(path, size, header, frames), take_out_signs(places, scale, frame_of)]
+    doubts = [_doubt_of_length(path, size, header, frames), _doubt_of_names(points, without_path)]
+    doubts.append(take_out_signs(places, scale, frame_of))
     blocks = zero_blocks(path, header.data_at, frames * header.width)
     doubts.append(take_out_zero_blocks(places, blocks, FLOAT if header.is_float else SHORT, header.width))
-    doubt = "; ".join(filter(None, [*doubts, take_out_leaps(time, places, labels, frame_of)]))
-    return MarkerTracks(tuple(labels), time, places, header.rate, doubt, has_times=False)
+    doubts += [doubt_of_lacking(lacking, time, labels, frame_of), take_out_leaps(time, places, labels, frame_of)]
+    doubt = "; ".join(filter(None, doubts))
+    return MarkerTracks(tuple(labels), time, places, header.rate, doubt, has_times=False, without_path=without_path)
+
+
+def _doubt_of_names(points: int, without_path: tuple[str, ...]) -> str:
+    """Return a sentence about names behind those of all points, '' without any."""
+    if not without_path:
+        return ""
+    count = len(without_path)
+    named = ", ".join(repr(label[:LONGEST_SHOWN]) for label in without_path[:MOST_NAMES])
+    more = f" and {count - MOST_NAMES} more" * (count > MOST_NAMES)
+    return (
+        f"the file names {points + count} markers and has the paths of {points}; {named}{more} "
+        f"{'has' if count == 1 else 'have'} none"
+    )
 
 
 def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str:
@@ -96,12 +115,14 @@ def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str
     return f"the file states {frames} frames and has room for {header.held}; the first {frames} were read"
 
 
-def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
-    """Return the points' places [m], (frames, points, 3), NaN where not seen; read piece by piece.
+def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans]:
+    """Return the points' places [m], (frames, points, 3), NaN where not seen, and which lack coordinates.
+
+    They are read piece by piece; which lack coordinates: (frames, points).
 
     scale: metres of each point's unit, (points,)
     """
-    places = np.empty((frames, header.points, 3))
+    places, lacking = np.empty((frames, header.points, 3)), np.empty((frames, header.points), bool)
     at_once = max(PIECE // header.width, 1)
     kind = FLOAT if header.is_float else SHORT
     with path.open("rb") as file:
@@ -113,8 +134,10 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
             rows = rows.reshape(len(piece), -1, 4)
             unit = scale if header.is_float else scale * abs(header.scale)
             with np.errstate(invalid="ignore", over="ignore"):  # a damaged number is a gap
-                piece[:] = as_seen(rows[..., :3] * unit[:, None], rows[..., 3] < 0)
-    return places
+                where = rows[..., :3] * unit[:, None]
+                piece[:] = as_seen(where, rows[..., 3] < 0)
+            lacking[first : first + at_once] = lack_coordinates(where) & ~(rows[..., 3] < 0)
+    return places, lacking
 
 
 def _parameters(path: Path, data_at: int) -> Parameters:

@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from formats.arrays import Floats
+from formats.blocks import FARTHEST_PLACE
 from formats.importers.number_cells import LONGEST_SHOWN, is_number
 from formats.importers.strays import MOST_STRAYS, leaps_ahead
-from formats.importers.units import FARTHEST
 from formats.plausible import SLOWEST
 
 OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[,.]\d{3}\s*", re.ASCII)
@@ -107,7 +107,7 @@ def leap_less(time: Floats, places: Floats, large: Floats) -> bool:
 
 def are_too_far(large: Floats) -> bool:
     """Return whether one of some places [m], NaN where not seen, is farther away than any place of a recording."""
-    return bool((np.abs(large) >= FARTHEST).any())
+    return bool((np.abs(large) >= FARTHEST_PLACE).any())
 
 
 def may_be_motion(time: Floats, places: Floats) -> bool:

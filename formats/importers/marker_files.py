@@ -47,5 +47,7 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "") -
         )  # fmt: skip
     tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit, DECIMALS.get(decimal, ""))
     if not np.isfinite(tracks.positions).any():
-        raise TakeError("no marker was ever seen", where=path, advice="export the trajectories, not only their names")
+        advice = "export all their coordinates" if tracks.doubt else "export the trajectories, not only their names"
+        because = f": {tracks.doubt}" if tracks.doubt else ""
+        raise TakeError(f"no marker was ever seen{because}", where=path, advice=advice)
     return tracks

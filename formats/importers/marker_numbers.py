@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from formats.arrays import Floats, Integers
+from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_lines
 from formats.importers.cell_forms import take_out_odd_cells
@@ -20,9 +20,9 @@ from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less
 from formats.importers.leaps import take_out_leaps
 from formats.importers.lost_lines import take_out_joined_lines
 from formats.importers.marker_lines import Rows
-from formats.importers.marker_tracks import as_seen, take_out_signs
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
+from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
@@ -55,7 +55,7 @@ class Table:
 
     def columns(self) -> Integers:
         """Return the columns of each marker's x, y and z, (markers, 3)."""
-        return np.add.outer(np.asarray(self.markers, int), np.arange(3))
+        return np.asarray(self.markers, int)[:, None] + np.arange(3)
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
     columns, begin = table.columns(), min(table.markers, default=width)
-    cells = np.empty(len(rows), int)
-    first, places = _numbers(rows, table, columns, path, signs := DecimalSigns(begin), cells)
+    found = _numbers(rows, table, path, signs := DecimalSigns(begin))
+    first, places, cells = found.first, found.places, found.cells
     time = table.clock(first)
     metres = np.full(len(columns), table.metres)
 
@@ -104,10 +104,13 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
             "last one on count as not seen there"
         )
         _take_out_the_last(places, len(rows) - 1, cells, columns)
+    if last:
+        found.lacking[-1, (columns == min(cells[-1] - 1, columns.max())).any(1)] = False
     within = np.flatnonzero(broken[:-1]).tolist()
     for at in within:
         _take_out_the_last(places, at, cells, columns)
     doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
+    doubts.append(doubt_of_lacking(found.lacking, time, table.labels, line))
     if min(table.markers, default=0):  # without a clock, lines begin with a place
         doubts.append(take_out_joined_lines(first[:, 0], time, places, line))
     doubts.append(take_out_leaps(time, places, table.labels, line))
@@ -125,9 +128,9 @@ def _refuse_thousands(rows: Rows, table: Table, path: Path, signs: DecimalSigns,
         return
     sign, name = (",", "commas") if "," in number else (".", "points")
     as_thousands = DecimalSigns(parts_thousands=sign)
-    first, large = _numbers(rows, table, table.columns(), path, as_thousands, np.empty(len(rows), int))
-    large[np.isnan(places)] = np.nan
-    clock = time if signs.has_clock_of_decimals else table.clock(first)
+    found = _numbers(rows, table, path, as_thousands)
+    large = np.where(np.isnan(places), np.nan, found.places)
+    clock = time if signs.has_clock_of_decimals else table.clock(found.first)
     is_motion = is_usual and may_be_motion(clock, large)
     if not are_too_far(large) and (is_motion or leap_less(time, places, large)):
         raise TakeError(
@@ -155,21 +158,31 @@ def _doubt_of(lines: list[int]) -> str:
     )
 
 
-def _numbers(
-    rows: Rows, table: Table, columns: Integers, path: Path, signs: DecimalSigns, lengths: Integers
-) -> tuple[Floats, Floats]:
-    """Return the first two numbers of each line, (rows, 2), and places [m], (rows, markers, 3).
+@dataclass(frozen=True)
+class _Numbers:
+    """The numbers of lines, before other rules look at them.
 
-    lengths: to be filled with the cells of each line, (rows,)
+    - `first`: two of each line, (rows, 2); `cells`: of each line, (rows,)
+    - `places` [m], (rows, markers, 3), NaN where not seen; `lacking`: which lack coordinates, (rows, markers)
     """
-    width = table.width
-    first, places = np.empty((len(rows), 2)), np.empty((len(rows), len(columns), 3))
+
+    first: Floats
+    cells: Integers
+    places: Floats
+    lacking: Booleans
+
+
+def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numbers:
+    """Return the numbers of lines; signs: looks at each."""
+    width, columns = table.width, table.columns()
+    shape = len(rows), len(columns)
+    found = _Numbers(np.empty((len(rows), 2)), np.empty(len(rows), int), np.empty((*shape, 3)), np.empty(shape, bool))
     numbers = np.empty((LINES_AT_ONCE, max(width, 2)))
     for begin in range(0, len(rows), LINES_AT_ONCE):
         some = rows[begin : begin + LINES_AT_ONCE]
         for k, row in enumerate(some):
             _refuse_a_wrong_line(rows, begin + k, row, table, path)
-            lengths[begin + k] = len(row)
+            found.cells[begin + k] = len(row)
             cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
             try:
                 numbers[k, :width] = _row(cells, signs)
@@ -178,9 +191,10 @@ def _numbers(
                 advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else advice
                 raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice=advice) from error
         piece = slice(begin, begin + len(some))
-        first[piece] = numbers[: len(some), :2]
-        places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
-    return first, places
+        found.first[piece] = numbers[: len(some), :2]
+        found.places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
+        found.lacking[piece] = lack_coordinates(numbers[: len(some), columns])
+    return found
 
 
 def _doubt_of_the_last(

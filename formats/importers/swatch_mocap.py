@@ -128,9 +128,16 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
             advice=f"give --subject, one of {', '.join(subjects)}" if subjects
             else "leave out --subject: its markers' names have no subject before a colon",
         )  # fmt: skip
+    if pathless := [name for name in absent if name in {label.rpartition(":")[2] for label in tracks.without_path}]:
+        raise TakeError(
+            f"names {pathless[0]!r} and has no path of it: it has {counted(len(tracks.labels), 'path')} and "
+            f"{counted(len(tracks.labels) + len(tracks.without_path), 'name')}", where=path,
+            advice="export it again with the paths of all markers",
+        )  # fmt: skip
     if absent:
         raise TakeError(
-            f"{len(absent)} of the garment's {len(garment.points)} markers are not in the file, first {absent[0]!r} "
+            f"{len(absent)} of the garment's {len(garment.points)} markers {'is' if len(absent) == 1 else 'are'} not "
+            f"in the file, first {absent[0]!r} "
             f"(the file's first is {tracks.labels[0]!r})",
             where=path,
             advice="name the garment's points as the markers are labelled",

@@ -9,7 +9,6 @@ import unicodedata
 from formats.errors import TakeError
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-FARTHEST = 1000.0  # m, stated by us: no place of a recording is so far away
 USUAL = {
     "m": "metres",
     "cm": "centimetres",

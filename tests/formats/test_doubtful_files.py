@@ -58,6 +58,29 @@ def test_a_table_of_vicon_without_units_takes_the_unit_that_is_given(tmp_path, r
     assert found.positions[0] == pytest.approx(1e-3 * np.array([[1, 2, 3], [4, 5, 6]]))
 
 
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (("d",), "the file names 4 markers and has the paths of 3; 'd' has none"),
+        (("d", "", "e"), "the file names 5 markers and has the paths of 3; 'd', 'e' have none"),
+        (tuple("defgh"), "the file names 8 markers and has the paths of 3; 'd', 'e', 'f' and 2 more have none"),
+        (("", ""), ""),
+    ],
+)
+def test_names_of_a_c3d_file_behind_its_last_point_are_told(tmp_path, more, told):
+    found = read(tmp_path, c3d_bytes(1e3 * drawn(), (*LABELS, *more)), "a.c3d")
+    check(found, drawn(), 3e-7)
+    assert found.doubt == told
+
+
+def test_a_marker_that_a_c3d_file_names_without_a_path_is_told_as_such(tmp_path):
+    names = swatch(0.05, side=0.4, markers=4).point_names
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(1e3 * drawn(60).reshape(12, 15, 3), names))
+    words = f"names {names[15]!r} and has no path of it: it has 15 paths and 16 names; export it again with the paths"
+    with pytest.raises(TakeError, match=words):
+        import_marker_take(tmp_path / "a.c3d", swatch(0.05, side=0.4, markers=4))
+
+
 def test_a_second_section_of_trajectories_is_refused_with_its_line(tmp_path):
     second = VICON[VICON.index("Trajectories") : VICON.index("\nModel")]
     with pytest.raises(TakeError, match="has trajectories twice, in lines 5 and 15"):

@@ -87,9 +87,9 @@ def test_a_separator_proves_a_number_and_its_lack_where_others_have_one_does_not
     assert ending([], "1.125,20.125,3.125,4.125,5.125,6.125", has_end=False, columns=6, width=6) is Ending.WHOLE
 
 
-def test_a_marker_that_was_not_seen_leaves_no_doubt(tmp_path):
+def test_a_marker_that_was_not_seen_leaves_no_doubt_about_a_cut(tmp_path):
     found = read(tmp_path, own(3).rpartition("0.55555")[0] + "nan,-1", "m", "own.csv")
-    assert found.doubt == ""
+    assert found.doubt == "line 4: b lacks a coordinate at 0.02 s, so it counts as not seen there"
     assert np.isnan(found.positions[-1, 1]).all()
 
 

@@ -157,7 +157,7 @@ def swapped(tracks):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (renamed, "1 of the garment's 81 markers are not in the file, first 'row1_column1'"),
+        (renamed, "1 of the garment's 81 markers is not in the file, first 'row1_column1'"),
         (in_centimetres, "are 6250 mm apart, on the flat garment 62 mm"),
         (backwards, "time does not increase"),
         (swapped, "are 438 mm apart, on the flat garment 62 mm"),

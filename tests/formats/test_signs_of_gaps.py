@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from formats.importers.marker_files import read_marker_tracks
+from formats.importers.unseen_places import take_out_signs
 from tests.formats.c3d_by_hand import c3d_bytes
-from tests.formats.test_broken_numbers import CUT, imported, places, vicon
+from tests.formats.test_broken_numbers import CUT, FRAMES, imported, places, vicon
+from tests.formats.test_cut_numbers import VICON
 
 SIGN = "{} stands in all three coordinates of a marker {}, first in {}, and counts as not seen"
 LINE = f"line {CUT + 6}"
@@ -48,15 +50,48 @@ def test_once_is_enough_and_each_sign_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("number", "is_gap"),
     [
-        ("9999", True), ("-99999.9", True), ("7777", False), ("9998.00", False), ("999.99", False), ("999999", True),
-        ("1000000", True), ("-777777", False), ("-7777777", True), ("9999.90", True), ("9999.50", False),
+        ("9999", True), ("-99999.9", True), ("7777", True), ("9998.00", True), ("999.99", True), ("-1", True),
+        ("-1000000.5", True), ("-777777", True), ("9999.90", True), ("9999.50", False), ("-1.5", False),
     ],
 )  # fmt: skip
-def test_only_nines_or_a_number_beyond_all_places_is_a_sign_and_only_far_out(tmp_path, number, is_gap):
-    """The largest other number is 1260 mm, so 999.99 may be a place."""
+def test_a_whole_number_or_nines_to_which_no_path_leads_is_a_sign(tmp_path, number, is_gap):
+    """The nearest place of the path is 0.4 m away or more, and its longest step is 8 mm."""
     found = imported(tmp_path, with_sign(number, frames=3, marker=0))  # a single one leaps
     assert np.isnan(found.positions[CUT, 0]).all() == is_gap
     assert bool(found.doubt) == is_gap
+
+
+@pytest.mark.parametrize("sign", ["-1", "9999", "-100"])
+@pytest.mark.parametrize("kind", ["begin", "end", "never seen", "once in each", "nines within the room"])
+def test_a_sign_of_one_path_is_a_sign_at_every_place(tmp_path, sign, kind):
+    """Also of a marker that was never seen, and where others lie as far out."""
+    lines, gone = with_sign(sign), set(range(CUT, CUT + 10))
+    other = {"begin": range(5), "end": range(FRAMES - 5, FRAMES), "never seen": range(FRAMES)}.get(kind, range(7, 8))
+    for k in other:
+        lines[k] = ",".join([*lines[k].split(",")[:2], *[sign] * 3, *lines[k].split(",")[5:]])
+    if kind == "nines within the room":
+        lines = [f"{line},{30000 + k}.00,1.00,2.00" for k, line in enumerate(lines)]
+        found = imported(tmp_path, lines, VICON.replace("b,,\n", "b,,,c,,\n").replace("Z\n", "Z,X,Y,Z\n"))
+    else:
+        found = imported(tmp_path, lines)
+    first = min([*other, CUT]) + 6
+    assert found.doubt == SIGN.format(sign, f"{10 + len(other)} times", f"line {first}")
+    gap = np.isnan(found.positions).all(2)
+    assert set(np.flatnonzero(gap[:, 1]).tolist()) == gone
+    assert np.flatnonzero(gap[:, 0]).tolist() == list(other)
+
+
+@pytest.mark.parametrize("rate", [5, 20, 100])
+@pytest.mark.parametrize("unit", [1, 10, 100])
+def test_paths_through_places_of_one_whole_number_are_read(rate, unit):
+    """Whole millimetres, centimetres and decimetres with x = y = z, also fast, with gaps, and a marker at rest."""
+    time = np.arange(150) / rate
+    swing = np.rint((600 + 500 * np.sin(2 * np.pi * time)) / unit)[:, None, None] * np.ones((1, 2, 3)) * unit / 1e3
+    swing[40:60, 1] = np.nan
+    swing[::7, 0, 0] += unit / 1e3
+    swing[:, 1] += 0.3 * (time[:, None] > time[100])
+    rests = np.concatenate([swing, np.ones((150, 1, 3))], 1)
+    assert take_out_signs(rests, np.full(3, unit / 1e3), str) == ""
 
 
 def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_places(tmp_path):
@@ -66,7 +101,7 @@ def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_places(tmp_path
     assert np.isfinite(imported(tmp_path, alone).positions[:, 0]).all()
 
 
-@pytest.mark.parametrize("sign", [-9999.0, 9999.99, -3.697314e28])
+@pytest.mark.parametrize("sign", [-9999.0, 9999.99, -3.697314e28, -1.0])
 def test_a_c3d_file_names_the_frame(tmp_path, sign):
     where = places().reshape(-1, 2, 3)
     where[CUT : CUT + 4, 1] = sign

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 LONGEST_TEXT = 2000  # characters of one text
 LONGEST_SHOWN = 255  # letters of a name in a sentence: Linux lets no file's name have more bytes, limits.h
+MOST_TOLD = 3  # of things of one kind, stated by us
 ENDS_SHOWN = 60  # letters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
@@ -66,6 +68,12 @@ def code_in(name: str) -> str:
 def counted(number: int, word: str) -> str:
     """Return "1 take" or "2 takes" of the word "take"."""
     return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def first_few(words: Sequence[str], count: int) -> str:
+    """Return the first words of so many with commas between, and how many more there are."""
+    more = count - MOST_TOLD
+    return ", ".join(words[:MOST_TOLD]) + f" and {more} more" * (more > 0)
 
 
 def sized(count: float) -> str:

@@ -27,7 +27,7 @@ from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.number_cells import LONGEST_SHOWN
 from formats.importers.units import metres_of
 from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
-from formats.plain_text import sized
+from formats.plain_text import first_few, sized
 from formats.plausible import RATES
 
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
@@ -38,7 +38,6 @@ MOST_FRAMES = 65535  # that the header can state
 PIECE = 1 << 22  # bytes of the data that are turned into places at once
 LARGEST_SECTION = 1 << 24  # bytes of parameters
 SAME_SCALE = 1e-3  # relative: a copy has the same digits
-MOST_NAMES = 3  # without a path, of which each is told
 LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
@@ -92,10 +91,9 @@ def _doubt_of_names(points: int, without_path: tuple[str, ...]) -> str:
     if not without_path:
         return ""
     count = len(without_path)
-    named = ", ".join(repr(label[:LONGEST_SHOWN]) for label in without_path[:MOST_NAMES])
-    more = f" and {count - MOST_NAMES} more" * (count > MOST_NAMES)
+    named = first_few([repr(label[:LONGEST_SHOWN]) for label in without_path], count)
     return (
-        f"the file names {points + count} markers and has the paths of {points}; {named}{more} "
+        f"the file names {points + count} markers and has the paths of {points}; {named} "
         f"{'has' if count == 1 else 'have'} none"
     )
 

@@ -17,6 +17,7 @@ from formats.arrays import Floats, Integers
 from formats.importers.broken_numbers import are_rare, lines_looked_at, writing_of_all
 from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import LONGEST_SHOWN, form_of, is_seen
+from formats.plain_text import first_few
 
 MOST_ODD = 3  # of a column, stated by us: more are the habit of whoever wrote it
 MOST_PATTERNS = 32  # of lines of as many numbers of cells; lines of others are looked at cell by cell
@@ -55,16 +56,16 @@ def take_out_odd_cells(
         places[at, fixed[k]] = np.nan
     if not odd:
         return ""
-    at, k, text = odd[0]
-    label = labels[fixed[k]].strip()[:LONGEST_SHOWN]
+    each = [f"{text[:LONGEST_SHOWN]!r} of {labels[fixed[k]].strip()[:LONGEST_SHOWN]}" for _, k, text in odd]
     if len(odd) == 1:
         return (
-            f"{line(at)}: {text[:LONGEST_SHOWN]!r} of {label} has not the {digits} digits behind a point that its "
-            "column has, so it counts as not seen there"
+            f"{line(odd[0][0])}: {each[0]} has not the {digits} digits behind a point that its column has, so it "
+            "counts as not seen there"
         )
+    some = first_few([f"{one} in {line(at)}" for one, (at, _, _) in zip(each, odd, strict=True)], len(odd))
     return (
-        f"{len(odd)} numbers have other than the {digits} digits of their columns, first "
-        f"{text[:LONGEST_SHOWN]!r} of {label} in {line(at)}, so their markers count as not seen there"
+        f"{len(odd)} numbers have other than the {digits} digits of their columns, so their markers count as not seen "
+        f"there: {some}"
     )
 
 

@@ -23,13 +23,13 @@ from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
 from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
+from formats.plain_text import first_few
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
 PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
-MOST_LINES_NAMED = 3  # of those that may be cut off
 NO_THOUSANDS = "export numbers without a sign between thousands"
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 
@@ -151,11 +151,8 @@ def _doubt_of(lines: list[int]) -> str:
         return ""
     if len(lines) == 1:
         return f"line {lines[0]} {WITHIN_ITS_LAST}"
-    more = f" and {len(lines) - MOST_LINES_NAMED} more" * (len(lines) > MOST_LINES_NAMED)
-    named = ", ".join(map(str, lines[:MOST_LINES_NAMED]))
-    return (
-        f"lines {named}{more} may be cut off within their last numbers, so the last marker of each counts as not seen"
-    )
+    named = first_few(list(map(str, lines)), len(lines))
+    return f"lines {named} may be cut off within their last numbers, so the last marker of each counts as not seen"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.importers.number_cells import LONGEST_SHOWN
-from formats.plain_text import counted
+from formats.plain_text import MOST_TOLD, counted, first_few
 
 FARTHER_OUT = 2.0  # times as far as any other coordinate lies a number that stands for a marker that was not seen
 NINES = re.compile(r"-?9{3,}(\.9+)?")
@@ -57,14 +57,13 @@ def doubt_of_lacking(lacking: Booleans, time: Floats, labels: Sequence[str], whe
     """
     if not lacking.any():
         return ""
-    frame, marker = np.argwhere(lacking)[0].tolist()
-    label, count = labels[marker].strip()[:LONGEST_SHOWN], int(lacking.sum())
+    count, some = int(lacking.sum()), np.argwhere(lacking)[:MOST_TOLD].tolist()
+    names = [labels[marker].strip()[:LONGEST_SHOWN] for _, marker in some]
     if count == 1:
-        return f"{where(frame)}: {label} lacks a coordinate at {time[frame]:.2f} s, so it counts as not seen there"
-    return (
-        f"{count} places lack a coordinate, first {label} in {where(frame)} at {time[frame]:.2f} s, so they count as "
-        "not seen"
-    )
+        frame = some[0][0]
+        return f"{where(frame)}: {names[0]} lacks a coordinate at {time[frame]:.2f} s, so it counts as not seen there"
+    each = [f"{name} in {where(at)} at {time[at]:.2f} s" for name, (at, _) in zip(names, some, strict=True)]
+    return f"{count} places lack a coordinate and count as not seen: {first_few(each, count)}"
 
 
 def take_out_signs(places: Floats, metres: Floats, name: Callable[[int], str]) -> str:

@@ -155,7 +155,7 @@ def test_places_that_rest_exactly_are_whole(tmp_path):
 def test_no_whole_number_of_a_program_that_leaves_out_zeros_is_broken(tmp_path, writer, rest):
     """Places move over 1000 mm, where %.4g writes whole numbers; or they rest for longer than they move."""
     rng, time = np.random.default_rng(1), np.arange(1000)
-    moved = 260 * np.sin(time[:, None] / 9 + np.arange(6)) * (time > rest)[:, None]
+    moved = 260 * np.sin(time[:, None] / 9 + np.arange(6)) * (time >= rest)[:, None]
     where = np.array([310, -145, 1005, 410, -145, 1090]) + moved + rng.normal(0, 0.05, (1000, 6))
     found = imported(tmp_path, vicon(lambda value: writer % value, where))
     assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)

@@ -40,8 +40,50 @@ def test_two_places_one_after_the_other_and_two_with_a_good_one_between_leap():
     time, where = swing()
     where[[AT, AT + 1, 80, 82], 0, 0] += 2
     told, gone = leaps(time, where)
-    assert told == "4 places leap away and back, first a in frame 60 by 2 m, so they count as not seen"
+    named = "a in frame 60 by 2 m, a in frame 61 by 2 m, a in frame 80 by 2 m and 1 more"
+    assert told == f"4 places leap away from their paths and count as not seen: {named}"
     assert gone == [[AT, 0], [AT + 1, 0], [80, 0], [82, 0]]
+
+
+@pytest.mark.parametrize("far", [0.2, -900.0])
+@pytest.mark.parametrize("frames", [[0], [1], [0, 1], [0, 2], [119], [118], [118, 119], [0, 60, 119]])
+def test_places_at_the_ends_of_a_path_that_leap_are_taken_out(frames, far):
+    time, where = swing()
+    where[30:50, 1] = np.nan
+    where[frames, 1, 0] += far
+    told, gone = leaps(time, where)
+    assert gone == [[frame, 1] for frame in frames]
+    each = [f"b in frame {frame} by " for frame in frames]
+    assert all(one in told for one in each) or told.startswith(f"frame {frames[0]}: b leaps ")
+
+
+def test_a_place_at_an_end_does_not_come_back_and_is_told_without_that():
+    time, where = swing()
+    where[0, 1] += 5
+    assert leaps(time, where)[0] == "frame 0: b leaps 8.7 m away, so it counts as not seen there"
+
+
+def test_an_end_leaps_by_twice_as_much_as_the_marker_does_elsewhere():
+    """A step of 0.4 m that stays is 0.4 m off the line ahead: 0.8 m and 65 mm is the bound."""
+    time = np.arange(120) / 100
+    for off, is_told in ((0.86, False), (0.87, True)):
+        where = np.ones((120, 1, 3))
+        where[AT:, 0, 0] += 0.4
+        where[119, 0, 0] += off
+        assert bool(leaps(time, where)[1]) == is_told
+
+
+@pytest.mark.parametrize("begin", [3, 4, 5, 6])
+def test_steps_that_stay_near_an_end_and_ends_far_from_the_next_places_are_read(begin):
+    """Another marker until then; or one that was seen for two frames, a second before the others, 0.9 m away."""
+    time, where = swing()
+    for changed in (slice(begin), slice(-begin, None)):
+        stepped = where.copy()
+        stepped[changed, 0] += 0.5
+        assert leaps(time, stepped) == ("", [])
+    where[2:90, 0] = np.nan
+    where[:2, 0] += 0.5
+    assert leaps(time, where) == ("", [])
 
 
 @pytest.mark.parametrize("rate", [5, 20, 60, 100, 240, 1000])

@@ -38,7 +38,10 @@ def test_several_numbers_are_counted_also_in_lines_whose_empty_cells_are_left_ou
     lines, first = with_cell(lines, lambda cell: cell[:-2], 3)
     lines[AT + 4] = ",".join([*lines[AT + 4].split(",")[:5], "410.5", *lines[AT + 4].split(",")[6:]])
     found = imported(tmp_path, lines)
-    assert found.doubt.startswith(f"2 numbers have other than the 3 digits of their columns, first {first!r}")
+    told = (
+        f"2 numbers have other than the 3 digits of their columns, so their markers count as not seen there: {first!r}"
+    )
+    assert found.doubt == f"{told} of a in line 66, '410.5' of b in line 70"
     assert np.isnan(found.positions[[AT, AT + 4], [0, 1]]).all()
 
 

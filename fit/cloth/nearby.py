@@ -83,7 +83,7 @@ def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.templat
     """Carry a field of the nodes to a sample, from the 16 nodes of its element."""
     i, h = within(home + whole[HEADER_SIZES + 16 * s]), alone[16 * s]
     s0, s1, s2 = h * y[i], h * y[i + 1], h * y[i + 2]
-    for n in ti.static(range(1, 16)):
+    for n in range(1, 16):
         w, j = alone[16 * s + n], within(home + whole[HEADER_SIZES + 16 * s + n])
         s0, s1, s2 = s0 + w * y[j], s1 + w * y[j + 1], s2 + w * y[j + 2]
     memory[at], memory[at + 1], memory[at + 2] = s0, s1, s2

@@ -130,7 +130,7 @@ def give_nodes(
 ):  # fmt: skip
     """Share a sample's force among the nodes that carry it."""
     f0, f1, f2 = memory[at + 6], memory[at + 7], memory[at + 8]
-    for n in ti.static(range(16)):
+    for n in range(16):
         w, i = alone[16 * s + n], within(home + whole[HEADER_SIZES + 16 * s + n])
         f[i], f[i + 1], f[i + 2] = f[i] + w * f0, f[i + 1] + w * f1, f[i + 2] + w * f2
 

@@ -52,6 +52,12 @@ def command(*words, folder):
     return done.stdout
 
 
+def here(*words, folder):
+    done = hangtime_here(*words, folder=folder)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.fixture(scope="module")
 def fitted(takes):
     return hangtime.fit(takes / "gentle.mcap", held_out=[takes / "swing.mcap"], **QUICK)
@@ -85,10 +91,11 @@ def test_a_fit_and_its_report_hash_and_prepare_each_take_once(takes, fitted, tmp
     assert counts == {"content_of": ["mixed", "swing", "gentle"], "prepare": ["mixed", "swing", "gentle"]}
 
 
-def test_a_fit_is_the_commands_to_the_last_digit(takes, fitted, tmp_path):
-    """The command runs in a process of its own; here linear algebra may use as many threads as there are."""
+@pytest.mark.parametrize("run", [here, pytest.param(command, marks=pytest.mark.slow)])
+def test_a_fit_is_the_commands_to_the_last_digit(takes, fitted, tmp_path, run):
+    """Also of a command in a process of its own; here linear algebra may use as many threads as there are."""
     words = ("--search", "annealing", "--iterations", 12, "--spacing", 0.1, "--seed", 3, "--out", "out")
-    said = command("fit", takes / "gentle.mcap", "--held-out", takes / "swing.mcap", *words, folder=tmp_path)
+    said = run("fit", takes / "gentle.mcap", "--held-out", takes / "swing.mcap", *words, folder=tmp_path)
     assert without_time(fitted.result) == without_time(load_fit_result(tmp_path / "out/fit.json"))
     assert said.startswith(str(fitted))
 

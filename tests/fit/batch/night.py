@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from fit.cloth.model import Resolution
 from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
@@ -28,8 +29,9 @@ def make_takes(folder, count):
     for k in range(count):
         path = swing(frames, amplitude=0.06, hz=0.7 + 0.1 * k)
         take = simulate_take(
-            garment, frames, path, material(garment, velocity_damping=3.0), noise=0.002, seed=k, name=f"swing{k}"
-        )
+            garment, frames, path, material(garment, velocity_damping=3.0), noise=0.002, seed=k, name=f"swing{k}",
+            resolution=Resolution(spacing=0.1),
+        )  # fmt: skip
         write_take(folder / f"swing{k}.mcap", take)
     return folder
 

@@ -31,6 +31,7 @@ MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a se
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
 NO_THOUSANDS = "export numbers without a sign between thousands"
+MOST_WRONG = 100  # lines that cannot be read and are counted
 LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
 
 
@@ -178,20 +179,50 @@ def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numb
     for begin in range(0, len(rows), LINES_AT_ONCE):
         some = rows[begin : begin + LINES_AT_ONCE]
         for k, row in enumerate(some):
-            _refuse_a_wrong_line(rows, begin + k, row, table, path)
             found.cells[begin + k] = len(row)
-            cells = row if len(row) == width else [*row[:width], *[""] * (width - len(row))]
             try:
-                numbers[k, :width] = _row(cells, signs)
-            except ValueError as error:
-                advice = NO_THOUSANDS if are_grouped(row) else "mend that line"
-                advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else advice
-                raise TakeError(f"line {some.numbers[k]} holds {error}", where=path, advice=advice) from error
+                numbers[k, :width] = _line(rows, begin + k, row, table, path, signs)
+            except TakeError as error:
+                raise _with_others(error, rows, begin + k, table, path, signs) from error
         piece = slice(begin, begin + len(some))
         found.first[piece] = numbers[: len(some), :2]
         found.places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
         found.lacking[piece] = lack_coordinates(numbers[: len(some), columns])
     return found
+
+
+def _line(rows: Rows, at: int, row: list[str], table: Table, path: Path, signs: DecimalSigns) -> Floats:
+    """Return the numbers of one line, (width,), NaN where it leaves out its last cells.
+
+    Raises:
+        TakeError: it holds something else, or other cells than its header promises.
+    """
+    _refuse_a_wrong_line(rows, at, row, table, path)
+    cells = row if len(row) == table.width else [*row[: table.width], *[""] * (table.width - len(row))]
+    try:
+        return _row(cells, signs)
+    except ValueError as error:
+        advice = NO_THOUSANDS if are_grouped(row) else "mend that line"
+        advice = SAY_WHICH if signs.are_mixed or may_be_grouped(row) else advice
+        raise TakeError(f"line {rows.numbers[at]} holds {error}", where=path, advice=advice) from error
+
+
+def _with_others(error: TakeError, rows: Rows, at: int, table: Table, path: Path, signs: DecimalSigns) -> TakeError:
+    """Return the error of a line, which names the lines behind that cannot be read either, unless most cannot."""
+    wrong, looked = list[int](), 0
+    for looked, row in enumerate(rows[at + 1 :], 1):
+        try:
+            _line(rows, at + looked, row, table, path, signs)
+        except TakeError:
+            wrong.append(rows.numbers[at + looked])
+            if len(wrong) > MOST_WRONG:
+                break
+    if not wrong or len(wrong) > looked / 2:
+        return error
+    count = f"more than {MOST_WRONG}" if len(wrong) > MOST_WRONG else str(len(wrong))
+    more = f"{count} further line{'s' * (len(wrong) > 1)} cannot be read either: "
+    more += first_few(list(map(str, wrong)), len(wrong))
+    return TakeError(f"{error.what}; {more}", where=path, advice=error.advice)
 
 
 def _doubt_of_the_last(

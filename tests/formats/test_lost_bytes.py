@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from formats.errors import TakeError
 from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
 from tests.formats.test_marker_tables import read
 
@@ -92,3 +93,31 @@ def test_a_line_without_a_clock_begins_with_a_place_and_not_with_the_number_of_a
     rows = "".join(f"{k + 9 * (k > 20)}\t200\t{k}\n" for k in range(30))
     found = read(tmp_path, head + rows, None, "a.tsv")
     assert (found.doubt, unseen(found)) == ("", [])
+
+
+@pytest.mark.parametrize(
+    ("others", "told"),
+    [
+        ([], ""), ([70], "; 1 further line cannot be read either: 76"),
+        ([70, 80, 61, 149], "; 4 further lines cannot be read either: 67, 76, 86 and 1 more"), (range(150), ""),
+    ],
+)  # fmt: skip
+def test_a_refusal_counts_the_further_lines_that_cannot_be_read(tmp_path, others, told):
+    """Some lack a comma between numbers, and some have one too many. Where most are so, it is the file's form."""
+    lines = vicon(WRITERS["%.3f"], places())
+    for k in [AT, *others]:
+        lines[k] = lines[k].replace(",", "", 1) if k == 70 else lines[k].replace(".", "..", 1)
+    first = min([AT, *others]) if others == range(150) else AT
+    with pytest.raises(TakeError) as refused:
+        imported(tmp_path, lines)
+    cell = lines[first].split(",")[2]
+    what = f"line {first + 6} holds {cell!r}, which is no number{told}; mend that line"
+    assert str(refused.value) == f"{tmp_path}/v.csv: {what}"
+
+
+def test_more_than_a_hundred_further_lines_are_not_counted(tmp_path):
+    lines = vicon(WRITERS["%.1f"], np.tile(places(), (3, 1)))
+    for k in range(0, 450, 4):
+        lines[k] = lines[k].replace(".", "..", 1)
+    with pytest.raises(TakeError, match="number; more than 100 further lines cannot be read either: 10, 14, 18 and 98"):
+        imported(tmp_path, lines)

@@ -29,6 +29,9 @@ MOST_OF_DEVICES = 500_000  # lines above the trajectories of Vicon Nexus: 4 minu
 HEADER = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
+BEHIND_INDEX = re.compile(  # where no line begins with the name of the time: a column stands before it
+    r"""[^,;\t]*[,;\t][\s"']*(time_s)["']?\s*([,;\t]|$)""", re.IGNORECASE
+)
 TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGNORECASE)
 COLUMNS_OF_VICON = re.compile(r"""[\s"']*(frame)["']?\s*([,;\t])""", re.IGNORECASE)
 CUT_LETTER = ("truncated data", "unexpected end of data")  # Python's words for text that ends within a letter
@@ -188,7 +191,7 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
 
 def _header(lines: TextLines) -> tuple[int, str, str]:
     """Return where the header begins, its first word in small letters, and the separator of cells below it."""
-    for pattern, most in ((HEADER, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
+    for pattern, most in ((HEADER, MOST_TITLES), (BEHIND_INDEX, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
         found = next(((k, match) for k, line in enumerate(lines[:most]) if (match := pattern.match(line))), None)
         if found is not None:
             begin, match = found

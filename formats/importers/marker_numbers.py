@@ -43,8 +43,8 @@ class Table:
     - `markers`: the column of each marker's x, before its y and z; `labels`: their names
     - `metres`: of the unit of places
     - `clock`: makes of the first two numbers of each line, (rows, 2), its time [s]
-    - `is_exact`: whether a line must have as many cells as the header has. Without it, ends of lines may be left out,
-      but not of a last line that has no end itself
+    - `is_exact`: whether a line must have as many cells as the header has, and numbers of lines need not be those of
+      frames. Without it, ends of lines may be left out, but not of a last line that has no end itself
     """
 
     width: int
@@ -113,7 +113,9 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
     doubts.append(doubt_of_lacking(found.lacking, time, table.labels, line))
     if min(table.markers, default=0):  # without a clock, lines begin with a place
-        doubts.append(take_out_joined_lines(first[:, 0], time, places, line))
+        # Scripts that leave out rows keep the numbers of the others.
+        numbers = time if table.is_exact else first[:, 0]
+        doubts.append(take_out_joined_lines(numbers, time, places, line))
     doubts.append(take_out_leaps(time, places, table.labels, line))
     doubts.append(take_out_odd_cells(rows, columns, places, table.labels, line))
     return Frames(time, places, "; ".join(filter(None, doubts)))
@@ -274,7 +276,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
             advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
         )  # fmt: skip
-    if table.is_exact:
+    if table.is_exact and (len(row) < width or is_longer):
         raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
     begun = next((k for k in table.markers if k < len(row) < k + 3), len(row))
     if len(row) < width and any(map(is_number, row[begun:])):

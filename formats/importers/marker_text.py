@@ -3,39 +3,31 @@
 Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. `marker_lines` finds the
 header, whose first word shows which program wrote a file.
 
-Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV";
-Qualisys Track Manager, "TSV export".
+Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV".
 """
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
-import numpy as np
-
-from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.importers.marker_lines import (
-    CAN_BE_READ,
-    COMMENT,
-    LINES_OF_VICON_HEAD,
-    TRAJECTORIES,
-    Rows,
-    read_lines,
-)
+from formats.importers.marker_lines import CAN_BE_READ, LINES_OF_VICON_HEAD, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks
-from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
-from formats.importers.units import METRES, axes_of, metres_of
-from formats.plain_text import counted
-from formats.plausible import RATES
-from formats.rows import spreadsheet_cell
-
-LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
-COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
+from formats.importers.number_cells import LONGEST_SHOWN, is_number
+from formats.importers.own_text import read_own
+from formats.importers.qualisys_text import read_qualisys
+from formats.importers.stated_values import (
+    both,
+    cell_at,
+    doubt_of_count,
+    frame_rate,
+    names_of,
+    rate_beside_times,
+    whole_number,
+)
+from formats.importers.units import metres_of
 
 
 def read_marker_text(path: Path, unit: str | None, decimal: str = "") -> MarkerTracks:
@@ -48,98 +40,8 @@ def read_marker_text(path: Path, unit: str | None, decimal: str = "") -> MarkerT
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
     first, rows = read_lines(path, decimal)
-    programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": _qualisys, "trajectories": _vicon}
-    return programs.get(first, _own)(rows, unit, path)
-
-
-def _names(labels: list[str], path: Path) -> tuple[str, ...]:
-    if not labels:
-        raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
-    return tuple(label.strip() for label in labels)
-
-
-def _cell(row: list[str], at: int) -> str:
-    return row[at].strip().lower() if at < len(row) else ""
-
-
-def _whole(cell: str, what: str, path: Path) -> int:
-    try:
-        return int(number_of(cell))
-    except (ValueError, OverflowError) as error:
-        raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
-
-
-def _rate(cell: str, path: Path) -> float:
-    try:
-        rate = number_of(cell)
-    except ValueError:
-        rate = np.nan
-    if not 0 < rate < 1e4:
-        shown = repr(cell.strip()[:LONGEST_SHOWN]) + f"; {RATES}" * bool(rate > 0)
-        raise TakeError(f"its frame rate is {shown}", where=path, advice="export it with its frame rate")
-    return rate
-
-
-def _rate_beside_times(cell: str) -> float | None:
-    """Return the frame rate that a file with a time for each frame states, None where it states none."""
-    try:
-        rate = number_of(cell)
-    except ValueError:
-        return None
-    return rate if rate > 0 else None
-
-
-def _doubt_of_count(found: int, stated: int, path: Path) -> str:
-    """Return a sentence about a file of more frames than it states, '' where they agree.
-
-    Programs that cut or join recordings may leave the old count. All frames that are there are read.
-
-    Raises:
-        TakeError: it holds fewer.
-    """
-    if found > stated:
-        return f"the file states {counted(stated, 'frame')} and holds {found}; all of them were read"
-    if found < stated:
-        raise TakeError(
-            f"holds {found} of the {stated} frames that it states", where=path,
-            advice="it is cut off: copy or export it again",
-        )  # fmt: skip
-    return ""
-
-
-def _both(first: str, second: str) -> str:
-    """Return two doubts as one text; either may be ''."""
-    return "; ".join(filter(None, [first, second]))
-
-
-def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
-    line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
-    if head[0].strip(f"{COMMENT} ") != "time_s":
-        raise TakeError(
-            f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
-            advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
-        )  # fmt: skip
-    named = head[1].rpartition("_x_")[2] if len(head) > 1 else ""
-    stated = named if named in METRES else "m"
-    axes = axes_of(stated)
-    labels = [name.removesuffix(axes[0]) for name in head[1::3]]
-    for k, name in enumerate((label + axis for label in labels for axis in axes), 1):
-        if k >= len(head) or head[k] != name:
-            there = f"is {head[k][:LONGEST_SHOWN]!r}" if k < len(head) else "is missing"
-            raise TakeError(
-                f"column {k + 1} of line {line} {there}, not {name[:LONGEST_SHOWN]!r}", where=path,
-                advice=f"that line must be {COLUMNS}",
-            )  # fmt: skip
-    metres, names = metres_of(stated, unit, path), _names(labels, path)
-    table = Table(len(head), range(1, len(head), 3), names, metres, lambda first: first[:, 0], is_exact=True)
-    frames = read_frames(rows[1:], table, path)
-    return MarkerTracks(names, frames.time, frames.places, None, frames.doubt)
-
-
-def _as_named(cell: str) -> str:
-    """Return a name without the apostrophe that keeps a spreadsheet from running it as a formula."""
-    word = cell.strip()
-    return word[1:] if word.startswith("'") and spreadsheet_cell(word[1:]) == word else word
+    programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": read_qualisys, "trajectories": _vicon}
+    return programs.get(first, read_own)(rows, unit, path)
 
 
 def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -147,18 +49,18 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     if len(rows) < 5:
         raise TakeError("ends within its header", where=path, advice=f"export it again; {CAN_BE_READ}")
     stated = dict(zip((cell.strip().lower() for cell in rows[1]), rows[2], strict=False))
-    count = _whole(stated.get("nummarkers", ""), "number of markers", path)
+    count = whole_number(stated.get("nummarkers", ""), "number of markers", path)
     names = [cell.strip() for cell in rows[3][2:] if cell.strip()]
     if len(names) != count:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
-    doubt = _doubt_of_count(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
+    doubt = doubt_of_count(len(body), whole_number(stated.get("numframes", ""), "number of frames", path), path)
     frames = read_frames(
         body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1]), path
     )
-    rate = _rate_beside_times(stated.get("datarate", ""))
-    return MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
+    rate = rate_beside_times(stated.get("datarate", ""))
+    return MarkerTracks(names_of(names, path), frames.time, frames.places, rate, both(doubt, frames.doubt))
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -170,7 +72,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     section = rows[1:]
     if len(section) < 4:
         raise TakeError("ends within the header of its trajectories", where=path, advice="export it again")
-    rate = _rate(section[0][0], path)
+    rate = frame_rate(section[0][0], path)
     names, kinds = section[1], section[2]
     has_units = not section[3][0].strip().isdigit()  # lines that hold nothing are left out
     units, section = (section[3], section[4:]) if has_units else ([], section[3:])
@@ -200,7 +102,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
     frames = read_frames(body, Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate), path)
-    return MarkerTracks(_names(labels, path), frames.time, frames.places, None, frames.doubt, has_times=False)
+    return MarkerTracks(names_of(labels, path), frames.time, frames.places, None, frames.doubt, has_times=False)
 
 
 def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
@@ -209,13 +111,13 @@ def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
     A unit may stand beside that rate; a frame has numbers there.
     """
     frames = [_has_numbers(row, has_sub_frames=has_sub_frames) for row in rows]
-    is_section = bool(rows) and _rate_beside_times(_cell(rows[0], 0)) is not None and not frames[0]
+    is_section = bool(rows) and rate_beside_times(cell_at(rows[0], 0)) is not None and not frames[0]
     return not is_section and any(found and row[0].strip().isdigit() for found, row in zip(frames, rows, strict=True))
 
 
 def _has_numbers(row: list[str], *, has_sub_frames: bool) -> bool:
     """Return whether a line has numbers where a frame has them: that of a sub frame, or places."""
-    return _cell(row, 1).isdigit() if has_sub_frames else any(map(is_number, row[1:]))
+    return cell_at(row, 1).isdigit() if has_sub_frames else any(map(is_number, row[1:]))
 
 
 def _second_trajectories(rows: Rows) -> int | None:
@@ -236,44 +138,13 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     at = [
         k for k in range(2, len(axes) - 2)
         if [cell.strip().upper() for cell in axes[k : k + 3]] == ["X", "Y", "Z"]
-        and _cell(kinds, k) == "marker" and (what is axes or _cell(what, k) == "position")
+        and cell_at(kinds, k) == "marker" and (what is axes or cell_at(what, k) == "position")
     ]  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
-    doubt = _doubt_of_count(len(body), _whole(total, "number of frames", path), path) if total.strip() else ""
+    doubt = doubt_of_count(len(body), whole_number(total, "number of frames", path), path) if total.strip() else ""
     metres = metres_of(stated.get("length units", ""), unit, path)
     labels = [names[k] if k < len(names) else "" for k in at]
     frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path)
-    rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return MarkerTracks(_names(labels, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
-
-
-def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
-    """QTM's: lines of a name and its value, `MARKER_NAMES`, then a row of x, y, z a frame, in millimetres."""
-    head = list(takewhile(lambda row: re.fullmatch(r"[A-Z_]+", row[0].strip()), rows[:LONGEST_HEAD]))
-    stated = {row[0].strip().upper(): row[1:] for row in head}
-
-    def value(name: str) -> str:
-        return next(iter(stated.get(name, [])), "")
-
-    names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
-    if (count := _whole(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
-        raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    rate = _rate(value("FREQUENCY"), path)
-    begin = len(head)
-    has_clock = begin < len(rows) and rows[begin][0].strip().lower() == "frame"
-    count_of_frames = _whole(value("NO_OF_FRAMES"), "number of frames", path)
-    body = rows[begin + has_clock :]
-    end = len(body)
-    while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
-        end -= 1
-    body = body[:end]
-    doubt = _doubt_of_count(end, count_of_frames, path)
-    begin, width = 2 * has_clock, 2 * has_clock + 3 * count
-
-    def clock(first: Floats) -> Floats:
-        return first[:, 1] if has_clock else np.arange(end) / rate
-
-    frames = read_frames(body, Table(width, range(begin, width, 3), names, metres_of("mm", unit, path), clock), path)
-    tracks = MarkerTracks(_names(names, path), frames.time, frames.places, rate, _both(doubt, frames.doubt))
-    return replace(tracks, has_times=has_clock)
+    rate = rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
+    return MarkerTracks(names_of(labels, path), frames.time, frames.places, rate, both(doubt, frames.doubt))

@@ -6,7 +6,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ
-from formats.importers.marker_text import COLUMNS
+from formats.importers.own_text import COLUMNS
 from tests.formats.test_marker_tables import MOTIVE, OWN, QTM, TRC, VICON, read
 
 MEND = "mend that line"

@@ -1,0 +1,131 @@
+"""Marker paths of our own CSV, which people write by hand, with pandas, R and MATLAB, and with spreadsheets.
+
+`time_s` comes first, then NAME_x_m, NAME_y_m and NAME_z_m of each marker. The axis may be a capital letter, and the
+unit may be left out where it is given. Before `time_s` a table of pandas or R has a column of the numbers of its rows.
+Its name is empty, or lacks its cell: R's `write.table` names the others alone.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from formats.errors import TakeError
+from formats.importers.marker_lines import COMMENT, LOOKED_AT, Rows
+from formats.importers.marker_numbers import Table, read_frames
+from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
+from formats.importers.stated_values import names_of
+from formats.importers.units import metres_of
+from formats.rows import spreadsheet_cell
+
+COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
+TIME = "time_s"
+COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
+UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # so pandas names a column without a name that it read
+WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
+FEWEST_COUNTED = 3  # lines, stated by us: fewer do not show that their first cells count
+
+
+def read_own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """Read our own CSV.
+
+    - `rows`: from its header on; `unit`: of its lengths, where its columns name none
+
+    Raises:
+        TakeError: its columns are others, or its numbers do not hold together.
+    """
+    line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
+    while len(head) > 1 and not head[-1]:  # a separator at the end of the line
+        head.pop()
+    words = [word.strip(f"{COMMENT} ").lower() for word in head[:2]]
+    if TIME not in words:
+        raise TakeError(
+            f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
+            advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
+        )  # fmt: skip
+    begin, body = words.index(TIME), rows[1:]
+    if begin:
+        _refuse_another_column(head[0].strip(f"{COMMENT} "), line, body, path)
+    labels, stated = _columns(head, begin, line, path)
+    names = names_of(labels, path)
+    metres = metres_of(stated, unit, path)
+    clock = begin or int(_has_unnamed_numbers(body, len(head)))
+    width = len(head) - begin + clock
+    table = Table(
+        width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock], is_exact=True,
+    )  # fmt: skip
+    frames = read_frames(body, table, path)
+    return MarkerTracks(names, frames.time, frames.places, None, frames.doubt)
+
+
+def _as_named(cell: str) -> str:
+    """Return a name without the apostrophe that keeps a spreadsheet from running it as a formula."""
+    word = cell.strip()
+    return word[1:] if word.startswith("'") and spreadsheet_cell(word[1:]) == word else word
+
+
+def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[str], str]:
+    """Return the names of the markers and the unit that their columns state, '' without one.
+
+    `begin`: the column of the time, which theirs follow
+    """
+    labels, stated = list[str](), ""
+    for k in range(begin + 1, len(head), 3):
+        name = COLUMN.fullmatch(head[k])
+        if name is None:
+            raise TakeError(
+                f"column {k + 1} of line {line} is {head[k][:LONGEST_SHOWN]!r}, no x of a marker", where=path,
+                advice=f"that line must be {COLUMNS}",
+            )  # fmt: skip
+        labels.append(name[1])
+        stated = stated if len(labels) > 1 else name[3] or ""
+        axes = "XYZ" if name[2].isupper() else "xyz"
+        for at, axis in enumerate(axes, k):
+            wanted = f"{name[1]}_{axis}" + f"_{stated}" * bool(stated)
+            if at >= len(head) or head[at].lower() != wanted.lower() or not head[at].startswith(name[1]):
+                there = f"is {head[at][:LONGEST_SHOWN]!r}" if at < len(head) else "is missing"
+                raise TakeError(
+                    f"column {at + 1} of line {line} {there}, not {wanted[:LONGEST_SHOWN]!r}", where=path,
+                    advice=f"that line must be {COLUMNS}",
+                )  # fmt: skip
+    return labels, stated
+
+
+def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None:
+    """Refuse a column before the time, unless it has no name and numbers the lines."""
+    if not UNNAMED.fullmatch(name):
+        raise TakeError(
+            f"column 1 of line {line} is {name[:LONGEST_SHOWN]!r}, and {TIME} is column 2", where=path,
+            advice=WITHOUT_IT,
+        )  # fmt: skip
+    if not _count_up([row[0] for row in _whole_lines(body)]):
+        raise TakeError(
+            f"column 1 of line {line} has no name, and below it are no numbers that count up", where=path,
+            advice=WITHOUT_IT,
+        )  # fmt: skip
+
+
+def _has_unnamed_numbers(body: Rows, named: int) -> bool:
+    """Return whether lines begin with their numbers, and have one cell more than there are names.
+
+    If the first cells were times, there would be a frame a second or fewer, which is no recording of swung cloth.
+    """
+    lines = _whole_lines(body)
+    has_one_more = all(len(row) == named + 1 for row in lines) and any(row[-1].strip() for row in lines)
+    return len(lines) >= FEWEST_COUNTED and has_one_more and _count_up([row[0] for row in lines])
+
+
+def _whole_lines(body: Rows) -> list[list[str]]:
+    """Return the cells of the first lines, without a last one that has no end."""
+    return list(body[: min(LOOKED_AT, len(body) - body.is_cut)])
+
+
+def _count_up(cells: list[str]) -> bool:
+    """Return whether cells are whole numbers, each larger than the one before."""
+    if not all(map(is_number, cells)):
+        return False
+    numbers = np.array([number_of(cell) for cell in cells])
+    return bool((numbers == np.rint(numbers)).all() and (np.diff(numbers) > 0).all())

@@ -1,0 +1,97 @@
+"""Marker paths of Qualisys Track Manager's TSV, in which three options of its export change the table.
+
+The lines of a name and its value end with `MARKER_NAMES` or `TRAJECTORY_TYPES`. A row of column names follows, or none.
+Then each line is a frame: x, y and z of each marker. The number and the time of the frame may stand before them.
+
+Sources: Qualisys Track Manager, "TSV export" and "Motion data (.tsv)".
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import TakeError
+from formats.importers.marker_lines import LOOKED_AT, Rows
+from formats.importers.marker_numbers import Table, read_frames
+from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.number_cells import GAP_WORDS, is_number, number_of
+from formats.importers.stated_values import both, doubt_of_count, frame_rate, names_of, whole_number
+from formats.importers.units import metres_of
+
+LONGEST_HEAD = 1000  # lines above the first frame: one for each event
+STATED = re.compile(r"[A-Z_]+")  # the name of a value
+CLOCK_CELLS = 2  # cells: number and time of a frame
+WITHIN_A_STEP = 0.5  # of frames: so far a time may be off, which its digits round
+
+
+def read_qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """Read a table of Qualisys, in millimetres.
+
+    - `rows`: from its header on; `unit`: what a person says of its lengths
+
+    Raises:
+        TakeError: its header contradicts itself or its table, or its numbers do not hold together.
+    """
+    head = list(takewhile(_states_a_value, rows[:LONGEST_HEAD]))
+    stated = {row[0].strip(): row[1:] for row in head}
+
+    def value(name: str) -> str:
+        return next(iter(stated.get(name, [])), "")
+
+    names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
+    if (count := whole_number(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
+        raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
+    rate = frame_rate(value("FREQUENCY"), path)
+    count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path)
+    body, width = rows[len(head) :], 3 * len(names)
+    titles = body[0] if len(body) else [""]
+    has_clock = titles[0].strip().lower() == "frame"
+    if has_clock or _are_titles(titles, names):
+        body = body[1:]
+    has_clock = has_clock or _begin_with_a_clock(body, width, rate)
+    end = len(body)
+    while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
+        end -= 1
+    body = body[:end]
+    doubt = doubt_of_count(end, count_of_frames, path)
+    begin = CLOCK_CELLS * has_clock
+
+    def clock(first: Floats) -> Floats:
+        return first[:, 1] if has_clock else np.arange(len(first)) / rate
+
+    table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
+    frames = read_frames(body, table, path)
+    tracks = MarkerTracks(names_of(names, path), frames.time, frames.places, rate, both(doubt, frames.doubt))
+    return replace(tracks, has_times=has_clock)
+
+
+def _states_a_value(row: list[str]) -> bool:
+    """Return whether a line states a value. A frame may begin with a word such as NULL, where nothing was seen."""
+    return STATED.fullmatch(row[0].strip()) is not None and row[0].strip().lower() not in GAP_WORDS
+
+
+def _are_titles(row: list[str], names: list[str]) -> bool:
+    """Return whether a line names columns without a clock, as in `top_left X`."""
+    return bool(names) and row[0].strip().startswith(names[0]) and not any(map(is_number, row))
+
+
+def _begin_with_a_clock(body: Rows, width: int, rate: float) -> bool:
+    """Return whether lines without titles begin with the number and the time of their frame, of so many a second.
+
+    `width`: cells of the places
+    """
+    lines = [row for row in body[: min(LOOKED_AT, len(body) - body.is_cut)] if any(map(str.strip, row))]
+    if max(map(len, lines), default=0) < width + CLOCK_CELLS:
+        return False
+    if not all(len(row) >= CLOCK_CELLS and all(map(is_number, row[:CLOCK_CELLS])) for row in lines):
+        return False
+    clock = np.array([[number_of(cell) for cell in row[:CLOCK_CELLS]] for row in lines])
+    since = clock - clock[0]
+    counts = bool((since[:, 0] == np.arange(len(lines))).all()) and float(clock[0, 0]).is_integer()
+    return counts and bool((np.abs(since[:, 1] * rate - since[:, 0]) <= WITHIN_A_STEP).all())

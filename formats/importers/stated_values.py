@@ -1,0 +1,88 @@
+"""Read or refuse names, counts and frame rates that the header of a text file of markers states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from formats.errors import TakeError
+from formats.importers.number_cells import LONGEST_SHOWN, number_of
+from formats.plain_text import counted
+from formats.plausible import RATES
+
+
+def names_of(labels: list[str], path: Path) -> tuple[str, ...]:
+    """Return the names of markers.
+
+    Raises:
+        TakeError: there is none.
+    """
+    if not labels:
+        raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
+    return tuple(label.strip() for label in labels)
+
+
+def cell_at(row: list[str], at: int) -> str:
+    """Return a cell in small letters, '' where the line is shorter."""
+    return row[at].strip().lower() if at < len(row) else ""
+
+
+def whole_number(cell: str, what: str, path: Path) -> int:
+    """Return the number in a cell; the words for it are `what`.
+
+    Raises:
+        TakeError: it is none.
+    """
+    try:
+        return int(number_of(cell))
+    except (ValueError, OverflowError) as error:
+        raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
+
+
+def frame_rate(cell: str, path: Path) -> float:
+    """Return the frame rate [1/s] of a file that has no times.
+
+    Raises:
+        TakeError: it states none that can be used.
+    """
+    try:
+        rate = number_of(cell)
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < 1e4:
+        shown = repr(cell.strip()[:LONGEST_SHOWN]) + f"; {RATES}" * bool(rate > 0)
+        raise TakeError(f"its frame rate is {shown}", where=path, advice="export it with its frame rate")
+    return rate
+
+
+def rate_beside_times(cell: str) -> float | None:
+    """Return the frame rate [1/s] that a file with a time for each frame states, None where it states none."""
+    try:
+        rate = number_of(cell)
+    except ValueError:
+        return None
+    return rate if rate > 0 else None
+
+
+def doubt_of_count(found: int, stated: int, path: Path) -> str:
+    """Return a sentence about a file of more frames than it states, '' where they agree.
+
+    Programs that cut or join recordings may leave the old count. All frames that are there are read.
+
+    Raises:
+        TakeError: it holds fewer.
+    """
+    if found > stated:
+        return f"the file states {counted(stated, 'frame')} and holds {found}; all of them were read"
+    if found < stated:
+        raise TakeError(
+            f"holds {found} of the {stated} frames that it states", where=path,
+            advice="it is cut off: copy or export it again",
+        )  # fmt: skip
+    return ""
+
+
+def both(first: str, second: str) -> str:
+    """Return two doubts as one text; either may be ''."""
+    return "; ".join(filter(None, [first, second]))

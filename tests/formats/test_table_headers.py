@@ -1,0 +1,133 @@
+"""Tables of markers are read however options of their program, pandas or R change their header, or refused truly."""
+
+from __future__ import annotations
+
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.own_text import COLUMNS, WITHOUT_IT
+from tests.formats.test_marker_tables import read
+
+NAMES = ("one", "two")
+FRAMES = [f"{k}.25\t{k}.5\t1200.75\t{k}.125\t7.5\t1100.25".split("\t") for k in range(4)]
+HEAD = "NO_OF_FRAMES\t4\nNO_OF_MARKERS\t2\nFREQUENCY\t50\nMARKER_NAMES\tone\ttwo\n"
+TITLES = [f"{name} {axis}" for name in NAMES for axis in "XYZ"]
+CLOCK = [[str(7 + k), f"{0.12 + k / 50:.5f}"] for k in range(4)]
+MM = [f"{name}_{axis}_mm" for name in NAMES for axis in "xyz"]
+FIRST = pytest.approx([2.5e-4, 5e-4, 1.20075])
+
+
+def table(*lines, separator="\t"):
+    return "".join(f"{separator.join(line)}\n" for line in lines)
+
+
+def clocked(frames, clock=CLOCK):
+    return [[*when, *cells] for when, cells in zip(clock, frames, strict=True)]
+
+
+@pytest.mark.parametrize("end", [[], [""]], ids=["", "tab at the end"])
+@pytest.mark.parametrize(
+    ("titles", "lines", "begin"),
+    [
+        ([], FRAMES, 0.0), ([TITLES], FRAMES, 0.0), ([["Frame", "Time", *TITLES]], clocked(FRAMES), 0.12),
+        ([], clocked(FRAMES), 0.12),
+    ],
+    ids=["none", "titles", "both", "clock"],
+)  # fmt: skip
+def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path, titles, lines, begin, end):
+    found = read(tmp_path, HEAD + table(*titles, *(line + end for line in lines)), name="a.tsv")
+    assert found.time == pytest.approx([begin + k / 50 for k in range(4)])
+    assert (found.labels, found.doubt, found.has_times) == (NAMES, "", begin > 0)
+    assert found.positions[0, 0] == FIRST
+    assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
+
+
+@pytest.mark.parametrize("titles", [[], [TITLES]], ids=["none", "titles"])
+@pytest.mark.parametrize("word", ["NULL", "NAN", "NA", "NONE", "", "0.000"])
+def test_a_first_frame_that_begins_with_a_gap_is_no_line_of_the_header(tmp_path, word, titles):
+    gap = [[word] * 3 + cells[3:] for cells in FRAMES[:2]]
+    found = read(tmp_path, HEAD + table(*titles, *gap, *FRAMES[2:]), name="a.tsv")
+    assert found.doubt == ""
+    assert found.positions[:, 0, 0].tolist()[2:] == pytest.approx([2.25e-3, 3.25e-3])
+    assert [bool(x != x) for x in found.positions[:, 0, 0]] == [True, True, False, False]
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [[["7", f"{k / 25:.3f}"] for k in range(4)], [[str(7 + k), f"{k / 25:.3f}"] for k in range(4)],
+     [[f"{k}.5", f"{k / 50:.3f}"] for k in range(4)], [["", ""]] * 4],
+    ids=["no count", "another rate", "halves", "empty"],
+)  # fmt: skip
+def test_two_further_cells_that_are_no_clock_stay_cells_too_many(tmp_path, clock):
+    with pytest.raises(TakeError, match="line 5 has 8 cells, the header names 6"):
+        read(tmp_path, HEAD + table(*clocked(FRAMES, clock)), name="a.tsv")
+
+
+def ours(head, lines, separator=","):
+    return table(head, *lines, separator=separator)
+
+
+TIMED = [[f"{k / 50:.2f}", *cells] for k, cells in enumerate(FRAMES)]
+NUMBERED = [[str(k), *cells] for k, cells in enumerate(TIMED)]
+LEFT_OUT = [[str(k + (k > 1)), *cells] for k, cells in enumerate(TIMED)]
+
+
+@pytest.mark.parametrize(
+    ("head", "lines"),
+    [
+        (["", "time_s", *MM], NUMBERED), (['""', '"time_s"', *MM], NUMBERED), (["Unnamed: 0", "time_s", *MM], LEFT_OUT),
+        (["time_s", *MM], NUMBERED), (['"time_s"', *MM], [[f'"{k + 1}"', *cells] for k, cells in enumerate(TIMED)]),
+        (["Time_s", *MM], TIMED), (["time_s", *MM, ""], [[*cells, ""] for cells in TIMED]),
+        (["time_s", *MM], [[*cells, ""] for cells in TIMED]), (["time_s", *MM, "", ""], TIMED),
+        (["", "time_s", *MM, ""], [[*cells, ""] for cells in NUMBERED]),
+        (["time_s", *(one.replace("_x_", "_X_").replace("_y_", "_Y_").replace("_z_", "_Z_") for one in MM)], TIMED),
+    ],
+    ids=["pandas", "R", "read again", "write.table", "write.table in quotes", "capital", "commas at the end",
+         "below it alone", "in the header alone", "numbers and commas", "capital axes"],
+)  # fmt: skip
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_our_own_table_is_read_as_pandas_r_and_spreadsheets_write_it(tmp_path, head, lines, separator):
+    found = read(tmp_path, ours(head, lines, separator))
+    assert found.time.tolist() == [0.0, 0.02, 0.04, 0.06]
+    assert (found.labels, found.doubt, found.positions[0, 0]) == (NAMES, "", FIRST)
+    assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
+
+
+@pytest.mark.parametrize("axes", ["xyz", "XYZ"])
+def test_columns_without_a_unit_need_one_to_be_given(tmp_path, axes):
+    text = ours(["time_s", *(f"{name}_{axis}" for name in ("a_x", "two") for axis in axes)], TIMED)
+    with pytest.raises(TakeError, match="states no unit of length; give --unit, one of m,"):
+        read(tmp_path, text)
+    found = read(tmp_path, text, "mm")
+    assert (found.labels, found.positions[0, 0]) == (("a_x", "two"), FIRST)
+
+
+@pytest.mark.parametrize(
+    ("head", "lines", "sentence"),
+    [
+        (["index", "time_s", *MM], NUMBERED, f"column 1 of line 1 is 'index', and time_s is column 2; {WITHOUT_IT}"),
+        (["", "time_s", *MM], [["0", *cells] for cells in TIMED],
+         f"column 1 of line 1 has no name, and below it are no numbers that count up; {WITHOUT_IT}"),
+        (["", "time_s", *MM], [["a", *cells] for cells in TIMED],
+         f"column 1 of line 1 has no name, and below it are no numbers that count up; {WITHOUT_IT}"),
+        (["time_s", *MM], [["0", *cells] for cells in TIMED], "line 2 has 8 columns, not 7; mend that line"),
+        (["time_s", *MM], [*TIMED[:2], NUMBERED[2]], "line 4 has 8 columns, not 7; mend that line"),
+        (["time_s", *MM[:3], "two_x", "two_y", "two_z"], TIMED,
+         f"column 5 of line 1 is 'two_x', not 'two_x_mm'; that line must be {COLUMNS}"),
+        (["time_s", *MM, "force"], [[*cells, "1"] for cells in TIMED],
+         f"column 8 of line 1 is 'force', no x of a marker; that line must be {COLUMNS}"),
+        (["time_s", "one_X_mm", "one_y_mm", "One_Z_mm"], TIMED,
+         f"column 4 of line 1 is 'One_Z_mm', not 'one_Z_mm'; that line must be {COLUMNS}"),
+    ],
+)  # fmt: skip
+def test_a_header_of_ours_that_cannot_be_read_names_its_column(tmp_path, head, lines, sentence):
+    with pytest.raises(TakeError) as refused:
+        read(tmp_path, ours(head, lines))
+    assert str(refused.value).removeprefix(f"{tmp_path}/") == f"a.csv: {sentence}"
+
+
+def test_rows_that_a_script_left_out_are_no_lost_bytes(tmp_path):
+    """30 rows of a table whose numbers lack one: its own times lack a frame as well, as they do without numbers."""
+    lines = [[str(k), f"{k / 50:.2f}", *FRAMES[k % 4]] for k in range(31) if k != 9]
+    found = read(tmp_path, ours(["", "time_s", *MM], lines))
+    assert (found.doubt, len(found.time)) == ("", 30)

@@ -14,7 +14,7 @@ from formats.take_report import LeftState, TakeReport
 
 TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
-EARLIER = "said of an earlier file: "
+EARLIER = "said of the file it was made from: "
 RECOVERS_EACH = f"{RECOVERS} of each take"
 
 

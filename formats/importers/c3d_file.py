@@ -26,7 +26,14 @@ from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.number_cells import LONGEST_SHOWN
 from formats.importers.units import metres_of
-from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
+from formats.importers.unseen_places import (
+    are_zeros,
+    as_seen,
+    doubt_of_lacking,
+    doubt_of_zeros,
+    lack_coordinates,
+    take_out_signs,
+)
 from formats.plain_text import first_few, sized
 from formats.plausible import RATES
 
@@ -72,7 +79,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames) / rate, float)
-    places, lacking = _places(path, header, frames, scale)
+    places, lacking, zeros = _places(path, header, frames, scale)
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
@@ -82,8 +89,11 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     blocks = zero_blocks(path, header.data_at, frames * header.width)
     doubts.append(take_out_zero_blocks(places, blocks, FLOAT if header.is_float else SHORT, header.width))
     doubts += [doubt_of_lacking(lacking, time, labels, frame_of), take_out_leaps(time, places, labels, frame_of)]
-    doubt = "; ".join(filter(None, doubts))
-    return MarkerTracks(tuple(labels), time, places, header.rate, doubt, has_times=False, without_path=without_path)
+    doubts.append(doubt_of_zeros(zeros, places, labels, frame_of))
+    return MarkerTracks(
+        tuple(labels), time, places, header.rate, "; ".join(filter(None, doubts)), has_times=False,
+        without_path=without_path, zeros=zeros.sum(0),
+    )  # fmt: skip
 
 
 def _doubt_of_names(points: int, without_path: tuple[str, ...]) -> str:
@@ -113,14 +123,14 @@ def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str
     return f"the file states {frames} frames and has room for {header.held}; the first {frames} were read"
 
 
-def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans]:
-    """Return the points' places [m], (frames, points, 3), NaN where not seen, and which lack coordinates.
+def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans, Booleans]:
+    """Return the points' places [m], (frames, points, 3), NaN where not seen.
 
-    They are read piece by piece; which lack coordinates: (frames, points).
+    They are read piece by piece. Which lack coordinates, and which have three zeros, follows: both (frames, points).
 
     scale: metres of each point's unit, (points,)
     """
-    places, lacking = np.empty((frames, header.points, 3)), np.empty((frames, header.points), bool)
+    places, (lacking, zeros) = np.empty((frames, header.points, 3)), np.empty((2, frames, header.points), bool)
     at_once = max(PIECE // header.width, 1)
     kind = FLOAT if header.is_float else SHORT
     with path.open("rb") as file:
@@ -135,7 +145,8 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Fl
                 where = rows[..., :3] * unit[:, None]
                 piece[:] = as_seen(where, rows[..., 3] < 0)
             lacking[first : first + at_once] = lack_coordinates(where) & ~(rows[..., 3] < 0)
-    return places, lacking
+            zeros[first : first + at_once] = are_zeros(where, rows[..., 3] < 0)
+    return places, lacking, zeros
 
 
 def _parameters(path: Path, data_at: int) -> Parameters:

@@ -20,9 +20,17 @@ from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less
 from formats.importers.leaps import take_out_leaps
 from formats.importers.lost_lines import take_out_joined_lines
 from formats.importers.marker_lines import Rows
+from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
-from formats.importers.unseen_places import as_seen, doubt_of_lacking, lack_coordinates, take_out_signs
+from formats.importers.unseen_places import (
+    are_zeros,
+    as_seen,
+    doubt_of_lacking,
+    doubt_of_zeros,
+    lack_coordinates,
+    take_out_signs,
+)
 from formats.plain_text import first_few
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
@@ -65,12 +73,24 @@ class Frames:
 
     - `time` [s], (rows,)
     - `places` [m], (rows, markers, 3), NaN where not seen
-    - `doubt`: a sentence about a line that may be cut, '' where there is none
+    - `doubt`: sentences about what may not hold, '' where there is none
+    - `zeros`: how often three zeros stand for each marker, (markers,)
     """
 
     time: Floats
     places: Floats
     doubt: str
+    zeros: Integers
+
+    def tracks(
+        self, labels: tuple[str, ...], *, rate: float | None = None, doubt: str = "", has_times: bool = True,
+        expected: tuple[str, ...] = (),
+    ) -> MarkerTracks:  # fmt: skip
+        """Return the numbers as marker paths; the arguments are as there, and `doubt` comes before the own one."""
+        return MarkerTracks(
+            labels, self.time, self.places, rate, "; ".join(filter(None, [doubt, self.doubt])), has_times=has_times,
+            zeros=self.zeros, expected=expected,
+        )  # fmt: skip
 
 
 def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
@@ -118,7 +138,8 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
         doubts.append(take_out_joined_lines(numbers, time, places, line))
     doubts.append(take_out_leaps(time, places, table.labels, line))
     doubts.append(take_out_odd_cells(rows, columns, places, table.labels, line))
-    return Frames(time, places, "; ".join(filter(None, doubts)))
+    doubts.append(doubt_of_zeros(found.zeros, places, table.labels, line))
+    return Frames(time, places, "; ".join(filter(None, doubts)), found.zeros.sum(0))
 
 
 def _refuse_thousands(rows: Rows, table: Table, path: Path, signs: DecimalSigns, time: Floats, places: Floats) -> None:
@@ -163,20 +184,24 @@ class _Numbers:
     """The numbers of lines, before other rules look at them.
 
     - `first`: two of each line, (rows, 2); `cells`: of each line, (rows,)
-    - `places` [m], (rows, markers, 3), NaN where not seen; `lacking`: which lack coordinates, (rows, markers)
+    - `places` [m], (rows, markers, 3), NaN where not seen
+    - `lacking`: which lack coordinates, (rows, markers); `zeros`: which have three zeros, (rows, markers)
     """
 
     first: Floats
     cells: Integers
     places: Floats
     lacking: Booleans
+    zeros: Booleans
 
 
 def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numbers:
     """Return the numbers of lines; signs: looks at each."""
     width, columns = table.width, table.columns()
     shape = len(rows), len(columns)
-    found = _Numbers(np.empty((len(rows), 2)), np.empty(len(rows), int), np.empty((*shape, 3)), np.empty(shape, bool))
+    found = _Numbers(
+        np.empty((len(rows), 2)), np.empty(len(rows), int), np.empty((*shape, 3)), *np.empty((2, *shape), bool)
+    )
     numbers = np.empty((LINES_AT_ONCE, max(width, 2)))
     for begin in range(0, len(rows), LINES_AT_ONCE):
         some = rows[begin : begin + LINES_AT_ONCE]
@@ -190,6 +215,7 @@ def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numb
         found.first[piece] = numbers[: len(some), :2]
         found.places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
         found.lacking[piece] = lack_coordinates(numbers[: len(some), columns])
+        found.zeros[piece] = are_zeros(numbers[: len(some), columns])
     return found
 
 

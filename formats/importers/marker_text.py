@@ -14,12 +14,11 @@ from pathlib import Path
 from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ, LINES_OF_VICON_HEAD, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_numbers import Table, read_frames
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import EXPORT_MEASURED, MarkerTracks
 from formats.importers.number_cells import LONGEST_SHOWN, is_number
 from formats.importers.own_text import read_own
 from formats.importers.qualisys_text import read_qualisys
 from formats.importers.stated_values import (
-    both,
     cell_at,
     doubt_of_count,
     frame_rate,
@@ -28,6 +27,9 @@ from formats.importers.stated_values import (
     whole_number,
 )
 from formats.importers.units import metres_of
+from formats.plain_text import counted
+
+EXPECTED = ("rigid body marker", "bone marker")  # types of Motive's columns
 
 
 def read_marker_text(path: Path, unit: str | None, decimal: str = "") -> MarkerTracks:
@@ -60,7 +62,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1]), path
     )
     rate = rate_beside_times(stated.get("datarate", ""))
-    return MarkerTracks(names_of(names, path), frames.time, frames.places, rate, both(doubt, frames.doubt))
+    return frames.tracks(names_of(names, path), rate=rate, doubt=doubt)
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -102,7 +104,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
     frames = read_frames(body, Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate), path)
-    return MarkerTracks(names_of(labels, path), frames.time, frames.places, None, frames.doubt, has_times=False)
+    return frames.tracks(names_of(labels, path), has_times=False)
 
 
 def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
@@ -135,16 +137,24 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         raise TakeError("has no rows that name its markers", where=path, advice="export it with its header")
     axes, names, kinds = rows[begin], heads["name"], heads["type"]
     what = next((row for row in rows[1:begin] if "Position" in [cell.strip() for cell in row]), axes)
-    at = [
+    placed = [
         k for k in range(2, len(axes) - 2)
         if [cell.strip().upper() for cell in axes[k : k + 3]] == ["X", "Y", "Z"]
-        and cell_at(kinds, k) == "marker" and (what is axes or cell_at(what, k) == "position")
+        and (what is axes or cell_at(what, k) == "position")
     ]  # fmt: skip
+    at = [k for k in placed if cell_at(kinds, k) == "marker"]
+    # Motive computes these from the pose of a body or a bone.
+    expected = tuple(cell_at(names, k, as_is=True) for k in placed if cell_at(kinds, k) in EXPECTED)
+    if expected and not at:
+        raise TakeError(
+            f"has no Marker, and {counted(len(expected), 'marker')} that Motive expects by the pose of a body, "
+            f"first {expected[0][:LONGEST_SHOWN]!r}", where=path, advice=EXPORT_MEASURED,
+        )  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
     doubt = doubt_of_count(len(body), whole_number(total, "number of frames", path), path) if total.strip() else ""
     metres = metres_of(stated.get("length units", ""), unit, path)
-    labels = [names[k] if k < len(names) else "" for k in at]
+    labels = [cell_at(names, k, as_is=True) for k in at]
     frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path)
     rate = rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return MarkerTracks(names_of(labels, path), frames.time, frames.places, rate, both(doubt, frames.doubt))
+    return frames.tracks(names_of(labels, path), rate=rate, doubt=doubt, expected=expected)

@@ -13,13 +13,15 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Integers
 from formats.importers.units import axes_of
 from formats.outputs import write_bytes
 from formats.rows import spreadsheet_cell
 from formats.unfinished import ANOTHER_FOLDER
 
 MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
+
+EXPORT_MEASURED = "export it again with `Markers`, whose places cameras measured"
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class MarkerTracks:
     - `has_times`: whether the file has a time for each frame, and not a frame rate alone
     - `doubt`: a sentence about a file that contradicts itself and was read all the same, '' where there is none
     - `without_path`: further names, of which the file has no path
+    - `zeros`: how often three zeros stand for each marker, (markers,), which count as not seen; None if unknown
+    - `expected`: further names, of which the file has no measured path, and another that a program computed
     """
 
     labels: tuple[str, ...]
@@ -40,6 +44,8 @@ class MarkerTracks:
     doubt: str = ""
     has_times: bool = True
     without_path: tuple[str, ...] = ()
+    expected: tuple[str, ...] = ()
+    zeros: Integers | None = None
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return which markers have this name, of any subject where none is given."""

@@ -57,8 +57,7 @@ def read_own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     table = Table(
         width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock], is_exact=True,
     )  # fmt: skip
-    frames = read_frames(body, table, path)
-    return MarkerTracks(names, frames.time, frames.places, None, frames.doubt)
+    return read_frames(body, table, path).tracks(names)
 
 
 def _as_named(cell: str) -> str:

@@ -9,7 +9,6 @@ Sources: Qualisys Track Manager, "TSV export" and "Motion data (.tsv)".
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from formats.importers.marker_lines import LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.number_cells import GAP_WORDS, is_number, number_of
-from formats.importers.stated_values import both, doubt_of_count, frame_rate, names_of, whole_number
+from formats.importers.stated_values import doubt_of_count, frame_rate, names_of, whole_number
 from formats.importers.units import metres_of
 
 LONGEST_HEAD = 1000  # lines above the first frame: one for each event
@@ -67,8 +66,7 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
 
     table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
     frames = read_frames(body, table, path)
-    tracks = MarkerTracks(names_of(names, path), frames.time, frames.places, rate, both(doubt, frames.doubt))
-    return replace(tracks, has_times=has_clock)
+    return frames.tracks(names_of(names, path), rate=rate, doubt=doubt, has_times=has_clock)
 
 
 def _states_a_value(row: list[str]) -> bool:

@@ -23,9 +23,10 @@ def names_of(labels: list[str], path: Path) -> tuple[str, ...]:
     return tuple(label.strip() for label in labels)
 
 
-def cell_at(row: list[str], at: int) -> str:
-    """Return a cell in small letters, '' where the line is shorter."""
-    return row[at].strip().lower() if at < len(row) else ""
+def cell_at(row: list[str], at: int, *, as_is: bool = False) -> str:
+    """Return a cell in small letters or as it is, '' where the line is shorter."""
+    cell = row[at].strip() if at < len(row) else ""
+    return cell if as_is else cell.lower()
 
 
 def whole_number(cell: str, what: str, path: Path) -> int:
@@ -81,8 +82,3 @@ def doubt_of_count(found: int, stated: int, path: Path) -> str:
             advice="it is cut off: copy or export it again",
         )  # fmt: skip
     return ""
-
-
-def both(first: str, second: str) -> str:
-    """Return two doubts as one text; either may be ''."""
-    return "; ".join(filter(None, [first, second]))

@@ -22,7 +22,7 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.marker_tracks import MARKER_SD, MarkerTracks
+from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks
 from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
@@ -80,7 +80,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     tracks = read_marker_tracks(path, options.unit, options.decimal)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
-    _check_held(positions, garment, (left, right), path)
+    _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
     _check_distances(positions, garment, (left, right), path)
     _check_up(positions, garment, (left, right), path, up)
     seen = np.asarray(np.isfinite(positions).all(2))
@@ -133,6 +133,11 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
             f"names {pathless[0]!r} and has no path of it: it has {counted(len(tracks.labels), 'path')} and "
             f"{counted(len(tracks.labels) + len(tracks.without_path), 'name')}", where=path,
             advice="export it again with the paths of all markers",
+        )  # fmt: skip
+    if computed := [name for name in absent if name in {label.rpartition(":")[2] for label in tracks.expected}]:
+        raise TakeError(
+            f"has {computed[0]!r} only where Motive expects it by the pose of a body, as Rigid Body Marker or Bone "
+            "Marker", where=path, advice=EXPORT_MEASURED,
         )  # fmt: skip
     if absent:
         raise TakeError(
@@ -194,8 +199,17 @@ def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
     return found[0], found[1]
 
 
-def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
-    """Refuse a take whose two top corners were never seen together: nothing can be fitted to it."""
+def _zeros_of(tracks: MarkerTracks, garment: Garment, options: MarkerOptions) -> list[int]:
+    """Return how often three zeros stand for each of the garment's markers, all of which are in the file."""
+    columns = [tracks.columns_named(name, options.subject)[0] for name in garment.point_names]
+    return [0 if tracks.zeros is None else int(tracks.zeros[k]) for k in columns]
+
+
+def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zeros: list[int], path: Path) -> None:
+    """Refuse a take whose two top corners were never seen together: nothing can be fitted to it.
+
+    `zeros`: how often three zeros stand for each marker
+    """
     seen = np.asarray(np.isfinite(positions[:, held]).all(axis=2))
     if np.asarray(seen.all(axis=1)).any():
         return
@@ -204,9 +218,13 @@ def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], path
     ]
     never = "was never seen" if len(names) == 1 else "were never seen"
     what = f"{' and '.join(names)} {never}" if names else f"the two markers on its top corners {never} together"
-    raise TakeError(
-        what, where=path, advice="the markers on the two top corners drive the simulation: record with both in view"
-    )
+    most = max(held, key=lambda k: zeros[k])
+    taken = f": 0, 0, 0 stands for {garment.points[most].name!r} {counted(zeros[most], 'time')} and counts as not seen"
+    advice = "the markers on the two top corners drive the simulation: record with both in view"
+    if zeros[most]:
+        what += taken
+        advice += "; where a marker was at 0, 0, 0, move the origin and export again"
+    raise TakeError(what, where=path, advice=advice)
 
 
 def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:

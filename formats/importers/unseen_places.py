@@ -43,6 +43,41 @@ def as_seen(positions: Floats, absent: Booleans | None = None) -> Floats:
     return np.where(gone[..., None], np.nan, positions)
 
 
+def are_zeros(positions: Floats, absent: Booleans | None = None) -> Booleans:
+    """Return where three zeros alone say that a marker was not seen, (frames, markers), by positions as `as_seen`."""
+    found = (positions == 0).all(2)
+    return np.asarray(found if absent is None else found & ~absent)
+
+
+def doubt_of_zeros(zeros: Booleans, places: Floats, labels: Sequence[str], where: Callable[[int], str]) -> str:
+    """Return a sentence on markers whose path leads to their zeros, which may be places then; '' without any.
+
+    A path leads there where a place beside the zeros is no farther from them than the marker's longest step.
+
+    - `zeros`: where three stand, (frames, markers); `places` [m], (frames, markers, 3), NaN where not seen
+    - `labels`: of the markers; `where`: names the line or the frame of a place in the file
+    """
+    found, first = list[str](), len(zeros)
+    for marker in np.flatnonzero(zeros.any(0)).tolist():
+        far = np.linalg.norm(places[:, marker], axis=1)
+        steps = _steps_of(places[:, marker])
+        are_beside = np.zeros(len(zeros), bool)
+        are_beside[1:] |= zeros[:-1, marker]
+        are_beside[:-1] |= zeros[1:, marker]
+        beside = far[are_beside & np.isfinite(far)]
+        if len(steps) >= FEWEST_STEPS and len(beside) and beside.min() <= steps.max():
+            times = counted(int(zeros[:, marker].sum()), "time")
+            near = f"{1e3 * beside.min():.2g} mm"
+            found.append(f"{labels[marker].strip()[:LONGEST_SHOWN]} {times}, with places {near} from there beside them")
+            first = min(first, int(np.argmax(zeros[:, marker])))
+    if not found:
+        return ""
+    return (
+        f"0, 0, 0 counts as not seen, first in {where(first)}: {first_few(found, len(found))}; if markers were there, "
+        "move the origin and export again"
+    )
+
+
 def lack_coordinates(positions: Floats) -> Booleans:
     """Return which markers have some of their coordinates alone, (frames, markers), by positions as `as_seen` takes."""
     found = np.isfinite(positions)
@@ -98,13 +133,18 @@ def take_out_signs(places: Floats, metres: Floats, name: Callable[[int], str]) -
     )
 
 
+def _steps_of(path: Floats) -> Floats:
+    """Return the lengths of a path's steps [m] from frame to frame, (steps,); `path` [m], (frames, 3)."""
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    return np.asarray(steps[np.isfinite(steps)])
+
+
 def _off_its_path(path: Floats, words: list[str], metres: float) -> set[str]:
     """Return those of a marker's numbers to which its path does not lead.
 
     `path` [m], (frames, 3): its other places, NaN where not seen; `metres`: of the unit of its numbers
     """
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    steps = steps[np.isfinite(steps)]
+    steps = _steps_of(path)
     if len(steps) < FEWEST_STEPS:
         return set()
     bound, found = LEAST_OFF + LONGER * float(steps.max()), set[str]()

@@ -6,7 +6,9 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.own_text import COLUMNS, WITHOUT_IT
-from tests.formats.test_marker_tables import read
+from formats.importers.swatch_mocap import import_marker_take
+from formats.swatch import swatch
+from tests.formats.test_marker_tables import MOTIVE, read
 
 NAMES = ("one", "two")
 FRAMES = [f"{k}.25\t{k}.5\t1200.75\t{k}.125\t7.5\t1100.25".split("\t") for k in range(4)]
@@ -131,3 +133,30 @@ def test_rows_that_a_script_left_out_are_no_lost_bytes(tmp_path):
     lines = [[str(k), f"{k / 50:.2f}", *FRAMES[k % 4]] for k in range(31) if k != 9]
     found = read(tmp_path, ours(["", "time_s", *MM], lines))
     assert (found.doubt, len(found.time)) == ("", 30)
+
+
+def test_a_marker_that_motive_computed_from_a_body_is_none_that_cameras_saw(tmp_path):
+    garment = swatch(0.05, markers=4)
+    names = [f"Body:{name}" for name in garment.point_names[:2]] + list(garment.point_names[2:])
+    kinds = ["Rigid Body Marker"] * 2 + ["Marker"] * 14
+    head = "\n".join([
+        MOTIVE.split("\n")[0], ",Type," + ",".join(kind for kind in kinds for _ in "XYZ"),
+        ",Name," + ",".join(name for name in names for _ in "XYZ"), ",," + ",".join(["Position"] * 48),
+        "Frame,Time," + ",".join("XYZ" * 16),
+    ])  # fmt: skip
+    rows = [f"{k},{k / 100}," + ",".join(["1.5"] * 48) for k in range(2)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *rows, ""]))
+    export = "export it again with `Markers`, whose places cameras measured"
+    with pytest.raises(TakeError) as refused:
+        import_marker_take(path, garment)
+    assert str(refused.value) == (
+        f"{path}: has {garment.point_names[0]!r} only where Motive expects it by the pose of a body, as Rigid Body "
+        f"Marker or Bone Marker; {export}"
+    )
+    path.write_text("\n".join([head.replace(",Marker", ",Bone Marker"), *rows, ""]))
+    with pytest.raises(TakeError) as refused:
+        import_marker_take(path, garment)
+    assert str(refused.value) == (
+        f"{path}: has no Marker, and 16 markers that Motive expects by the pose of a body, first {names[0]!r}; {export}"
+    )

@@ -51,26 +51,31 @@ def zero_blocks(path: Path, begin: int, size: int) -> Integers:
     return np.asarray(found[(found > others.min(initial=len(whole))) & (found < others.max(initial=-1))])
 
 
-def take_out_zero_blocks(places: Floats, blocks: Integers, kind: int, width: int) -> str:
+def take_out_zero_blocks(places: Floats, blocks: Integers, kind: int, width: int, others: Integers) -> str:
     """Take out the markers whose numbers lie in blocks of zeros; return a sentence on them, '' without any.
 
     - `places` [m], (frames, points, 3), NaN where not seen
     - `blocks`: their numbers, (blocks,); `kind` [bytes]: of a number; `width` [bytes]: of a frame
+    - `others`: points that nobody looks at; blocks in them alone, and behind the frames, are not told
     """
     touched = np.zeros(places.shape[:2], bool)
+    is_other = np.isin(np.arange(places.shape[1]), others)
+    numbers, count = width // kind, 0
     for block in blocks.tolist():
         first, behind = block * BLOCK_BYTES // kind, (block + 1) * BLOCK_BYTES // kind
-        numbers = width // kind
-        for frame in range(first // numbers, (behind - 1) // numbers + 1):
+        is_told = False
+        for frame in range(first // numbers, min((behind - 1) // numbers + 1, len(places))):
             begin, end = max(first - frame * numbers, 0), min(behind - frame * numbers, numbers)
-            touched[frame, (begin + 1) // 4 : -(-end // 4)] = True  # a point's fourth number is no place
+            points = slice((begin + 1) // 4, -(-end // 4))  # a point's fourth number is no place
+            touched[frame, points] = ~is_other[points]
+            is_told |= bool(touched[frame, points].any())
+        count += is_told
     was_seen = bool(np.isfinite(places[touched]).any())
     places[touched] = np.nan
     runs = int((np.diff(blocks) > 1).sum()) + 1
     frames = np.flatnonzero(touched.any(1))
     if not len(frames) or (runs > MOST_RUNS and not was_seen):
         return ""
-    return (
-        f"frames {frames[0] + 1} to {frames[-1] + 1} hold {counted(len(blocks), 'block')} of {BLOCK_BYTES} zero bytes, "
-        "and markers in them count as not seen"
-    )
+    first, last = int(frames[0]) + 1, int(frames[-1]) + 1
+    which = f"frame {first} holds" if first == last else f"frames {first} to {last} hold"
+    return f"{which} {counted(count, 'block')} of {BLOCK_BYTES} zero bytes, and markers in them count as not seen"

@@ -23,7 +23,7 @@ from formats.errors import TakeError
 from formats.importers.c3d_blocks import BLOCK_BYTES, refuse_lost_bytes, take_out_zero_blocks, zero_blocks
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.leaps import take_out_leaps
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import LONGEST_SHOWN
 from formats.importers.units import metres_of
 from formats.importers.unseen_places import (
@@ -48,8 +48,11 @@ SAME_SCALE = 1e-3  # relative: a copy has the same digits
 LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
-def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
-    """Read the marker paths of a C3D file; unit: where it states none.
+def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
+    """Read the marker paths of a C3D file.
+
+    - `unit`: where it states none
+    - `wanted`: the markers and frames that are looked at
 
     Raises:
         TakeError: the file is malformed, shorter than its header says, or holds no marker paths.
@@ -78,16 +81,23 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
-    time = np.asarray(np.arange(frames) / rate, float)
-    places, lacking, zeros = _places(path, header, frames, scale)
+    time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
+    places, lacking, zeros = _places(path, header, len(time), scale)
+    others = np.setdiff1d(np.arange(points), wanted.markers(labels))
+    places[:, others], lacking[:, others], zeros[:, others] = np.nan, False, False
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    doubts = [_doubt_of_length(path, size, header, frames), _doubt_of_names(points, without_path)]
+    doubts = []
+    if wanted.frames is None or wanted.frames > frames:
+        doubts.append(_doubt_of_length(path, size, header, frames))
+    if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
+        doubts.append(_doubt_of_names(points, without_path))
     doubts.append(take_out_signs(places, scale, frame_of))
     blocks = zero_blocks(path, header.data_at, frames * header.width)
-    doubts.append(take_out_zero_blocks(places, blocks, FLOAT if header.is_float else SHORT, header.width))
+    kind = FLOAT if header.is_float else SHORT
+    doubts.append(take_out_zero_blocks(places, blocks, kind, header.width, others))
     doubts += [doubt_of_lacking(lacking, time, labels, frame_of), take_out_leaps(time, places, labels, frame_of)]
     doubts.append(doubt_of_zeros(zeros, places, labels, frame_of))
     return MarkerTracks(

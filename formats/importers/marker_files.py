@@ -9,19 +9,21 @@ import numpy as np
 from formats.errors import TakeError
 from formats.importers.c3d_file import read_c3d
 from formats.importers.marker_text import read_marker_text
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import DECIMALS
+from formats.plain_text import counted
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
 
-def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "") -> MarkerTracks:
+def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
     """Read a file of marker paths.
 
     - `unit`: of its lengths, where the file states none
     - `decimal`: the sign that parts the decimals of a text, `comma` or `point`; '' where the file is to show it
+    - `wanted`: the markers and frames that are looked at; others are named, and not read
 
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
@@ -45,9 +47,17 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "") -
             f"is for text, and {path.name} is none", where="--decimal",
             advice="leave out --decimal, or import that file by itself",
         )  # fmt: skip
-    tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit, DECIMALS.get(decimal, ""))
+    if kind == ".c3d":
+        tracks = read_c3d(path, unit, wanted)
+    else:
+        tracks = read_marker_text(path, unit, DECIMALS.get(decimal, ""), wanted)
     if not np.isfinite(tracks.positions).any():
-        advice = "export all their coordinates" if tracks.doubt else "export the trajectories, not only their names"
+        whose = "none of the garment's markers" if wanted.names else "no marker"
+        when = "ever seen" if wanted.frames is None else f"seen in the first {counted(len(tracks.time), 'frame')}"
         because = f": {tracks.doubt}" if tracks.doubt else ""
-        raise TakeError(f"no marker was ever seen{because}", where=path, advice=advice)
+        paths = "export their trajectories" if wanted.names else "export the trajectories, not only their names"
+        raise TakeError(
+            f"{whose} was {when}{because}", where=path,
+            advice="export all their coordinates" if tracks.doubt else paths,
+        )  # fmt: skip
     return tracks

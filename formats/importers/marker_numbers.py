@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less
 from formats.importers.leaps import take_out_leaps
 from formats.importers.lost_lines import take_out_joined_lines
 from formats.importers.marker_lines import Rows
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
 from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
 from formats.importers.unseen_places import (
@@ -53,6 +53,7 @@ class Table:
     - `clock`: makes of the first two numbers of each line, (rows, 2), its time [s]
     - `is_exact`: whether a line must have as many cells as the header has, and numbers of lines need not be those of
       frames. Without it, ends of lines may be left out, but not of a last line that has no end itself
+    - `kept`: the markers that are looked at, None for all
     """
 
     width: int
@@ -61,10 +62,12 @@ class Table:
     metres: float
     clock: Callable[[Floats], Floats]
     is_exact: bool = False
+    kept: Sequence[int] | None = None
 
     def columns(self) -> Integers:
-        """Return the columns of each marker's x, y and z, (markers, 3)."""
-        return np.asarray(self.markers, int)[:, None] + np.arange(3)
+        """Return the columns of each kept marker's x, y and z, (markers, 3)."""
+        begin = np.asarray(self.markers, int)
+        return (begin if self.kept is None else begin[list(self.kept)])[:, None] + np.arange(3)
 
 
 @dataclass(frozen=True)
@@ -93,13 +96,14 @@ class Frames:
         )  # fmt: skip
 
 
-def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
-    """Return the numbers of the lines of a table.
+def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> Frames:
+    """Return the numbers of the lines of a table: wanted lines, with places of wanted markers alone.
 
     Raises:
         TakeError: a line holds something else, or there are too many.
     """
-    width, rows = table.width, rows.frames()
+    width, rows, kept = table.width, rows[: wanted.frames].frames(), wanted.markers(table.labels)
+    table, labels = replace(table, kept=kept), [table.labels[k] for k in kept]
     if len(rows) * width > MOST_NUMBERS:
         raise TakeError(
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
@@ -119,7 +123,8 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
         _refuse_thousands(rows, table, path, signs, time, places)
     broken = broken_lines(rows, cells, columns, time, places, table.metres)
     last = _doubt_of_the_last(rows, columns, width, places, path, is_broken=bool(broken[-1:].any()))
-    if not last and last_may_be_cut(rows, cells, width):
+    has_last = bool(len(cells)) and columns.max(initial=-1) >= cells[-1] - 1
+    if not last and has_last and last_may_be_cut(rows, cells, width):
         last = (
             f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers from the "
             "last one on count as not seen there"
@@ -131,15 +136,24 @@ def read_frames(rows: Rows, table: Table, path: Path) -> Frames:
     for at in within:
         _take_out_the_last(places, at, cells, columns)
     doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
-    doubts.append(doubt_of_lacking(found.lacking, time, table.labels, line))
+    doubts.append(doubt_of_lacking(found.lacking, time, labels, line))
     if min(table.markers, default=0):  # without a clock, lines begin with a place
         # Scripts that leave out rows keep the numbers of the others.
         numbers = time if table.is_exact else first[:, 0]
         doubts.append(take_out_joined_lines(numbers, time, places, line))
-    doubts.append(take_out_leaps(time, places, table.labels, line))
-    doubts.append(take_out_odd_cells(rows, columns, places, table.labels, line))
-    doubts.append(doubt_of_zeros(found.zeros, places, table.labels, line))
-    return Frames(time, places, "; ".join(filter(None, doubts)), found.zeros.sum(0))
+    doubts.append(take_out_leaps(time, places, labels, line))
+    doubts.append(take_out_odd_cells(rows, columns, places, labels, line))
+    doubts.append(doubt_of_zeros(found.zeros, places, labels, line))
+    return _of_all(Frames(time, places, "; ".join(filter(None, doubts)), found.zeros.sum(0)), kept, len(table.labels))
+
+
+def _of_all(frames: Frames, kept: list[int], count: int) -> Frames:
+    """Return the frames of kept markers as those of so many, of which the others were not seen."""
+    if len(kept) == count:
+        return frames
+    places, zeros = np.full((len(frames.time), count, 3), np.nan), np.zeros(count, int)
+    places[:, kept], zeros[kept] = frames.places, frames.zeros
+    return replace(frames, places=places, zeros=zeros)
 
 
 def _refuse_thousands(rows: Rows, table: Table, path: Path, signs: DecimalSigns, time: Floats, places: Floats) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ, LINES_OF_VICON_HEAD, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_numbers import Table, read_frames
-from formats.importers.marker_tracks import EXPORT_MEASURED, MarkerTracks
+from formats.importers.marker_tracks import ALL, EXPORT_MEASURED, MarkerTracks, Wanted
 from formats.importers.number_cells import LONGEST_SHOWN, is_number
 from formats.importers.own_text import read_own
 from formats.importers.qualisys_text import read_qualisys
@@ -32,21 +32,22 @@ from formats.plain_text import counted
 EXPECTED = ("rigid body marker", "bone marker")  # types of Motive's columns
 
 
-def read_marker_text(path: Path, unit: str | None, decimal: str = "") -> MarkerTracks:
+def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
     """Read the marker paths of a text file.
 
     - `unit`: of its lengths, where it states none
     - `decimal`: the sign that parts decimals, a comma or a point; '' where the file is to show it
+    - `wanted`: the markers and frames that are looked at
 
     Raises:
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
     first, rows = read_lines(path, decimal)
     programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": read_qualisys, "trajectories": _vicon}
-    return programs.get(first, read_own)(rows, unit, path)
+    return programs.get(first, read_own)(rows, unit, path, wanted)
 
 
-def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """OpenSim's: a line of names and a line of values, then `Frame#`, `Time` and a marker's name every three cells."""
     if len(rows) < 5:
         raise TakeError("ends within its header", where=path, advice=f"export it again; {CAN_BE_READ}")
@@ -57,15 +58,15 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
-    doubt = doubt_of_count(len(body), whole_number(stated.get("numframes", ""), "number of frames", path), path)
-    frames = read_frames(
-        body, Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1]), path
-    )
+    count_of_frames = whole_number(stated.get("numframes", ""), "number of frames", path)
+    doubt = doubt_of_count(len(body), count_of_frames, wanted.frames, path)
+    table = Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1])
+    frames = read_frames(body, table, path, wanted)
     rate = rate_beside_times(stated.get("datarate", ""))
     return frames.tracks(names_of(names, path), rate=rate, doubt=doubt)
 
 
-def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+def _vicon(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number.
 
     A row of units that holds none, or that is not there, leaves the unit to be given. Spreadsheets and scripts take out
@@ -103,7 +104,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
             f"has trajectories twice, in lines {rows.numbers[0]} and {second}", where=path,
             advice="export one section of trajectories, or put the second into a file of its own",
         )  # fmt: skip
-    frames = read_frames(body, Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate), path)
+    table = Table(len(kinds), at, labels, metres, lambda first: first[:, 0] / rate)
+    frames = read_frames(body, table, path, wanted)
     return frames.tracks(names_of(labels, path), has_times=False)
 
 
@@ -128,7 +130,7 @@ def _second_trajectories(rows: Rows) -> int | None:
     return next(begins, None)
 
 
-def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """OptiTrack's: names and values in the first line, then rows `Type`, `Name`, ... above `Frame`, `Time`."""
     stated = {name.strip().lower(): value for name, value in zip(rows[0][::2], rows[0][1::2], strict=False)}
     heads = {row[1].strip().lower(): row for row in rows[1:9] if len(row) > 1 and not row[0].strip()}
@@ -152,9 +154,10 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         )  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
-    doubt = doubt_of_count(len(body), whole_number(total, "number of frames", path), path) if total.strip() else ""
+    count = whole_number(total, "number of frames", path) if total.strip() else len(body)
+    doubt = doubt_of_count(len(body), count, wanted.frames, path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     labels = [cell_at(names, k, as_is=True) for k in at]
-    frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path)
+    frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path, wanted)
     rate = rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
     return frames.tracks(names_of(labels, path), rate=rate, doubt=doubt, expected=expected)

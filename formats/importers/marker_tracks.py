@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,13 +50,40 @@ class MarkerTracks:
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return which markers have this name, of any subject where none is given."""
-        found = [k for k, label in enumerate(self.labels) if label == name and not subject]
-        if found:
-            return found
-        return [
-            k for k, label in enumerate(self.labels)
-            if label.rpartition(":")[2] == name and (not subject or label.rpartition(":")[0] == subject)
-        ]  # fmt: skip
+        return _columns_named(self.labels, name, subject)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The markers and frames of a file that somebody uses: damage to others matters to nobody.
+
+    - `names`: of the markers, without their subjects; () for all
+    - `subject`: whose markers, '' for any
+    - `frames`: so many from the beginning, None for all
+    """
+
+    names: tuple[str, ...] = ()
+    subject: str = ""
+    frames: int | None = None
+
+    def markers(self, labels: Sequence[str]) -> list[int]:
+        """Return which markers are wanted; all where none of them has a wanted name."""
+        plain = [label.strip() for label in labels]
+        found = sorted({k for name in self.names for k in _columns_named(plain, name, self.subject)})
+        return found or list(range(len(labels)))
+
+
+ALL = Wanted()
+
+
+def _columns_named(labels: Sequence[str], name: str, subject: str) -> list[int]:
+    found = [k for k, label in enumerate(labels) if label == name and not subject]
+    if found:
+        return found
+    return [
+        k for k, label in enumerate(labels)
+        if label.rpartition(":")[2] == name and (not subject or label.rpartition(":")[0] == subject)
+    ]  # fmt: skip
 
 
 def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True) -> Path:

@@ -15,7 +15,7 @@ import numpy as np
 from formats.errors import TakeError
 from formats.importers.marker_lines import COMMENT, LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
 from formats.importers.stated_values import names_of
 from formats.importers.units import metres_of
@@ -29,10 +29,11 @@ WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE 
 FEWEST_COUNTED = 3  # lines, stated by us: fewer do not show that their first cells count
 
 
-def read_own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read our own CSV.
 
     - `rows`: from its header on; `unit`: of its lengths, where its columns name none
+    - `wanted`: the markers and frames that are looked at
 
     Raises:
         TakeError: its columns are others, or its numbers do not hold together.
@@ -57,7 +58,7 @@ def read_own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     table = Table(
         width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock], is_exact=True,
     )  # fmt: skip
-    return read_frames(body, table, path).tracks(names)
+    return read_frames(body, table, path, wanted).tracks(names)
 
 
 def _as_named(cell: str) -> str:

@@ -18,7 +18,7 @@ from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.marker_lines import LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
-from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import GAP_WORDS, is_number, number_of
 from formats.importers.stated_values import doubt_of_count, frame_rate, names_of, whole_number
 from formats.importers.units import metres_of
@@ -29,10 +29,11 @@ CLOCK_CELLS = 2  # cells: number and time of a frame
 WITHIN_A_STEP = 0.5  # of frames: so far a time may be off, which its digits round
 
 
-def read_qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read a table of Qualisys, in millimetres.
 
     - `rows`: from its header on; `unit`: what a person says of its lengths
+    - `wanted`: the markers and frames that are looked at
 
     Raises:
         TakeError: its header contradicts itself or its table, or its numbers do not hold together.
@@ -58,14 +59,14 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
     body = body[:end]
-    doubt = doubt_of_count(end, count_of_frames, path)
+    doubt = doubt_of_count(end, count_of_frames, wanted.frames, path)
     begin = CLOCK_CELLS * has_clock
 
     def clock(first: Floats) -> Floats:
         return first[:, 1] if has_clock else np.arange(len(first)) / rate
 
     table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
-    frames = read_frames(body, table, path)
+    frames = read_frames(body, table, path, wanted)
     return frames.tracks(names_of(names, path), rate=rate, doubt=doubt, has_times=has_clock)
 
 

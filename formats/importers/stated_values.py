@@ -66,16 +66,18 @@ def rate_beside_times(cell: str) -> float | None:
     return rate if rate > 0 else None
 
 
-def doubt_of_count(found: int, stated: int, path: Path) -> str:
-    """Return a sentence about a file of more frames than it states, '' where they agree.
+def doubt_of_count(found: int, stated: int, wanted: int | None, path: Path) -> str:
+    """Return a sentence about a file of more frames than it states, '' where no further one is wanted.
 
-    Programs that cut or join recordings may leave the old count. All frames that are there are read.
+    Programs that cut or join recordings may leave the old count. All frames that are there and wanted are read.
 
     Raises:
         TakeError: it holds fewer.
     """
-    if found > stated:
-        return f"the file states {counted(stated, 'frame')} and holds {found}; all of them were read"
+    read = found if wanted is None else min(wanted, found)
+    if read > stated:
+        which = "all of them" if read == found else f"the first {read}"
+        return f"the file states {counted(stated, 'frame')} and holds {found}; {which} were read"
     if found < stated:
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,

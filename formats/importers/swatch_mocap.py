@@ -22,7 +22,7 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks
+from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted
 from formats.importers.strays import refuse_strays
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
@@ -77,7 +77,8 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
         )  # fmt: skip
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
-    tracks = read_marker_tracks(path, options.unit, options.decimal)
+    wanted = Wanted(garment.point_names, options.subject, frames)
+    tracks = read_marker_tracks(path, options.unit, options.decimal, wanted)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
     _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
@@ -178,8 +179,6 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
         check_plausible_times(time, path, offers_anyway=options.anyway is not None)
         check_stated_rate(time, tracks.rate, path, offers_anyway=options.anyway is not None)
     positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]
-    if not np.isfinite(positions).any():
-        raise TakeError("none of the garment's markers was ever seen", where=path, advice="export their trajectories")
     return time, positions
 
 

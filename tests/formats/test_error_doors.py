@@ -76,7 +76,7 @@ def desk(tmp_path):
         ("import m.csv --garment swatch.toml --up w", "--up: there is no axis 'w'; choose one of x, y, z, -x, -y, -z"),
         (
             "import unseen.csv --garment swatch.toml",
-            "unseen.csv: no marker was ever seen; export the trajectories, not only their names",
+            "unseen.csv: none of the garment's markers was ever seen; export their trajectories",
         ),
         (
             "import cap.csv --garment swatch.toml",

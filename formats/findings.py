@@ -9,6 +9,7 @@ from formats.take import Take
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
 FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: below, neither splines nor statistics make sense
 HARDLY_EVER = 0.1  # of the frames
+OF_MARKERS = "markers"  # the note that takes of marker paths have, and no others
 HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
 
 
@@ -37,3 +38,9 @@ def ends_of(take: Take) -> str:
 def camera_of(take: Take) -> str:
     """Return the word for that which sees the hanger."""
     return "cameras" if take.rig.sensor is None else "sensor"
+
+
+def means_silhouette(take: Take) -> bool:
+    """Return whether marker paths count as points of a silhouette because nobody stated of what kind they are."""
+    garment = take.garment
+    return OF_MARKERS in take.notes and garment.points_are is None and garment.point_kind == "silhouette"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.findings import FEWEST_SEEN, HARDLY_EVER, HARDLY_MOVED, SHORTEST_DIAGNOSED, Finding
+from formats.findings import FEWEST_SEEN, HARDLY_EVER, HARDLY_MOVED, SHORTEST_DIAGNOSED, Finding, means_silhouette
 from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
@@ -28,7 +28,19 @@ ENOUGH = 10  # frames that both points of a distance must be seen in
 def cloth_findings(take: Take, sights: Sights) -> list[Finding]:
     """Return the findings on the garment of a take in which the hanger was seen."""
     found = [*_points(take, sights), *_cloth(take, sights), *_standing(take, sights)]
-    return [*found, *_far_off(take, sights), *_size(take), *_hang(take, sights.held)]
+    return [*found, *_far_off(take, sights), *_size(take), *_hang(take, sights.held), *_kind(take)]
+
+
+def _kind(take: Take) -> list[Finding]:
+    if not means_silhouette(take):
+        return []
+    return [
+        Finding(
+            name="points_of_no_kind",
+            words="its points count as those of a silhouette, as its garment file states no points_are",
+            advice='in format = "hangtime-garment/2" state points_are = "material" for markers, and import again',
+        )
+    ]
 
 
 def _points(take: Take, sights: Sights) -> list[Finding]:

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from formats.fault_words import state_of_take
+from formats.findings import means_silhouette
 from formats.garment import PointKind
 from formats.missing import DOUBTS
 from formats.motion import kind_of
@@ -36,6 +37,7 @@ POINT_WORDS: dict[PointKind, str] = {
     "material": "material points, which stay on the cloth",
     "silhouette": "points of a silhouette, which slide over the cloth",
 }
+ASSUMED = "points that count as those of a silhouette: the garment file states no points_are"
 
 
 def summarise(take: Take) -> dict[str, Any]:
@@ -74,6 +76,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
         "points_are": take.garment.point_kind,
+        "points_are_assumed": means_silhouette(take),
         "points": points,
         "quality": round(float(np.median(quality)), 2) if quality.size else None,
         "surface_scans": len(take.scans),
@@ -109,7 +112,7 @@ def describe(summary: dict[str, Any]) -> str:
         f"travels {' x '.join(f'{t:.0f}' for t in s['hanger_travel_mm'])} mm",
         f"motion    {s['motion']}",
     ]
-    lines.append(f"tracked   {POINT_WORDS[s['points_are']]}")
+    lines.append(f"tracked   {ASSUMED if s['points_are_assumed'] else POINT_WORDS[s['points_are']]}")
     points = s["points"]
     if len(points) <= 12:
         for p in points:

@@ -19,7 +19,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.findings import FEWEST_SEEN
+from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted
@@ -98,7 +98,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
         held_sd=np.full(held.shape, MARKER_SD), points=positions, points_valid=seen,
         points_sd=np.full(positions.shape, MARKER_SD), state=state, markers=held, source=path.name,
         notes={
-            "markers": f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
+            OF_MARKERS: f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
             "front": facing(held, up),
         }
         | ({"file": tracks.doubt} if tracks.doubt else {}),

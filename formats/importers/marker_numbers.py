@@ -124,7 +124,12 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
     broken = broken_lines(rows, cells, columns, time, places, table.metres)
     last = _doubt_of_the_last(rows, columns, width, places, path, is_broken=bool(broken[-1:].any()))
     has_last = bool(len(cells)) and columns.max(initial=-1) >= cells[-1] - 1
-    if not last and has_last and last_may_be_cut(rows, cells, width):
+    if not last and rows.is_cut and columns.max(initial=0) >= cells[-1]:
+        last = (
+            f"line {rows.numbers[-1]} has no end and may be cut off after {cells[-1]} of its {width} cells, so the "
+            "markers behind count as not seen there"
+        )
+    elif not last and has_last and last_may_be_cut(rows, cells, width):
         last = (
             f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers from the "
             "last one on count as not seen there"
@@ -298,7 +303,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
     if len(row) == width:
         return
     number = rows.numbers[at]
-    if rows.is_cut and at == len(rows) - 1 and len(row) < width:
+    if rows.is_cut and at == len(rows) - 1 and len(row) < width and not _may_leave_out_cells(rows, at, table):
         raise TakeError(
             f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
             advice="it is cut off: copy or export it again",
@@ -329,6 +334,12 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
             f"line {number} has {len(row)} cells, the header names {width}", where=path,
             advice="the header lacks markers, or the line has cells too many: export it again",
         )  # fmt: skip
+
+
+def _may_leave_out_cells(rows: Rows, at: int, table: Table) -> bool:
+    """Return whether the program of a file leaves out empty cells at the end of a line, as lines around one show."""
+    leaves_out = not table.is_exact and any(len(line) < table.width for line in lines_around(rows, at))
+    return leaves_out and len(rows[at]) > min(table.markers, default=0)
 
 
 def _marks_join_cells(rows: Rows, at: int) -> bool:

@@ -118,3 +118,36 @@ def test_an_import_warns_and_a_wrong_time_names_its_frame_and_no_column(tmp_path
         "hangtime: m.csv: its time does not increase from frame to frame, first at frame 8; mend the times, or the "
         "numbers of the frames\n"
     )
+
+
+TRIMMED = [  # of 3 digits each; the second marker was not seen at the end
+    f"{k + 1},0,{310 + k}.125,{9 * k}.253,12{k:02d}.514" + f",{410 + k}.125,{7 * k}.502,11{k:02d}.753" * (k < 37)
+    for k in range(40)
+]
+
+
+@pytest.mark.parametrize(
+    ("last", "doubt"),
+    [
+        (TRIMMED[-1] + "\n", ""),
+        (TRIMMED[-1], "line 45 has no end and may be cut off after 5 of its 8 cells, so the markers behind count as "
+         "not seen there"),
+    ],
+    ids=["end", "no end"],
+)  # fmt: skip
+def test_a_last_line_without_end_may_leave_out_cells_as_others_do(tmp_path, last, doubt):
+    found = read(tmp_path, VICON + "".join(f"{line}\n" for line in TRIMMED[:-1]) + last)
+    assert (len(found.time), found.doubt) == (40, doubt)
+    assert np.isfinite(found.positions[:, 0]).all()
+    assert np.isfinite(found.positions[:, 1]).all(1).tolist() == [k < 37 for k in range(40)]
+
+
+@pytest.mark.parametrize(
+    "last", [TRIMMED[-1], TRIMMED[-1][:-2], TRIMMED[-1].rpartition(",")[0], "40,0", "40"],
+    ids=["whole others", "number", "marker", "clock", "number of the frame"],
+)  # fmt: skip
+def test_a_last_line_without_end_among_whole_ones_or_within_a_marker_is_refused(tmp_path, last):
+    others = TRIMMED[:37] if last == TRIMMED[-1] else TRIMMED[:-1]
+    text = VICON + "".join(f"{line}\n" for line in others) + last
+    with pytest.raises(TakeError, match="ends within"):
+        read(tmp_path, text)

@@ -13,8 +13,8 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
-from formats.importers.broken_numbers import broken_lines
-from formats.importers.cell_forms import take_out_odd_cells
+from formats.importers.broken_numbers import broken_lines, is_near
+from formats.importers.cell_forms import Writing, take_out_odd_cells, writing_of
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less, may_be_motion
 from formats.importers.leaps import take_out_leaps
@@ -121,8 +121,9 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
     refuse_a_cut_time(rows, cells, first, time, begin, width, path)
     if not rows.decimal:
         _refuse_thousands(rows, table, path, signs, time, places)
-    broken = broken_lines(rows, cells, columns, time, places, table.metres)
-    last = _doubt_of_the_last(rows, columns, width, places, path, is_broken=bool(broken[-1:].any()))
+    writing = writing_of(rows, [first + axis for first in table.markers for axis in range(3)])
+    broken = broken_lines(rows, cells, columns, time, places, table.metres, writing)
+    last = _doubt_of_the_last(rows, columns, width, writing, time, places, path, is_broken=bool(broken[-1:].any()))
     has_last = bool(len(cells)) and columns.max(initial=-1) >= cells[-1] - 1
     if not last and rows.is_cut and columns.max(initial=0) >= cells[-1]:
         last = (
@@ -147,7 +148,7 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
         numbers = time if table.is_exact else first[:, 0]
         doubts.append(take_out_joined_lines(numbers, time, places, line))
     doubts.append(take_out_leaps(time, places, labels, line))
-    doubts.append(take_out_odd_cells(rows, columns, places, labels, line))
+    doubts.append(take_out_odd_cells(rows, columns, places, labels, line, writing.form))
     doubts.append(doubt_of_zeros(found.zeros, places, labels, line))
     return _of_all(Frames(time, places, "; ".join(filter(None, doubts)), found.zeros.sum(0)), kept, len(table.labels))
 
@@ -273,15 +274,16 @@ def _with_others(error: TakeError, rows: Rows, at: int, table: Table, path: Path
 
 
 def _doubt_of_the_last(
-    rows: Rows, columns: Integers, width: int, places: Floats, path: Path, *, is_broken: bool
-) -> str:
+    rows: Rows, columns: Integers, width: int, writing: Writing, time: Floats, places: Floats, path: Path, *,
+    is_broken: bool,
+) -> str:  # fmt: skip
     """Refuse a last number that is cut. Take out the marker of one that may be, and return a sentence that says so."""
     at, row = len(rows) - 1, rows[-1] if len(rows) else []
     markers = np.flatnonzero(columns[:, 2] == min(len(row) - 1, columns.max(initial=0)))
     if not len(markers):
         return ""
     marker, number, last = int(markers[0]), rows.numbers[at], int(columns[markers[0], 2])
-    ending = ending_of(rows, columns.ravel().tolist(), last, width)
+    ending = ending_of(rows, last, width, writing)
     if ending is Ending.CUT and not row[last].strip():
         raise TakeError(
             f"ends within line {number}, before its last number", where=path,
@@ -291,7 +293,8 @@ def _doubt_of_the_last(
         raise within_a_number(number, last + 1, width, path)
     if ending is Ending.WHOLE or (np.isnan(places[at, marker]).all() and not is_part(row[last])):
         return ""
-    if ending is Ending.SHORT and not is_broken:
+    is_off = is_broken if ending is Ending.OPEN else not is_near(time, places[:, marker, 2])
+    if not is_off:
         return ""
     places[at, marker] = np.nan
     return f"line {number} {WITHIN_ITS_LAST}"

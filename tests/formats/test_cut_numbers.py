@@ -86,9 +86,9 @@ def test_a_cut_line_of_fixed_digits_that_was_given_an_end_is_refused(tmp_path, l
         read(tmp_path, own()[:-lost] + "\n", "m", "own.csv")
 
 
-@pytest.mark.parametrize(("last", "is_read"), [("998.5", True), ("998", False), ("99", False), ("9", False)])
+@pytest.mark.parametrize(("last", "is_read"), [("998.5", True), ("998", True), ("99", False), ("9", False)])
 def test_a_short_number_off_its_path_is_left_out_of_a_line_with_its_end(tmp_path, last, is_read):
-    """Zeros at the end are left out here, so nothing but the path, which leads to 998.906, shows the cut."""
+    """Zeros at the end are left out here, so nothing but the path, which leads to 998.906 mm, shows the cut."""
     rows = [f"{k}\t{k / 100:g}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t{998 + k / 32:g}\n" for k in range(29)]
     found = read(tmp_path, TRC + "".join(rows) + f"29\t0.29\t1.5\t2.5\t3.125\t4.5\t5.5\t{last}\n", None, "a.trc")
     assert np.isfinite(found.positions[-1, 1]).all() == is_read
@@ -235,12 +235,13 @@ def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp
     assert np.isnan(read(tmp_path, gaps[:-1], "m", "own.csv").positions[:, 1]).all()
 
 
-@pytest.mark.parametrize(("apart", "is_cut"), [(1, False), (31, False), (32, False), (33, True)])
-def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
-    """One line so far away writes fewer digits, as a program does that leaves out zeros."""
+@pytest.mark.parametrize(("shorter", "is_cut"), [(1, True), (2, False)])
+def test_a_column_of_shorter_numbers_does_not_show_a_cut(tmp_path, shorter, is_cut):
+    """A spreadsheet rounded it on its own, where two of the five lines that are looked at are shorter."""
     lines = own(40).splitlines(keepends=True)
-    lines[-1 - apart] = lines[-1 - apart].replace("-1.23456", "-1.25")
-    text = "".join(lines)[:-3]
+    for at in range(1, 1 + 8 * shorter):
+        lines[at] = lines[at].replace("-1.23456", "-1.25")
+    text = "".join(lines)[:-6]
     if is_cut:
         with pytest.raises(
             TakeError, match="line 41 ends within a number, after 7 of its 7 cells; the line is cut off"
@@ -248,6 +249,15 @@ def test_digits_are_counted_in_32_lines_around(tmp_path, apart, is_cut):
             read(tmp_path, text, "m", "own.csv")
     else:
         assert read(tmp_path, text, "m", "own.csv").doubt == DOUBT.format(41)
+
+
+@pytest.mark.parametrize(("last", "is_read"), [("0", True), ("-0", True), ("1.5", True), ("5", False), ("-5", False)])
+def test_a_last_number_without_an_end_is_read_where_its_path_leads_there(tmp_path, last, is_read):
+    """To within 2 mm of 0.5 mm, by a line or a parabola."""
+    rows = [f"{k}\t{k / 100:g}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t{0.5 + (29 - k) ** 2 / 4:g}\n" for k in range(29)]
+    found = read(tmp_path, TRC + "".join(rows) + f"29\t0.29\t1.5\t2.5\t3.125\t4.5\t5.5\t{last}", None, "a.trc")
+    assert np.isfinite(found.positions[-1, 1]).all() == is_read
+    assert found.doubt == ("" if is_read else DOUBT.format(35))
 
 
 def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path):

@@ -120,8 +120,8 @@ def test_an_import_warns_and_a_wrong_time_names_its_frame_and_no_column(tmp_path
     )
 
 
-TRIMMED = [  # of 3 digits each; the second marker was not seen at the end
-    f"{k + 1},0,{310 + k}.125,{9 * k}.253,12{k:02d}.514" + f",{410 + k}.125,{7 * k}.502,11{k:02d}.753" * (k < 37)
+TRIMMED = [  # of 3 digits each, some of which are zeros; the second marker was not seen at the end
+    f"{k + 1},0,{310 + k}.125,{9 * k}.250,12{k:02d}.514" + f",{410 + k}.125,{7 * k}.502,11{k:02d}.753" * (k < 37)
     for k in range(40)
 ]
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.errors import TakeError
-from formats.importers.c3d_blocks import BLOCK_BYTES, refuse_lost_bytes, take_out_zero_blocks, zero_blocks
+from formats.importers.c3d_blocks import BLOCK_BYTES, find_blocks, refuse_lost_bytes, take_out_blocks
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.leaps import take_out_leaps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
@@ -95,9 +95,9 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
         doubts.append(_doubt_of_names(points, without_path))
     doubts.append(take_out_signs(places, scale, frame_of))
-    blocks = zero_blocks(path, header.data_at, frames * header.width)
+    blocks = find_blocks(path, header.data_at, frames * header.width, header.width)
     kind = FLOAT if header.is_float else SHORT
-    doubts.append(take_out_zero_blocks(places, blocks, kind, header.width, others))
+    doubts.append(take_out_blocks(places, blocks, kind, header.width, others))
     doubts += [doubt_of_lacking(lacking, time, labels, frame_of), take_out_leaps(time, places, labels, frame_of)]
     doubts.append(doubt_of_zeros(zeros, places, labels, frame_of))
     return MarkerTracks(

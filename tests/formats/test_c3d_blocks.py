@@ -87,3 +87,67 @@ def test_zeros_at_either_end_and_many_gaps_of_zeros_are_told_by_no_sentence(tmp_
         begin = begin_of(raw) + 512 * block
         many[begin : begin + 512] = bytes(512)
     assert read(tmp_path, bytes(many)).doubt == ""
+
+
+def noisy(points, frames=150):
+    """Markers that swing [mm], with the noise of cameras."""
+    where = np.tile(places(points), (3, 1, 1))[:frames]
+    return where + np.random.default_rng(0).normal(0, 0.2, where.shape)
+
+
+@pytest.mark.parametrize(
+    ("points", "analogue", "scale", "first", "last"),
+    [(5, 0, -1.0, 26, 32), (4, 3, -1.0, 28, 34), (13, 0, -1.0, 10, 13), (5, 0, 0.1, 52, 64)],
+)
+@pytest.mark.parametrize("back", [1, 3])
+def test_a_block_that_repeats_an_earlier_one_within_other_frames_is_stale(
+    tmp_path, points, analogue, scale, first, last, back
+):  # fmt: skip
+    """Bytes 2048 to 2560. With 3 analogue values, frame 27 ends behind its points there."""
+    where = noisy(points)
+    raw = bytearray(c3d_bytes(where, [f"m{k}" for k in range(points)], scale=scale, analogue=analogue))
+    begin = begin_of(raw) + 512 * 4
+    raw[begin : begin + 512] = raw[begin - 512 * back : begin - 512 * back + 512]
+    found = read(tmp_path, bytes(raw))
+    assert found.doubt == (
+        f"frames {first} to {last} hold 1 block of 512 bytes of earlier frames, and markers in them count as not seen"
+    )
+    gone = np.isnan(found.positions).any(2)
+    np.testing.assert_allclose(found.positions[~gone], where[~gone] / 1e3, atol=6e-5)
+    assert set(np.flatnonzero(gone.any(1)).tolist()) <= set(range(first - 1, last))
+
+
+@pytest.mark.parametrize("points", [4, 5, 13, 32, 64])
+@pytest.mark.parametrize("change", ["rest", "twice", "period", "gaps"])
+def test_frames_that_repeat_whole_are_read(tmp_path, points, change):
+    """Of a marker at rest, of a camera that skips, of a motion that recurs, and without any marker."""
+    where = noisy(points)
+    if change == "gaps":
+        where[40:120] = np.nan
+    else:
+        k = np.arange(150)
+        where = where[{"rest": np.clip(k, 40, 120), "twice": k - (k % 10 == 9), "period": k % 16}[change]]
+    found = read(tmp_path, c3d_bytes(where, [f"m{k}" for k in range(points)]))
+    assert found.doubt == ""
+    np.testing.assert_allclose(found.positions, where / 1e3, atol=1e-6)
+
+
+@pytest.mark.parametrize(("block", "cut"), [(0, 6), (5, 33)])
+def test_a_marker_that_a_block_of_zeros_at_an_end_cuts_is_a_gap(tmp_path, block, cut):
+    """Of 76 bytes a frame. The first block ends 8 within d in frame 6; the last one begins 4 within d in frame 33."""
+    where = noisy(4)[:40]
+    raw = bytearray(c3d_bytes(where, list("abcd"), analogue=3))
+    begin = begin_of(raw) + 512 * block
+    raw[begin : begin + 512] = bytes(min(512, len(raw) - begin))
+    found = read(tmp_path, bytes(raw))
+    assert found.doubt == ""  # no place is left that leaps
+    gone = np.isnan(found.positions).any(2)
+    np.testing.assert_allclose(found.positions[~gone], where[~gone] / 1e3, atol=1e-6)
+    assert gone[cut].tolist() == ([True] * 4 if block == 0 else [False, False, False, True])
+
+
+@pytest.mark.parametrize("points", [3, 5])
+def test_markers_that_all_rest_at_one_place_are_read(tmp_path, points):
+    """Every block is then the same."""
+    found = read(tmp_path, c3d_bytes(np.ones((150, points, 3)), [f"m{k}" for k in range(points)]))
+    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)

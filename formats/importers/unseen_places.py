@@ -5,7 +5,8 @@ coordinates, and is a sign wherever it does so. One of two things shows it:
 
 - it lies twice as far out as any other number. It has three nines or more and no other digit, or is 1e6 of any unit or
   more, as NDI's -3.697314e28;
-- it is whole or has nines alone, as -1 or 9999. The path of a marker does not lead there:
+- it is whole or has nines alone, as -1 or 9999, and stands in two places or more. The path of a marker does not lead
+  there:
 
     d  >  LEAST_OFF + LONGER s
 
@@ -32,7 +33,8 @@ BEYOND_ALL = 1e6  # of any unit: no place is 1000 m away
 MOST_SIGNS = 3  # of a marker that are looked at, and of a file of which each is told
 LEAST_OFF = 0.05  # m, stated by us: two diameters of a marker
 LONGER = 2.0  # times the longest step between other frames
-FEWEST_STEPS = 10  # of a marker, stated by us: fewer do not tell how far it goes in one
+FEWEST_STEPS = 20  # of a marker, stated by us: fewer do not tell how far it goes in one
+FEWEST_SIGNS = 2  # places of one number: a single one may be a place that leaps, of which `leaps` tells
 
 
 def as_seen(positions: Floats, absent: Booleans | None = None) -> Floats:
@@ -119,10 +121,11 @@ def take_out_signs(places: Floats, metres: Floats, name: Callable[[int], str]) -
     out = same & (np.abs(places[..., 0]) > FARTHER_OUT * farthest) & (farthest > 0)
     far_out = {words[k] for k in np.unique(numbers[out]).tolist()}
     signs = {word for word in far_out if abs(float(word)) >= BEYOND_ALL or NINES.fullmatch(word)}
+    times = np.bincount(codes, minlength=len(words))
     for marker in np.flatnonzero(same.any(0)).tolist():
         usual = Counter(numbers[same[:, marker], marker].tolist()).most_common(MOST_SIGNS)
         path = np.where(same[:, marker, None], np.nan, places[:, marker])
-        signs |= _off_its_path(path, [words[k] for k, _ in usual], float(metres[marker]))
+        signs |= _off_its_path(path, [words[k] for k, _ in usual if times[k] >= FEWEST_SIGNS], float(metres[marker]))
     frames, markers = np.nonzero(same & np.isin(numbers, [k for k, word in enumerate(words) if word in signs]))
     found = [words[k] for k in numbers[frames, markers].tolist()]
     places[frames, markers] = np.nan

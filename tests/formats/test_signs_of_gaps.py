@@ -81,6 +81,14 @@ def test_a_sign_of_one_path_is_a_sign_at_every_place(tmp_path, sign, kind):
     assert np.flatnonzero(gap[:, 0]).tolist() == list(other)
 
 
+@pytest.mark.parametrize(("frames", "times"), [(15, 3), (20, 3), (120, 1)])
+def test_one_place_of_a_path_or_places_beside_a_short_one_are_no_signs(frames, times):
+    """A take may hold a point at (1, 1, 1) once, which other rules look at, or too few others to tell of its path."""
+    where = np.random.default_rng(0).normal(0, 0.01, (frames, 2, 3))
+    where[5 : 5 + times, 0] = 1.0
+    assert take_out_signs(where, np.ones(2), str) == ""
+
+
 @pytest.mark.parametrize("rate", [5, 20, 100])
 @pytest.mark.parametrize("unit", [1, 10, 100])
 def test_paths_through_places_of_one_whole_number_are_read(rate, unit):

@@ -41,6 +41,7 @@ TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth
 STRETCH = 50  # places: half a swing at 100 frames a second
 CONTAMINATED = 2  # places before and after a broken one have lines that lead through it
 MOST_LETTERS = 6  # that a cut takes before a point: no place is 1000 km away
+PROOFS = 4  # places, stated by us
 NEAR = 2e-3  # m, stated by us: a place so near its path is as good as any, whatever digits are missing
 
 CLOCK = Writing()  # a time may go on with any digits
@@ -110,18 +111,23 @@ def broken_of(
 
 
 def is_near(time: Floats, path: Floats) -> bool:
-    """Return whether the last place of a path [m], (rows,), lies where a line or a parabola leads, as near as NEAR.
+    """Return whether a path [m], (rows,), is within NEAR of where a line or a parabola leads, at its last places.
 
-    time [s], (rows,)
+    The last place may be another one. The PROOFS before show how well they lead. `time` [s], (rows,)
     """
-    ahead = time - time[-1]
-    for degree in (1, 2):
-        before = slice(-degree - 2, -1)
-        if len(path) < degree + 2 or not np.isfinite(path[before]).all() or not (np.diff(time[before]) > 0).all():
-            return False
-        if abs(path[-1] - np.polyfit(ahead[before], path[before], degree)[-1]) <= NEAR:
-            return True
-    return False
+    return any(
+        len(path) >= PROOFS + degree + 2
+        and all(_is_led(time[: len(path) - k], path[: len(path) - k], degree) for k in range(PROOFS + 1))
+        for degree in (1, 2)
+    )
+
+
+def _is_led(time: Floats, path: Floats, degree: int) -> bool:
+    """Return whether a polynomial through the places before the last one leads to it, as near as NEAR."""
+    before = slice(-degree - 2, -1)
+    if not np.isfinite(path[before]).all() or not (np.diff(time[before]) > 0).all():
+        return False
+    return bool(abs(path[-1] - np.polyfit(time[before] - time[-1], path[before], degree)[-1]) <= NEAR)
 
 
 def _misses(time: Floats, path: Floats) -> tuple[Floats, Floats, Floats]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from formats.importers.broken_numbers import is_near
 from formats.importers.cell_forms import writing_of
 from formats.importers.cut_numbers import Ending, ending_of
 from formats.importers.decimal_signs import may_be_motion
@@ -91,6 +92,17 @@ def test_a_marker_that_was_not_seen_leaves_no_doubt_about_a_cut(tmp_path):
     found = read(tmp_path, own(3).rpartition("0.55555")[0] + "nan,-1", "m", "own.csv")
     assert found.doubt == "line 4: b lacks a coordinate at 0.02 s, so it counts as not seen there"
     assert np.isnan(found.positions[-1, 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("off", "leads"), [([0.0019], True), ([0.0021], False), ([0.004, 0, 0, 0, 0], False), ([0.5] + [0] * 8, True)]
+)
+@pytest.mark.parametrize("bend", [0.0, 0.01])
+def test_a_path_leads_to_its_last_place_where_it_led_to_the_four_before(off, leads, bend):
+    path = 0.3 + 0.02 * np.arange(20) + bend * np.arange(20.0) ** 2
+    path[-len(off) :] += off
+    assert is_near(np.arange(20) / 30, path) == leads
+    assert not is_near(np.arange(5) / 30, path[:5])
 
 
 def test_even_motion_at_uneven_times_is_motion():

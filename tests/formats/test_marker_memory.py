@@ -26,8 +26,8 @@ def test_a_large_text_costs_its_length_and_its_places_and_a_gap_costs_no_time(tm
     with MeasuredReading() as reading:
         cost = reading("markers", path)
     assert cost["said"] == ""
-    # A piece of text, its lines and the parser's tables take the rest: of 28 to 32 MB in all, 9 to 12.
-    assert cost["megabytes"] < (path.stat().st_size + places) / 2**20 + 15
+    # A piece of text, its lines and the parser's tables take the rest: of 31 to 36 MB in all, 12 to 16.
+    assert cost["megabytes"] < (path.stat().st_size + places) / 2**20 + 18
     assert cost["seconds"] < 2  # 0.7 s on a slow core; with the gap read cell by cell 5 s
 
 

@@ -121,7 +121,7 @@ def import_recordings(
     is_whole = True
     with output_folder(out):
         for settled in settle(out):
-            words = f"{plain(settled)}: is now that of a take whose import ended before it was replaced"
+            words = f"{plain(settled)}: is now that of a take whose import ended before it was there"
             tell_entry("settled", words, file=str(settled))
         for path, target in zip(paths, targets, strict=True):
             try:

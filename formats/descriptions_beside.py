@@ -3,7 +3,8 @@
 Both are written under names of their own first: `NAME.rig.toml.partial` and `NAME.garment.toml.partial` of the take
 `NAME.mcap`. Then the take gets its name, and then they get theirs. An import that is killed before the take has its
 name has replaced nothing. One that is killed later leaves descriptions under their first names. Whoever reads the take
-names these, and the next import into the folder renames them. One import at a time is at the descriptions of a folder.
+names these, and the next import into the folder renames them where no other has their place. One import at a time is at
+the descriptions of a folder.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from formats.system_causes import step_to_read
 from formats.take_reader import read_take
 from formats.take_report import LeftState
 from formats.unfinished import ANOTHER_FOLDER, TellAside, already_there, put_aside, unfinished_name
-from formats.whole_files import sync_folder
+from formats.whole_files import give_name, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
@@ -98,13 +99,17 @@ def described_beside(
                 sync_folder(folder)
             yield
         except BaseException:
-            _settle(folder)
-            for name in set(made) - set(_left_of(take)):
-                prepared_name(take, name).unlink(missing_ok=True)
+            left = _left_of(take)
+            for name in made:
+                if name not in left:
+                    prepared_name(take, name).unlink(missing_ok=True)
+                    continue
+                with contextlib.suppress(OSError):  # it stays, and whoever reads the take names it
+                    give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
             raise
         for name in changed:
             try:
-                prepared_name(take, name).replace(folder / name)
+                give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
             except OSError as error:
                 tell_left(name, _irreplaceable(take, name, error))
         if changed:
@@ -120,10 +125,10 @@ def _irreplaceable(take: Path, name: str, error: OSError) -> OutputError:
 
 
 def settle(folder: Path) -> list[Path]:
-    """Give the descriptions that a killed import left their names, and return these.
+    """Give the descriptions that a killed import left their names where these are free, and return these.
 
-    A description that was edited since stays, and one that cannot be renamed: whoever reads the take names both.
-    One that is left beside another that says the same is removed.
+    One that is left beside another that says the same is removed. Nothing is replaced, since a person may have put it
+    there. A description that stays without its name is named by whoever reads the take.
 
     Raises:
         OutputError: another program keeps the folder locked, or it cannot be read.
@@ -143,7 +148,7 @@ def _settle(folder: Path) -> list[Path]:
                 if is_said(folder / name, own) and is_said(prepared, own):
                     prepared.unlink()
                 elif take.report is not None and take.report.left.get(name) == "waiting":
-                    prepared.replace(folder / name)
+                    give_name(prepared, folder / name, may_replace=False)
                     settled.append(folder / name)
     return settled
 

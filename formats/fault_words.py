@@ -93,12 +93,7 @@ def _left(state: LeftState, prepared: str, name: str) -> str:
     """Word what is to be done about a description that an import left under its first name."""
     if state == "unreadable":
         return f"{prepared}, which an import left beside it, cannot be read; get the permission to read it"
-    if state == "outdated":
-        return (
-            f"{name} beside it is newer than {prepared} of its import; remove {prepared}, or rename it to {name} to "
-            "have the take's own"
-        )
-    return f"its import ended before {name} beside it was replaced; rename {prepared} to {name}"
+    return f"its import ended before {name} beside it was the take's own; rename {prepared} to {name}, or remove it"
 
 
 def of_another(report: TakeReport) -> str:

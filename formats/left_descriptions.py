@@ -33,7 +33,7 @@ def left_beside(take: Path, rig: Rig, garment: Garment) -> dict[str, LeftState]:
     """Return those of `DESCRIBED_BESIDE` that an import left under their first names after its take had got its own.
 
     Before that moment they are as they were, and the unfinished take itself is what the import left. One whose place
-    is taken by the same has nothing left to do. Another description is of another import, or of a person.
+    is taken by the same has nothing left to do. A left file that says otherwise is of another import, or of a person.
 
     rig, garment: those that the take holds
     """
@@ -52,7 +52,7 @@ def _state_of(take: Path, name: str, own: Garment | Rig) -> LeftState | None:
             return None
     except DescriptionError as error:
         return "unreadable" if isinstance(error.__cause__, PermissionError) else None
-    return "outdated" if _is_newer(path, prepared) else "waiting"
+    return "waiting"
 
 
 def is_said(path: Path, description: Garment | Rig) -> bool:
@@ -60,11 +60,3 @@ def is_said(path: Path, description: Garment | Rig) -> bool:
     with contextlib.suppress(DescriptionError):
         return says(path, description)
     return False
-
-
-def _is_newer(path: Path, prepared: Path) -> bool:
-    """Return whether a description was changed, or came there, after another was prepared to replace it."""
-    try:
-        return path.stat().st_ctime_ns > prepared.stat().st_ctime_ns
-    except OSError:
-        return False

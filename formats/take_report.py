@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Span = tuple[float, float]  # s of the sensor's clock: begin, end
-LeftState = Literal["waiting", "outdated", "unreadable"]  # outdated: what has its name is newer
+LeftState = Literal["waiting", "unreadable"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,15 +43,27 @@ def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        _refuse_device(path)
-        if may_replace:
-            partial.replace(path)
-        else:
-            _put_where_none_is(partial, path)
+        give_name(partial, path, may_replace=may_replace)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def give_name(partial: Path, path: Path, *, may_replace: bool) -> None:
+    """Give a file that is whole its final name.
+
+    may_replace: as of `write_whole`
+
+    Raises:
+        FileExistsError: a file of that name is there and may not be replaced.
+        OSError: it cannot be renamed, or a device, a pipe or a socket has that name.
+    """
+    _refuse_device(path)
+    if may_replace:
+        partial.replace(path)
+    else:
+        _put_where_none_is(partial, path)
 
 
 def _put_where_none_is(partial: Path, path: Path) -> None:

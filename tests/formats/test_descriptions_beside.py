@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -14,7 +13,7 @@ import msgspec
 import pytest
 
 from formats.archive import read_take, write_take
-from formats.descriptions import dump_description
+from formats.descriptions import dump_description, load_rig
 from formats.descriptions_beside import described_beside, settle
 from formats.errors import OutputError
 from formats.fault_words import unsettled
@@ -176,27 +175,55 @@ def test_a_description_that_cannot_be_replaced_leaves_the_take_its_name_and_is_t
     )
     assert (tmp_path / "takes/garment.toml").read_text() == dump_description(GARMENT)
     monkeypatch.undo()
+    assert settle(tmp_path / "takes") == []
+    (tmp_path / "takes/garment.toml").unlink()
     assert settle(tmp_path / "takes") == [tmp_path / "takes/garment.toml"]
 
 
-def test_a_description_that_was_edited_since_a_kill_stays_and_the_take_tells_of_the_other(tmp_path):
+def another(path):
+    path.write_text(f"# mine\n{dump_description(OTHER)}")
+
+
+def a_link(path):
+    path.symlink_to("gone")
+
+
+@pytest.mark.parametrize("make", [another, a_link])
+def test_what_a_person_has_beside_a_take_is_not_replaced_by_what_a_killed_import_left(tmp_path, make):
+    """Whichever was changed last: a copy of the folder, or of the rights of its files, dates both anew."""
     take = a_take(20)
     left_by_a_killed_import(tmp_path, take)
-    edited = f"# mine\n{dump_description(OTHER)}"
-    (tmp_path / "copy").write_text(edited)
-    os.utime(tmp_path / "copy", (0, 0))  # as a copy that keeps the time of its original
-    time.sleep(0.02)  # what a change of a file is dated by comes in steps of up to 10 ms
-    (tmp_path / "copy").replace(tmp_path / "rig.toml")
+    (tmp_path / "rig.toml").unlink()
+    make(tmp_path / "rig.toml")
+    (tmp_path / "a.rig.toml.partial").chmod(0o600)  # is the last to be changed
+    before = os.lstat(tmp_path / "rig.toml")
     assert settle(tmp_path) == []
-    assert (tmp_path / "rig.toml").read_text() == edited
+    assert os.lstat(tmp_path / "rig.toml") == before
     assert told_of(tmp_path / "a.mcap") == [
-        "rig.toml beside it is newer than a.rig.toml.partial of its import; remove a.rig.toml.partial, or rename it to "
-        "rig.toml to have the take's own"
+        "its import ended before rig.toml beside it was the take's own; rename a.rig.toml.partial to rig.toml, or "
+        "remove it"
     ]
-    time.sleep(0.02)
-    (tmp_path / "a.rig.toml.partial").chmod(0o600)
+    (tmp_path / "rig.toml").unlink()
     assert settle(tmp_path) == [tmp_path / "rig.toml"]
-    assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
+    assert load_rig(tmp_path / "rig.toml") == take.rig
+    assert told_of(tmp_path / "a.mcap") == []
+
+
+def test_a_description_that_comes_there_while_an_import_works_is_replaced_only_where_that_was_asked(tmp_path):
+    take, told = a_take(20), []
+    for overwrite in (False, True):
+        given = described_beside(
+            tmp_path / "a.mcap", {"rig.toml": take.rig}, overwrite=overwrite,
+            tell_left=lambda name, error: told.append(str(error)),
+        )  # fmt: skip
+        with given:
+            write_take(tmp_path / "a.mcap", take, overwrite=overwrite)
+            another(tmp_path / "rig.toml")
+        mine = dump_description(take.rig if overwrite else OTHER)
+        assert (tmp_path / "rig.toml").read_text().removeprefix("# mine\n") == mine
+    assert [words.partition("; ")[0].partition(": ")[2] for words in told] == [
+        "cannot be replaced (File exists), and a.mcap is there"
+    ]
 
 
 def test_a_take_that_a_killed_import_did_not_replace_tells_of_no_description(tmp_path):
@@ -229,10 +256,6 @@ def a_file(path):
 
 def an_empty_file(path):
     path.touch()
-
-
-def a_link(path):
-    path.symlink_to("gone")
 
 
 def a_name_of_another(path):

@@ -139,20 +139,29 @@ def assert_mended(folder, whole, *, left=()):
 
 
 def assert_usable(folder, whole, former):
-    """Before the take has its name all is as it was; what is left to do behind it is said, and done by the next one."""
+    """Before the take has its name all is as it was; what is left to do behind it is said.
+
+    The next import does it where nothing is to be replaced, and one with `--overwrite` everywhere.
+    """
     held, step = held_in(folder / "o"), "rename m.{0}.partial to {0}"
     if "m.mcap" in held and read_take(folder / "o/m.mcap").source == NEW_SOURCE:
-        waiting = [name for name in DESCRIPTIONS if f"m.{name}.partial" in held]
+        waiting = [name for name in DESCRIPTIONS if held.get(name) != whole[name]]
         assert held.keys() <= {*whole, *(f"m.{name}.partial" for name in DESCRIPTIONS)}
-        for name in DESCRIPTIONS:
-            assert held.get(name) == (former.get(name) if name in waiting else whole[name])
+        for name in waiting:
+            assert (held.get(name), held[f"m.{name}.partial"]) == (former.get(name), whole[name])
         assert all(step.format(name) in said for name in waiting for said in told_of(folder))
         shutil.copytree(folder, folder / "copy")
         for name in waiting:
             (folder / f"copy/o/m.{name}.partial").rename(folder / "copy/o" / name)
+        hangtime_here(*IMPORT, "o", folder=folder / "copy")
         assert_mended(folder / "copy", whole)
         again = hangtime_here(*IMPORT, "o", folder=folder)
-        assert again.stdout.count("is now that of a take whose import ended") == len(waiting)
+        settled = [name for name in waiting if name not in former]
+        assert again.stdout.count("is now that of a take whose import ended") == len(settled)
+        if settled != waiting:
+            now = held_in(folder / "o")
+            assert all(now[name] == former[name] for name in set(waiting) - set(settled))
+            assert hangtime_here(*IMPORT, "o", "--overwrite", folder=folder).returncode == 0
         assert_mended(folder, whole)
         return len(waiting)
     assert {name: held.get(name) for name in former} == former, "nothing is lost"

@@ -11,7 +11,7 @@ import typer
 from formats.anyway import Anyway
 from formats.command_groups import TAKES, group_of
 from formats.takes_cli import add_takes_commands, end_with, refuse_the_same_name, tell_aside
-from formats.telling import tell, tell_entry
+from formats.telling import tell, tell_entry, tell_fault
 
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
@@ -202,6 +202,8 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
         left=list(left),
         **to_builtins(state_of_take(take)),
     )  # fmt: skip
+    for doubt in left.values():
+        tell_fault(str(doubt))
     return not left
 
 

@@ -104,6 +104,7 @@ def main() -> None:
         except BaseException as error:
             if (told := _told(error)) is not None:
                 telling.know(error=told)
+                telling.ask_json(_asks_json(sys.argv[1:]))
             raise
         finally:  # a command that failed at a part of its work has told the rest
             telling.end()
@@ -122,6 +123,11 @@ def main() -> None:
             raise
         say(f"hangtime: {spoken}", is_error=True)
         sys.exit(spoken.exit_code)
+
+
+def _asks_json(words: list[str]) -> bool:
+    """Return whether JSON is asked for, also where the command line is wrong or the command has a form of its own."""
+    return "--json" in words[: words.index("--") if "--" in words else None]
 
 
 def _told(error: BaseException) -> str | None:

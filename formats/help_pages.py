@@ -141,7 +141,7 @@ def _told_options() -> dict[str, Any]:
     def told(
         json: Annotated[
             bool,
-            typer.Option("--json", callback=telling.ask_json, expose_value=False, is_eager=True, rich_help_panel=TOLD,
+            typer.Option("--json", callback=telling.ask_json, expose_value=False, rich_help_panel=TOLD,  # after --help
                          help="Print JSON instead of words."),
         ] = False,
         quiet: Annotated[

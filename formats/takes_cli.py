@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formats.telling import know, tell, tell_entry
+from formats.telling import know, tell, tell_entry, tell_fault
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from collections.abc import Callable, Sequence
@@ -71,7 +71,7 @@ def list_takes(
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            tell_entry("takes", f"lost        {error}", **_lost(path, error))
+            _tell_lost("takes", path, error, is_row=True)
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
@@ -141,7 +141,7 @@ def verify_takes(paths: Takes) -> None:
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            tell_entry("takes", f"lost        {error}", **_lost(path, error))
+            _tell_lost("takes", path, error, is_row=True)
             all_sound = False
             continue
         rest = f", {report.damaged_blocks} damaged" if report.damaged_blocks else ""
@@ -150,11 +150,14 @@ def verify_takes(paths: Takes) -> None:
         if state.state in ("damaged", "incomplete"):
             rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
         held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
+        words = f"{plain(path)}: {held}{rest}"
         tell_entry(
-            "takes", f"{state.state:<11} {plain(path)}: {held}{rest}", file=str(path), frames=report.frames,
+            "takes", f"{state.state:<11} {words}", file=str(path), frames=report.frames,
             blocks=report.blocks, left=list(report.left), **to_builtins(state),
         )  # fmt: skip
-        all_sound &= report.is_sound
+        if not report.is_sound:
+            tell_fault(words)
+            all_sound = False
     if not all_sound:
         raise typer.Exit(2)
 
@@ -227,11 +230,17 @@ def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> 
     """Tell why a take is not recovered; raise it where its file is the only one and cannot be written."""
     from formats.errors import OutputError
 
-    entry = _lost(path, error)
     if is_alone and isinstance(error, OutputError):
-        know(takes=[entry])
+        know(takes=[_lost(path, error)])
         raise error
-    tell_entry("takes", f"{entry['state']}: {error}", **entry)
+    _tell_lost("takes", path, error)
+
+
+def _tell_lost(name: str, path: Path, error: HangtimeError, *, is_row: bool = False) -> None:
+    """Tell of a take of which nothing is read, or written; is_row: below the states of others."""
+    entry = _lost(path, error)
+    tell_entry(name, f"lost        {error}" if is_row else f"{entry['state']}: {error}", **entry)
+    tell_fault(str(error))
 
 
 def _lost(path: Path, error: HangtimeError) -> dict[str, str | None]:
@@ -378,10 +387,9 @@ def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:
         typer.Exit: some are.
     """
     for path, error in lost.items():
-        entry = _lost(path, error)
         if asked == 1:
-            know(lost=[entry])
+            know(lost=[_lost(path, error)])
             raise error
-        tell_entry("lost", f"{entry['state']}: {error}", **entry)
+        _tell_lost("lost", path, error)
     if lost:
         raise typer.Exit(2)

@@ -17,18 +17,24 @@ from formats.plain_text import lines_of
 
 class _Mode:
     as_json = False
+    indent: int | None = 2
     document: dict[str, Any] = {}  # noqa: RUF012 - replaced by `begin`
 
 
 def begin() -> None:
     """Forget the words of an earlier command of this process, and their form."""
-    _Mode.as_json, _Mode.document = False, {}
+    _Mode.as_json, _Mode.indent, _Mode.document = False, 2, {}
     terminal.hush(is_quiet=False)
 
 
 def ask_json(is_asked: bool) -> None:
     """Tell facts instead of words from here on."""
     _Mode.as_json = is_asked or _Mode.as_json
+
+
+def ask_lines() -> None:
+    """Let a JSON document take one line: the command has printed others, one a line, before it."""
+    _Mode.indent = None
 
 
 def ask_quiet(is_asked: bool) -> None:
@@ -56,10 +62,20 @@ def tell_entry(name: str, words: str, /, **facts: Any) -> None:
         _print(words)
 
 
+def tell_fault(sentence: str) -> None:
+    """Keep a sentence for which the command will fail, the first of several as `error` of the JSON document.
+
+    The words of the command have told it already; where `--quiet` asks for none, it is said on stderr.
+    """
+    _Mode.document.setdefault("error", sentence)
+    if terminal.is_hushed():
+        terminal.say(f"hangtime: {sentence}", is_error=True)
+
+
 def end() -> None:
     """Print the JSON document, where one is asked for."""
     if _Mode.as_json:
-        _print(as_json(_Mode.document))
+        _print(as_json(_Mode.document, indent=_Mode.indent))
         _Mode.as_json = False
 
 
@@ -68,13 +84,13 @@ def _print(text: str) -> None:
     sys.stdout.flush()  # a full disk or a closed pipe is met here
 
 
-def as_json(value: Any) -> str:
+def as_json(value: Any, *, indent: int | None = 2) -> str:
     """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null.
 
     Control characters and those that turn the direction of writing are escaped, for a terminal may show it. So is a
     byte of a file's name that is no UTF-8, as its surrogate: JSON is UTF-8, and `os.fsencode` gives the byte again.
     """
-    text = json.dumps(_finite(value), indent=2, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(_finite(value), indent=indent, allow_nan=False, ensure_ascii=False)
     return "".join(letter if letter == "\n" or letter.isprintable() else json.dumps(letter)[1:-1] for letter in text)
 
 

@@ -12,7 +12,7 @@ import typer
 
 from formats.command_groups import RECORD
 from formats.help_pages import TOLD
-from formats.telling import tell
+from formats.telling import ask_lines, tell, tell_fault
 
 CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
 SOCKET = Annotated[
@@ -74,6 +74,8 @@ def status_command(
     if preview is not None:
         write_whole(preview, picture_in(seen))
     if told["state"] == "fault":
+        for fault in told["faults"]:
+            tell_fault(f"{fault['sentence']}; {fault['advice']}")
         raise typer.Exit(1)
 
 
@@ -86,6 +88,7 @@ def watch_command(
     """Show the state of the appliance at every change, until Ctrl-C."""
     from capture.appliance.control import listen
 
+    ask_lines()
     for told in listen(socket, "watch"):
         typer.echo(json.dumps(told) if as_json else _in_one_line(told))
 

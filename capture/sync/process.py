@@ -17,6 +17,7 @@ from capture.sync.credentials import Credentials, find_credentials, leave_no_cor
 from capture.sync.rounds import Sync, now_here
 from capture.sync.settings import DEFAULT_FILE, Told, load_settings
 from formats.errors import HangtimeError
+from formats.telling import know
 from formats.terminal import say
 
 SAFE, REFUSED, LATER = 0, 2, 75  # 75: EX_TEMPFAIL of sysexits.h, what starts the command may try again
@@ -34,7 +35,7 @@ class _Journal(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         level = f"<{LEVELS.get(record.levelno, 5)}>" if self._is_journal else ""
-        say(level + self._credentials.hide(record.getMessage()))
+        say(level + self._credentials.hide(record.getMessage()), is_error=record.levelno >= logging.ERROR)
 
 
 def start(command: str, config: Path, spool: Path | None) -> int:
@@ -50,13 +51,13 @@ def start(command: str, config: Path, spool: Path | None) -> int:
         sync = Sync(told, credentials)
         return work(command, sync, told)
     except HangtimeError as error:
-        say(credentials.hide(f"hangtime sync: {error}"), is_error=True)
+        _refuse(credentials, str(error))
         if sync is None and command == "run":
             note_refusal(spool or _spool_of(config), error, credentials)
         return REFUSED
     except OSError as error:
         where = error.filename or "the folder of takes"
-        say(f"hangtime sync: {where}: cannot be used ({error.strerror}); check the disk of this device", is_error=True)
+        _refuse(credentials, f"{where}: cannot be used ({error.strerror}); check the disk of this device")
         return REFUSED
 
 
@@ -108,14 +109,25 @@ def work(command: str, sync: Sync, told: Told) -> int:
         try:
             proof = sync.prove()
         except SyncError as fault:
-            say(sync.credentials.hide(f"hangtime sync: {fault}"), is_error=True)
+            _refuse(sync.credentials, str(fault))
             return LATER
         if proof is None:
             say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
             return SAFE
-        return REFUSED if proof.is_bad else SAFE
+        if proof.is_bad:
+            # A line of the journal has said it.
+            know(error=f"take-{proof.sequence:06d} was fetched from the server: {proof.outcome}")
+            return REFUSED
+        return SAFE
     in_the_way = sync.run() if command == "run" else sync.once()
     if in_the_way is None:
         return SAFE
-    say(sync.credentials.hide(f"hangtime sync: {in_the_way}"), is_error=True)
+    _refuse(sync.credentials, str(in_the_way))
     return LATER
+
+
+def _refuse(credentials: Credentials, sentence: str) -> None:
+    """Say why the command fails, without keys, on stderr and to `--json`."""
+    told = credentials.hide(sentence)
+    know(error=told)
+    say(f"hangtime sync: {told}", is_error=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from formats.anyway import Anyway
-from formats.telling import tell_entry
+from formats.telling import tell_entry, tell_fault
 
 
 def add_commands(sensor: typer.Typer) -> None:
@@ -50,5 +50,7 @@ def doctor(
             mark = {Verdict.OK: "ok: ", Verdict.PROBLEM: "", Verdict.SKIPPED: "skipped: "}[finding.verdict]
             words = f"{check.name:<{width}}  {mark}{finding.text}"
             tell_entry("checks", words, name=check.name, verdict=finding.verdict.name.lower(), text=finding.text)
+            if finding.verdict is not Verdict.OK:
+                tell_fault(f"{check.name}: {mark}{finding.text}")
     if not is_well:
         raise typer.Exit(1)

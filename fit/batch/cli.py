@@ -12,7 +12,7 @@ from fit.errors import UnreachableError
 from formats.anyway import Anyway
 from formats.command_groups import FIT
 from formats.plain_text import counted
-from formats.telling import tell
+from formats.telling import tell, tell_fault
 from formats.terminal import say
 
 if TYPE_CHECKING:
@@ -204,6 +204,8 @@ def batch_command(
         raise typer.Exit(130)
     is_done = morning is None or all(finding.state in ("diagnosed", "lacking") for finding in morning.findings)
     if not is_done or any(row.state not in ("fitted", "known") for row in rows):
+        page, what = (place, sentence_of(rows)) if morning is None else (page, morning.headline)
+        tell_fault(f"{page}: {what}")
         raise typer.Exit(SOME_NOT_FITTED)
 
 

@@ -151,6 +151,7 @@ def test_json_tells_every_fact_of_a_command(desk, words, code, entries):
         if entry["state"] == "lost":
             assert entry["error"].startswith(f"{entry['file']}: ")
             entry["error"] = ""
+    assert bool(told.pop("error", "")) == (code != 0)
     assert _rounded(told) == _rounded(entries)
 
 

@@ -183,9 +183,10 @@ def test_a_pipe_is_no_scheduler_file(takes, tmp_path):
 
 
 def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
-    done = hangtime_here("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
+    done = hangtime_here("batch", takes, "--out", "out", "--hours", 0, *SHORT, "--json", "--quiet", folder=tmp_path)
     assert done.returncode == SOME_NOT_FITTED
-    assert "3 takes: 3 waiting." in done.stdout + done.stderr
+    assert json.loads(done.stdout)["error"].endswith("out/summary.html: 3 takes: 3 waiting.")
+    assert "out/summary.html: 3 takes: 3 waiting." in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,10 @@ WHOLE_STAY = "whole files stay, and `fit`, `diagnose`, `blind` and `batch` go on
 
 
 class HangtimeError(Exception):
-    """An error with one clear sentence: what, where, and what to do next."""
+    """An error with one clear sentence: what, where, and what to do next.
+
+    words: the same without the place, for whoever names it beside
+    """
 
     exit_code = 2
 
@@ -35,7 +38,8 @@ class HangtimeError(Exception):
             advice = f" {advice[0].upper()}{advice[1:]}"
         elif advice:
             advice = f"; {advice}"
-        super().__init__(plain(f"{place}{what}{advice}"))
+        self.words = plain(f"{what}{advice}")
+        super().__init__(plain(place) + self.words)
 
 
 class DescriptionError(HangtimeError):

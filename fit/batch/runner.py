@@ -25,7 +25,7 @@ from fit.batch.worker import run_job, words_of
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
-from formats.errors import TakeError
+from formats.errors import ImplausibleError, TakeError
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
@@ -95,7 +95,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
             found.outcomes[key] = Outcome(key=key, state="known")
         elif why is not None:
             found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
-        elif is_new and (no_mesh := _refused_mesh(content, name, plan)):
+        elif is_new and (no_mesh := _refused_mesh(content, name, plan, anyway=anyway)):
             found.outcomes[key] = Outcome(key=key, state="refused", sentence=no_mesh)
         elif is_new:
             found.jobs.append(
@@ -107,20 +107,26 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     return found
 
 
-def _refused_mesh(content: bytes, name: str, plan: Plan) -> str:
-    """Return why a take's garment has no mesh of the asked spacing, as `fit` does; '' where a worker is to judge."""
+def _refused_mesh(content: bytes, name: str, plan: Plan, *, anyway: bool) -> str:
+    """Return why `fit` refuses a take whose garment has no mesh of the asked spacing; '' where a worker is to judge.
+
+    A take that is implausible, which `anyway` accepts, is refused as such: its size may be in another unit.
+    """
     from fit.cloth.mesh import check_mesh
     from formats.archive import take_of
+    from formats.plausible import check_plausible_take
 
     if plan.spacing is None:
         return ""
     try:
-        garment = take_of(content, name).garment
+        take = take_of(content, name)
     except TakeError:
         return ""
     try:
-        check_mesh(garment, plan.spacing)
-    except FitError as error:
+        if not anyway:
+            check_plausible_take(take, name, offers_anyway=True)
+        check_mesh(take.garment, plan.spacing)
+    except (FitError, ImplausibleError) as error:
         return words_of(error)
     return ""
 

@@ -166,5 +166,5 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
 def words_of(error: Exception) -> str:
     """Return the words for an error of a take whose name stands beside them."""
     if isinstance(error, HangtimeError):
-        return error.what + (f"; {error.advice}" if error.advice else "")
+        return error.words
     return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

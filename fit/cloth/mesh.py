@@ -32,6 +32,7 @@ MOST_MESH_NODES = 250_000  # more than any program wants, and memory grows with 
 MOST_SIMULATED_NODES = (
     40_000  # six seconds of motion take 0.33 s on 100, 2.6 s on 400 (measured): 44 minutes on so many
 )
+UNTOLD_NODES = 1e6  # from here on only their order counts: more than any mesh may have
 MANY_MESH_NODES = 1000  # likewise: ten seconds, and an hour for a fit of 350 simulations
 USUAL_NODES = 100  # of a garment of 0.5 m at a spacing of 0.05 m
 OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m that a spacing of one in them is
@@ -128,7 +129,9 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
         return
     what = f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m"
     if spacing < finest:
-        what += f", and gives it about {_nodes(garment, spacing):.0f} nodes where {most} are the most"
+        nodes = _nodes(garment, spacing)
+        about = f"about {nodes:.0f}" if nodes < UNTOLD_NODES else f"more than {UNTOLD_NODES:.0f}"
+        what += f", and gives it {about} nodes where {most} are the most"
     meant = [
         f"{spacing * size:g} for {unit}" for unit, size in OTHER_UNITS.items() if finest <= spacing * size <= coarsest
     ]

@@ -57,6 +57,22 @@ def test_a_spacing_that_gives_a_take_no_mesh_is_told_before_the_night(night, spa
 
 
 @pytest.mark.parametrize(
+    ("anyway", "sentence"),
+    [
+        (False, r"outline_m is 400 m long, .* were millimetres meant\? [A-Z]"),
+        (True, "mesh spacing 0.05 m does not fit .* gives it more than 1000000 nodes where"),
+    ],
+)
+def test_a_take_in_millimetres_is_refused_as_such_and_its_spacing_only_where_it_is_accepted(night, anyway, sentence):
+    take = a_take(30)
+    large = msgspec.structs.replace(take.garment, outline_m=[[1000 * x for x in row] for row in take.garment.outline_m])
+    write_take(night[0].path("") / "a.mcap", replace(take, garment=large), overwrite=True)
+    found = survey(*night, replace(PLAN, spacing=0.05), anyway=anyway)
+    (outcome,) = found.outcomes.values()
+    assert re.search(sentence, outcome.sentence), outcome.sentence
+
+
+@pytest.mark.parametrize(
     ("damage", "state"),
     [
         (lambda path: None, "known"),

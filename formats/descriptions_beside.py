@@ -28,7 +28,7 @@ from formats.system_causes import step_to_read
 from formats.take_reader import read_take
 from formats.take_report import LeftState
 from formats.unfinished import ANOTHER_FOLDER, TellAside, already_there, put_aside, unfinished_name
-from formats.whole_files import give_name, sync_folder
+from formats.whole_files import give_name, is_device, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
@@ -36,12 +36,15 @@ PATIENCE = 10.0  # s; an import needs some milliseconds for its descriptions and
 
 
 def check_room_beside(take: Path) -> None:
-    """Refuse a take whose rig and garment could not be written beside it, since their first names are longer.
+    """Refuse a take whose rig and garment could not be written beside it.
 
     Raises:
-        OutputError: its name is too long.
+        OutputError: its name is too long, since their first names are longer; or a pipe or device has one of theirs.
     """
     check_length(take, [prepared_name(take, name) for name in DESCRIBED_BESIDE])
+    for path in (take.with_name(name) for name in DESCRIBED_BESIDE):
+        if is_device(path):
+            raise already_there(path, instead=ANOTHER_FOLDER)
 
 
 def check_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:

@@ -12,7 +12,7 @@ from formats.errors import OutputError
 from formats.plain_text import counted
 from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
-from formats.whole_files import longest_name, make_folders, make_writable, name_of_its_own, write_whole
+from formats.whole_files import is_device, longest_name, make_folders, make_writable, name_of_its_own, write_whole
 
 NAMED_PARTIAL = (".mcap", ".oni")  # are written as NAME.partial, and others as `name_of_its_own` says
 
@@ -64,7 +64,7 @@ def refuse_to_replace(
     """Do nothing unless a file of this name is there, or the beginning of a take that was never finished.
 
     - `text`: the content to write, where a file that holds just this may stay
-    - `overwrite`: refuse only what cannot be replaced or put aside: a folder, or the file of another writer
+    - `overwrite`: refuse only what cannot be replaced or put aside: a folder, a pipe, or the file of another writer
     - `instead`: a person's next step who wants both
 
     Raises:
@@ -77,7 +77,7 @@ def refuse_to_replace(
     except OSError as error:
         raise unwritable(path, error) from error
     if overwrite:
-        if path.is_dir():
+        if path.is_dir() or is_device(path):
             raise already_there(path, instead=instead)
         return
     if os.path.lexists(path) and not (text is not None and holds(path, text.encode())):

@@ -219,10 +219,10 @@ def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> Non
 
 
 def tell_aside(partial: Path, aside: Path) -> None:
-    """Tell of an unfinished file in the way of a take that was put aside."""
+    """Tell that something in the way of a take or of its descriptions was put aside."""
     from formats.plain_text import plain
 
-    words = f"{plain(partial)}: is put aside as {plain(aside.name)}, which an interrupted recording or import left"
+    words = f"{plain(partial)}: was in the way, and is put aside as {plain(aside.name)}"
     tell_entry("put_aside", words, file=str(partial), put_aside=str(aside))
 
 

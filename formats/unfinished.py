@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
-from formats.whole_files import longest_name, loop_words, sync_folder
+from formats.whole_files import NO_PLACE, is_device, longest_name, loop_words, sync_folder
 
 ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
 TellAside = Callable[[Path, Path], None]  # called with the names of a file that was put aside, before and after
@@ -27,13 +27,15 @@ def unfinished_name(path: Path) -> Path:
 
 
 def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is already there") -> OutputError:
-    """Return the error of a file that would replace another, or a link, or that has the name of a folder.
+    """Return the error of a file that would replace another, or a link, or that has the name of a folder or device.
 
     - `instead`: a person's next step who wants both
     - `what`: says what a file that is there is
     """
     if path.is_dir():
         return OutputError("is a folder", where=path, advice=instead)
+    if is_device(path):
+        return OutputError(f"cannot be written ({NO_PLACE})", where=path, advice=instead)
     if not path.exists():
         what = loop_words(path, "is a link that leads to nothing")
     return OutputError(what, where=path, advice=f"{instead}, or --overwrite to replace it")
@@ -102,10 +104,12 @@ class UnfinishedFile:
 
         Raises:
             OutputError: another process, or another writer of this one, is writing it; it is there and may not be
-                replaced; or its unfinished name is that of a link or of a file that may not be read and written.
+                replaced, or is a pipe; or its unfinished name is that of a link or of a file that may not be read and
+                written.
             OSError: it cannot be written.
         """
         self.path, self.partial, self._may_replace, self._instead = path, unfinished_name(path), overwrite, instead
+        self._refuse_device()
         self.file = _locked(self.partial, instead)
         try:
             is_left = os.fstat(self.file.fileno()).st_size > 0
@@ -126,10 +130,12 @@ class UnfinishedFile:
         """Give the file its final name; both the file and the name are then on the disk.
 
         Raises:
-            OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
+            OutputError: a file that may not be replaced, or a pipe, has come there; this one can still be kept or
+                discarded.
             OSError: the disk is full or fails.
         """
         self.sync()
+        self._refuse_device()
         if not self._may_replace and os.path.lexists(self.path):
             raise already_there(self.path, instead=self._instead)
         self.partial.replace(self.path)
@@ -158,6 +164,10 @@ class UnfinishedFile:
             self.keep()
         else:
             self.discard()
+
+    def _refuse_device(self) -> None:
+        if is_device(self.path):
+            raise already_there(self.path, instead=self._instead)
 
     def _refuse_to_replace(self, *, is_left: bool) -> None:
         if os.path.lexists(self.path):

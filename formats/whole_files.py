@@ -8,6 +8,7 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
+NO_PLACE = "a device, a pipe or a socket is no place for a file"
 MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 
 
@@ -82,12 +83,21 @@ def _put_where_none_is(partial: Path, path: Path) -> None:
 
 def _refuse_device(path: Path) -> None:
     """Raise where a rename would put a file in the place of a device, a pipe or a socket, or of a link to one."""
+    if is_device(path):
+        raise OSError(errno.EINVAL, NO_PLACE)
+
+
+def is_device(path: Path) -> bool:
+    """Return whether a path leads to a device, a pipe or a socket, whose place no file takes.
+
+    Raises:
+        OSError: its folder cannot be looked into.
+    """
     with suppress(FileNotFoundError):
-        if leads_to_itself(path):
-            return
-        kind = path.stat().st_mode
-        if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
-            raise OSError(errno.EINVAL, "a device, a pipe or a socket is no place for a file")
+        if not leads_to_itself(path):
+            kind = path.stat().st_mode
+            return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+    return False
 
 
 def leads_to_itself(path: Path) -> bool:

@@ -156,10 +156,8 @@ def test_an_unfinished_take_of_a_single_byte_is_put_aside_and_named(desk, words,
     step = f"{OTHER_FOLDER}, or --overwrite to put it aside and begin anew"
     assert_refused(desk, words, (), f"o/{name}.mcap.partial: {what}; {step}")
     done = hangtime_here(*words, "--out", "o", "--overwrite", folder=desk)
-    told = (
-        f"o/{name}.mcap.partial: is put aside as {name}.left-1.mcap.partial, which an interrupted recording or import"
-    )
-    assert (done.returncode, done.stdout.splitlines()[0]) == (0, f"{told} left")
+    told = f"o/{name}.mcap.partial: was in the way, and is put aside as {name}.left-1.mcap.partial"
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, told)
     assert (desk / f"o/{name}.left-1.mcap.partial").read_bytes() == left
     partial.write_bytes(left)
     done = hangtime_here(*words, "--out", "o", "--overwrite", "--json", folder=desk)

@@ -105,6 +105,19 @@ def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_told(de
         path.rmdir() if path.is_dir() else path.unlink()
 
 
+@pytest.mark.parametrize("name", ["m.mcap", *DESCRIPTIONS])
+@pytest.mark.parametrize("more", [(), ("--overwrite",)])
+def test_a_pipe_is_not_replaced_and_is_told_before_the_recording_is_read(desk, name, more):
+    (desk / "o/rig.toml").unlink()
+    (desk / "m.csv").write_text("no recording")
+    os.mkfifo(desk / "o" / name)
+    done = hangtime_here(*IMPORT, "o", *more, folder=desk)
+    what = "cannot be written (a device, a pipe or a socket is no place for a file)"
+    assert done.stderr == f"hangtime: o/{name}: {what}; choose another folder with --out\n"
+    assert [one.name for one in (desk / "o").iterdir()] == [name]
+    assert (desk / "o" / name).is_fifo()
+
+
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory):
     """Folders `new-k` and, where a former import is replaced, `old-k`: each left by an import that was killed."""
@@ -175,7 +188,7 @@ def assert_usable(folder, whole, former):
     done = hangtime_here(*IMPORT, "o", "--overwrite", folder=folder)
     assert done.returncode == 0
     is_aside = bool(held.get("m.mcap.partial"))
-    assert done.stdout.startswith("o/m.mcap.partial: is put aside as m.left-1.mcap.partial, which") == is_aside
+    assert done.stdout.startswith("o/m.mcap.partial: was in the way, and is put aside as m.left-1") == is_aside
     assert_mended(folder, whole, left=["m.left-1.mcap.partial"] * is_aside)
     assert not is_aside or held_in(folder / "o")["m.left-1.mcap.partial"] == held["m.mcap.partial"]
     return -1

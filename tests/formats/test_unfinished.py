@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import os
 import signal
 import subprocess
 import sys
@@ -115,6 +116,19 @@ def test_a_writer_whose_folder_fails_leaves_no_empty_file_and_keeps_what_was_lef
     with pytest.raises(OSError, match="Input"):
         a_writer(tmp_path, overwrite=True)
     assert names(tmp_path) == ["t.left-1.mcap.partial"]
+
+
+def test_a_take_replaces_no_pipe_whether_it_is_there_before_or_comes_while_the_take_is_written(tmp_path):
+    writer = a_writer(tmp_path, overwrite=True)
+    add(writer, 20)
+    os.mkfifo(tmp_path / "t.mcap")
+    with pytest.raises(OutputError, match="a pipe or a socket is no place for a file"):
+        writer.finish()
+    assert (tmp_path / "t.mcap").is_fifo()
+    writer.discard()
+    with pytest.raises(OutputError, match="a pipe or a socket is no place for a file"):
+        a_writer(tmp_path, overwrite=True)
+    assert names(tmp_path) == ["t.mcap"]
 
 
 def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_path):

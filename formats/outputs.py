@@ -142,9 +142,16 @@ def output_folder(folder: Path) -> Iterator[None]:
     Raises:
         OutputError: it cannot be made or written to.
     """
+    with no_empty_folder(folder):
+        make_output_folder(folder)
+        yield
+
+
+@contextlib.contextmanager
+def no_empty_folder(folder: Path) -> Iterator[None]:
+    """Remove a folder that the work inside made, where that work fails and leaves it empty."""
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
-        make_output_folder(folder)
         yield
     except BaseException:
         with contextlib.suppress(OSError):  # it holds something, or was never made

@@ -256,12 +256,13 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
 
     from formats.archive import write_take
     from formats.fault_words import EARLIER, lost_scans, state_of_take, unread
-    from formats.outputs import unwritable
+    from formats.outputs import no_empty_folder, unwritable
     from formats.plain_text import plain, shortened
     from formats.unfinished import ANOTHER_FOLDER
 
     try:
-        write_take(target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside)
+        with no_empty_folder(target.parent):
+            write_take(target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside)
     except OSError as error:
         raise unwritable(target, error) from error
     state = state_of_take(take)

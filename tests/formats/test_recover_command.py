@@ -72,6 +72,16 @@ def test_recover_goes_on_within_a_file_of_which_one_take_is_too_large_for_the_di
     assert "File too large" in done.stdout
 
 
+def test_recover_leaves_no_empty_folder_where_the_disk_is_full(tmp_path):
+    write_take(tmp_path / "a.mcap", a_take())
+    (tmp_path / "mine").mkdir()
+    for out in ("new/r.mcap", "mine"):
+        with no_file_beyond(100):
+            done = hangtime_here("takes", "recover", "a.mcap", "--out", out, folder=tmp_path)
+        assert (done.returncode, "File too large" in done.stderr) == (2, True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "mine"]
+
+
 def test_recover_goes_on_after_a_file_of_which_nothing_can_be_read(tmp_path):
     empty, path = tmp_path / "empty.mcap", write_take(tmp_path / "a.mcap", a_take())
     empty.touch()

@@ -11,14 +11,17 @@ import json
 import logging
 import os
 import re
+import signal
 import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 from fit.errors import BatchError, UnreachableError
+from formats.interrupts import held
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
@@ -57,8 +60,13 @@ def connect(workers: Workers) -> Iterator[Any]:
     # Lost workers are the daily bread of a batch; it says itself what matters.
     for name in ("distributed", "distributed.client", "distributed.nanny", "distributed.scheduler"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    client = _local(distributed, workers) if workers.scheduler is None else _remote(distributed, workers)
+    client: Any = None
     try:
+        if workers.scheduler is None:
+            with _undisturbed():
+                client = _local(distributed, workers)
+        else:
+            client = _remote(distributed, workers)
         yield client
     finally:
         with contextlib.suppress(Exception):  # closing what is broken may fail in any way
@@ -66,6 +74,25 @@ def connect(workers: Workers) -> Iterator[Any]:
             client.close(timeout=CONNECT)
             if cluster is not None:
                 cluster.close(timeout=CONNECT)
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Inside, Ctrl-C waits, and no thread or process that begins inside ever meets one. For the main thread.
+
+    A cluster that has begun halfway cannot be closed. A terminal sends Ctrl-C to all processes of a command, and the
+    command itself ends its workers.
+
+    Raises:
+        KeyboardInterrupt: somebody interrupted.
+    """
+    resource_tracker.ensure_running()  # its own start would let signals through again, before the first worker's
+    with held():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # threads and processes inherit it
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def has_workers(client: Any) -> bool:

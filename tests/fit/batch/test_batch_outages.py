@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import subprocess
 import sys
+import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
 from fit.batch import runner, worker
 from fit.batch.cli import SOME_NOT_FITTED
-from fit.batch.cluster import Workers
+from fit.batch.cluster import Workers, connect
 from fit.batch.jobs import Outcome
 from fit.batch.runner import Outage, Survey, run, survey
 from fit.batch.store import Bucket, Folder, open_store
@@ -222,3 +226,28 @@ def test_an_outage_lasts_from_its_first_word_to_its_last_and_five_minutes_of_sil
     outage = Outage()
     assert [outage.goes_on(now) for now in (1000.0, 1200.0, 1499.0)] == [(True, 0.0), (False, 200.0), (False, 499.0)]
     assert outage.goes_on(1800.0) == (True, 0.0)
+
+
+def test_ctrl_c_while_the_workers_start_waits_closes_the_cluster_and_meets_none_of_them(monkeypatch):
+    """A thread of a cluster that begins has SIGINT blocked, and what the thread starts inherits that."""
+    seen, closed = [], []
+
+    def begin(**options):
+        thread = threading.Thread(target=lambda: seen.append(signal.pthread_sigmask(signal.SIG_BLOCK, ())))
+        thread.start()
+        os.kill(os.getpid(), signal.SIGINT)
+        thread.join()
+        return SimpleNamespace(close=lambda timeout: closed.append("cluster"))
+
+    def connected(cluster):
+        return SimpleNamespace(cluster=cluster, close=lambda timeout: closed.append("client"))
+
+    security = SimpleNamespace(temporary=lambda: None)
+    monkeypatch.setitem(
+        sys.modules, "distributed", SimpleNamespace(LocalCluster=begin, Client=connected, Security=security)
+    )
+    with pytest.raises(KeyboardInterrupt), connect(Workers(count=1)):
+        pytest.fail("the interruption is raised before work is handed out")
+    assert closed == ["client", "cluster"]
+    assert signal.SIGINT in seen[0]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

@@ -162,7 +162,7 @@ def _remote(distributed: Any, workers: Workers) -> Any:
                 where=address,
                 advice="set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ...__CLIENT__CERT and ...__CLIENT__KEY",
             ) from error
-        except (OSError, TimeoutError, ValueError) as error:
+        except (OSError, TimeoutError, ValueError, AssertionError) as error:  # the last: dask's thread did not begin
             if time.monotonic() >= deadline or (isinstance(error, ValueError) and "://" in address):
                 kind = BatchError if isinstance(error, ValueError) else UnreachableError
                 raise kind(

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fit.batch import runner, worker
+from fit.batch import cluster, runner, worker
 from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.cluster import Workers, connect
 from fit.batch.jobs import Outcome
@@ -251,3 +251,18 @@ def test_ctrl_c_while_the_workers_start_waits_closes_the_cluster_and_meets_none_
     assert closed == ["client", "cluster"]
     assert signal.SIGINT in seen[0]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_scheduler_is_tried_again_where_dasks_own_thread_did_not_begin_in_time(monkeypatch):
+    """`distributed.utils.LoopRunner` waits for it 10 s, and then asserts that it has begun."""
+    tries = iter((AssertionError(), None))
+
+    def client(address, timeout):
+        if error := next(tries):
+            raise error
+        return SimpleNamespace(cluster=None, close=lambda timeout: None)
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=client))
+    monkeypatch.setattr(cluster, "RETRY", 0.0)
+    with connect(Workers(scheduler="tcp://127.0.0.1:9")):
+        assert not list(tries)

@@ -140,5 +140,8 @@ def test_a_held_end_is_written_unless_a_tracked_point_is_it_or_has_its_name():
     assert marker_tracks(take).labels[4:] == ("held_left",)
     take.points[6, 2, 1] += 1e-3
     assert marker_tracks(take).labels[4:] == ("held_left", "held_right")
+    take.points[6] = take.held[6, 1]
+    take.held_valid[:, 1] = False
+    assert marker_tracks(take).labels[4:] == ("held_left", "held_right")
     take.held_valid[:] = False
     assert marker_tracks(take).labels[4:] == ("held_left", "held_right")

@@ -130,6 +130,15 @@ def test_one_column_of_an_order_that_is_none_spoils_its_table(order):
     assert not decode_tables([bytes(coded)], np.array([3]), 2)[1].any()
 
 
+@pytest.mark.parametrize(("zeros", "is_sound"), [(ESCAPE - 1, True), (ESCAPE + 1, False)])
+def test_a_quotient_above_the_escape_spoils_its_table_alone(zeros, is_sound):
+    """As `test_a_column_by_hand`, with other quotients: so many zeros before a one, then a one."""
+    raw = bytes([33, 20, 0, 0, 0, 0, 0, 0, 0, 0b10]) + (0b11 << zeros).to_bytes(4, "little")
+    values, sound = decode_tables([raw, one([[10], [12], [11]])], np.array([3, 3]), 1)
+    assert sound.tolist() == [is_sound, True]
+    assert values[-3:].tolist() == [[10], [12], [11]]
+
+
 def test_a_table_that_ends_within_its_head_is_none():
     _, sound = decode_tables([bytes(5 * 4 + 3), bytes(5 * 4 + 4)], np.array([2, 2]), 4)
     assert sound.tolist() == [False, True]

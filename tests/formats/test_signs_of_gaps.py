@@ -89,6 +89,16 @@ def test_one_place_of_a_path_or_places_beside_a_short_one_are_no_signs(frames, t
     assert take_out_signs(where, np.ones(2), str) == ""
 
 
+def test_nines_once_are_a_sign_only_twice_as_far_out_as_all_others():
+    """A single 999 within the room may be a place: a path of 0.6 m reaches 0.999 m, but hardly 1.5 m."""
+    where = 0.6 + np.random.default_rng(0).normal(0, 0.01, (120, 2, 3))
+    where[5, 0] = 0.999
+    assert take_out_signs(where, np.full(2, 0.001), str) == ""
+    where = where * 0.6
+    where[5, 0] = 0.999
+    assert take_out_signs(where, np.full(2, 0.001), str) == SIGN.format("999", "1 time", "5")
+
+
 @pytest.mark.parametrize("rate", [5, 20, 100])
 @pytest.mark.parametrize("unit", [1, 10, 100])
 def test_paths_through_places_of_one_whole_number_are_read(rate, unit):

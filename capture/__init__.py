@@ -1,1 +1,1 @@
-"""The appliance: find the hanger and the garment in every frame and keep what was seen."""
+"""Detect the hanger and the garment in every frame, track their points and record them as a take."""

@@ -92,9 +92,9 @@ def calibrate_command(
     sensor: Annotated[
         str, typer.Option("--sensor", metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")
     ],
-    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="The rig as far as it is known.")],
+    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="The rig, with the values known so far.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="RIG.toml", help="Write the rig with what was measured.")
+        Path | None, typer.Option("--out", metavar="RIG.toml", help="Write the rig with the measured values.")
     ] = None,
     plumb: Annotated[
         str, typer.Option("--plumb-ids", metavar="ID,ID", help="Upper and lower marker of the plumb line.")
@@ -102,23 +102,23 @@ def calibrate_command(
     clips: Annotated[
         str, typer.Option("--clip-ids", metavar="ID,ID", help="Marker in the left and in the right clip.")
     ] = "2,3",
-    seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=10.0, help="Watch for so long.")] = 5.0,
+    seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=10.0, help="Duration of the measurement.")] = 5.0,
     accelerometer: Annotated[
         bool | None,
         typer.Option(
             "--accelerometer/--no-accelerometer",
-            help="Ask the Kinect that is connected.",
+            help="Read the connected Kinect's accelerometer.",
             show_default="tried with a live sensor",
         ),
     ] = None,
     anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file that --out names.")] = False,
 ) -> None:
-    """Measure a rig before which everything hangs still, each value with its standard deviation.
+    """Calibrate a rig from a still scene; each value has its standard deviation.
 
     The hanger gives the depth scale and the offset of depth from colour. A plumb line with two markers gives gravity,
     and so does a sensor's accelerometer. A marker in each clip, its black upper edge where the clip holds, gives the
-    ends of the held edge. The rest of the rig stays as it was. Without --out nothing is written.
+    ends of the held edge. Other values of the rig stay unchanged. Without --out nothing is written.
     """
     from msgspec import to_builtins
 
@@ -165,7 +165,7 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
     """Return the two whole numbers of an option.
 
     Raises:
-        UntrackableError: it does not hold two.
+        UntrackableError: the value is not two whole numbers.
     """
     from capture.errors import UntrackableError
 
@@ -177,10 +177,10 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
 
 
 def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
-    """Check the name of a take to be written against the files that other options name.
+    """Check that a take's name ends in .mcap and is not an input file.
 
     Raises:
-        OutputError: it does not end in .mcap, by which takes are found, or one of the inputs would be replaced.
+        OutputError: it does not end in .mcap, the ending of takes, or an input would be replaced.
     """
     from formats.errors import OutputError
     from formats.outputs import check_is_no_input
@@ -199,7 +199,7 @@ def record_command(
     out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write, *.mcap.")],
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", min=1.0, max=86400.0, help="Stop after so long.", show_default="the end"),
+        typer.Option("--seconds", min=1.0, max=86400.0, help="Stop after this time.", show_default="the end"),
     ] = None,
     pick: Annotated[
         tuple[str, str] | None,
@@ -225,10 +225,10 @@ def record_command(
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
-    Nothing has to be clicked: the two markers are found without help, fiducials or coloured dots as the rig says. If
-    other things look like dots, --pick points at the right ones. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. A
-    lamp is steady while all is well, blinks once a second when something stands in the way and four times when the
-    sensor fails. With a live sensor it runs before other programs, if this user may: systemd/README.md.
+    The two markers, fiducials or coloured dots as in the rig, are found automatically. If other objects look like
+    dots, --pick gives the position of the right ones. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. The lamp is
+    steady without faults, blinks once a second if tracking fails, and four times a second if the sensor fails. With a
+    live sensor the recorder takes real-time priority, if this user may: systemd/README.md.
     """
     from contextlib import ExitStack
     from datetime import UTC, datetime

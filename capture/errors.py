@@ -31,23 +31,23 @@ class NoMarkersError(CaptureError):
 
 
 class HangerGapError(CaptureError):
-    """A recording in which the two hanger markers were not seen for too long between two sights of them."""
+    """A recording in which the two hanger markers were out of view for too long between two detections."""
 
 
 class UnfitTakeError(CaptureError):
-    """A recording that was kept and to which nothing can be fitted."""
+    """A recording that was kept although no model can be fitted to it."""
 
 
 class CalibrationError(CaptureError):
-    """A rig that cannot be measured from what the sensor saw."""
+    """A calibration that failed: the recorded frames do not determine the rig."""
 
 
 class ControlError(CaptureError):
-    """A daemon that is not there, may not be asked, does not answer or cannot listen."""
+    """A daemon that is not running, refuses this user, does not answer or cannot open its socket."""
 
 
 class AnotherDaemonError(ControlError):
-    """A daemon that listens already where this one was to listen."""
+    """Another daemon that already listens at this daemon's socket."""
 
 
 class SpoolError(CaptureError):
@@ -55,4 +55,4 @@ class SpoolError(CaptureError):
 
 
 class SyncError(CaptureError):
-    """A server, a setting or a credential with which takes cannot be brought away as asked."""
+    """A server, setting or credential with which takes cannot be uploaded."""

@@ -1,4 +1,4 @@
-"""The doctor's last line: are the hanger's two markers visible? Contributed to `hangtime sensor doctor`."""
+"""The last check of `hangtime sensor doctor`: are the hanger's two markers visible?"""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from formats.rig import Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
 USUAL_IDS = (0, 1)
-LEAST_SEEN = 0.5  # of the frames looked at; tracking searches finer and bridges gaps, a hidden marker is hidden longer
+LEAST_SEEN = 0.5  # share of the checked frames; tracking searches finer and bridges gaps
 
 
 def markers_visible(examination: Examination) -> Finding:
-    """Look for both markers in some frames."""
+    """Search some frames for both markers."""
     dictionary, ids = USUAL_DICTIONARY, USUAL_IDS
     if examination.rig is not None:
         hanger = examination.rig.hanger
@@ -44,7 +44,7 @@ def markers_visible(examination: Examination) -> Finding:
 
 
 def _sizes_wrong(frames: list[SensorFrame], rig: Rig) -> str:
-    """Return which number of the rig contradicts the markers of the first frame that shows both."""
+    """Return the rig's value that contradicts the marker sizes in the first frame that shows both."""
     for frame in frames:
         seen = None if frame.colour is None else sizes_seen(frame.colour, frame.depth, rig)
         if seen is not None and rig.hanger is not None and rig.sensor is not None:

@@ -1,1 +1,1 @@
-"""The appliance: the recorder that runs alone at home, without a screen or anybody who looks after it."""
+"""The appliance: the recorder that runs unattended at home, without a screen."""

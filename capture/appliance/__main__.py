@@ -1,4 +1,4 @@
-"""`python -m capture.appliance`: the daemon, as the unit runs it. It imports no Typer and opens no network socket."""
+"""`python -m capture.appliance`: the daemon that the systemd unit starts, without Typer and network sockets."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def run(path: Path) -> None:
     """Run the daemon until it is asked to stop.
 
     Raises:
-        HangtimeError: there is no configuration, old or new, or another daemon is running.
+        HangtimeError: no configuration, current or last valid, can be read, or another daemon is running.
     """
     in_force = load_or_last_good(path)
     stop = threading.Event()
@@ -72,7 +72,7 @@ def run(path: Path) -> None:
         opened.callback(control.close)
         config = in_force.config
         if in_force.refused is not None:
-            LOG.error("%s; the last configuration that held stays in force", in_force.refused)
+            LOG.error("%s; the last valid configuration stays in force", in_force.refused)
         disk = Disk(
             config.spool.folder,
             least_free=config.spool.least_free_mb * 1_000_000,
@@ -90,10 +90,10 @@ def run(path: Path) -> None:
 
 
 def _listen(in_force: InForce, path: Path) -> tuple[ControlServer, InForce]:
-    """Listen as the configuration says; where this cannot be, as the last good one says, which is then in force.
+    """Open the control socket; if it fails, fall back to the last valid configuration, and return the one used.
 
     Raises:
-        HangtimeError: another daemon is running, or there is no last good configuration with another socket.
+        HangtimeError: another daemon is running, or no last valid configuration names another socket.
     """
     part = in_force.config.control
     try:
@@ -109,15 +109,15 @@ def _listen(in_force: InForce, path: Path) -> tuple[ControlServer, InForce]:
 
 
 def _keep_if_new(in_force: InForce, path: Path) -> None:
-    """Keep a configuration with which the recorder became ready, without the loop waiting for the disk."""
+    """Store the configuration as the last valid one, in a thread, so that the loop does not wait for the disk."""
     if in_force.refused is None:
         threading.Thread(target=keep, args=(in_force, path), name="keep", daemon=True).start()
 
 
 def _retention(config: Config) -> Retention:
-    """Return how long takes stay, which is sync's to say.
+    """Return the retention settings of the `[sync]` table.
 
-    Sync complains of a table that does not hold; until it is mended a take leaves only where the disk is full.
+    Sync reports an invalid table. Until a user corrects the table, takes are removed only when the disk is full.
     """
     try:
         return msgspec.convert(config.sync.get("retention", {}), Retention)
@@ -126,7 +126,7 @@ def _retention(config: Config) -> Retention:
 
 
 def _server(config: Config) -> str:
-    """Return the address of the server, which is sync's to judge; one of no server where it is no text."""
+    """Return the server's address from `[sync]`, "" if it is not a string; sync validates the address."""
     url = config.sync.get("url", DEFAULT_URL)
     return url if isinstance(url, str) else ""
 
@@ -134,7 +134,7 @@ def _server(config: Config) -> str:
 def _loop(
     appliance: Appliance, stop: threading.Event, starting_memory: StartingMemory, once_ready: Callable[[], None],
 ) -> None:  # fmt: skip
-    """Go round until asked to stop; tell systemd how it goes, and that the loop still goes round."""
+    """Run the loop until asked to stop; report the state and the watchdog's keep-alive to systemd."""
     systemd = sdnotify.SystemdNotifier()
     limit = float(os.environ.get("WATCHDOG_USEC", "0")) * 1e-6
     fed = told = -float("inf")

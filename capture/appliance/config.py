@@ -22,7 +22,7 @@ DEFAULT = Path("/etc/hangtime/appliance.toml")
 
 @dataclass(frozen=True)
 class InForce:
-    """A configuration with its rig and garment; `refused` is why the file was not taken, None where it was."""
+    """A configuration with its rig and garment; `refused`: the error that ruled the file out, or None."""
 
     config: Config
     rig: Rig
@@ -34,7 +34,7 @@ def load(path: Path) -> InForce:
     """Read a configuration, its rig and its garment.
 
     Raises:
-        DescriptionError: one of the three is missing or does not hold, or the spool's folder is none.
+        DescriptionError: one of the three files is missing or invalid, or the spool's path is no folder.
     """
     plain = read_toml(path)
     try:
@@ -52,7 +52,7 @@ def load(path: Path) -> InForce:
 
 
 def _check_spool(folder: Path, path: Path) -> None:
-    """Check that nothing but a folder has the spool's name; a disk that is not mounted yet is no fault of the file."""
+    """Check that no file has the spool's path; a missing folder passes, since its disk may be mounted later."""
     there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
     if not there.is_dir():
         told = loop_words(there, "is no folder")
@@ -66,7 +66,7 @@ def converted(plain: object, folder: Path) -> Config:
     """Return the configuration that a file's tables hold; folder: where relative paths start.
 
     Raises:
-        msgspec.ValidationError: they do not hold.
+        msgspec.ValidationError: a key or a value is invalid.
     """
 
     def path_from(kind: type, value: object) -> object:

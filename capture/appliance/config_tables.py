@@ -1,4 +1,4 @@
-"""The tables of the appliance's configuration file, each key with its kind, range and default."""
+"""The tables of the appliance's configuration file: type, range and default of every key."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from msgspec import Meta
 
 from formats.wrong_fields import wrong_field
 
-CONTOUR = 8  # places around the silhouette for each place along a side
+CONTOUR = 8  # points around the silhouette for each point along a side
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file; an unknown name in it is refused."""
+    """Base class of the file's tables; an unknown key raises a validation error."""
 
 
 class SensorPart(Part, frozen=True, kw_only=True):
-    """`[sensor]`: which sensor, and before what."""
+    """`[sensor]`: the sensor, and the rig and garment in front of it."""
 
     rig: Annotated[Path, Meta(description="the rig description; a relative path starts at the file's folder")]
     garment: Annotated[Path, Meta(description="the garment description")]
@@ -27,11 +27,11 @@ class SensorPart(Part, frozen=True, kw_only=True):
     ] = "openni2:"
 
 
-MOST_SCAN_PLACES = 1_000_000  # of all scans of a take: 24 MB of memory, and 20 s of a fast core, when it is judged
+MOST_SCAN_PLACES = 1_000_000  # of all scans of a take: checking them needs 24 MB and 20 s of a fast core
 
 
 class RecordingPart(Part, frozen=True, kw_only=True):
-    """`[recording]`: how long, and what of the surface."""
+    """`[recording]`: the length of a take, and the rate and size of its surface scans."""
 
     pre_roll_s: Annotated[
         float, Meta(ge=0.0, le=10.0, description="seconds before the press that belong to the take")
@@ -53,7 +53,7 @@ class RecordingPart(Part, frozen=True, kw_only=True):
 
 
 class ButtonPart(Part, frozen=True, kw_only=True):
-    """`[button]`: where presses come from."""
+    """`[button]`: the input device of the button."""
 
     device: Annotated[
         str,
@@ -65,7 +65,7 @@ class ButtonPart(Part, frozen=True, kw_only=True):
 
 
 class LampPart(Part, frozen=True, kw_only=True):
-    """`[lamp]`: which LEDs show how it goes."""
+    """`[lamp]`: the LEDs that show the state."""
 
     led: Annotated[str, Meta(description="name of the LED in the folder of LEDs; empty for none")] = ""
     fault_led: Annotated[str, Meta(description="a second, red LED for faults; empty: `led` shows them too")] = ""
@@ -73,7 +73,7 @@ class LampPart(Part, frozen=True, kw_only=True):
 
 
 class ControlPart(Part, frozen=True, kw_only=True):
-    """`[control]`: who may start and stop."""
+    """`[control]`: the control socket, and the group that may use it."""
 
     socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = Path(
         "/run/hangtime/control.sock"
@@ -82,7 +82,7 @@ class ControlPart(Part, frozen=True, kw_only=True):
 
 
 class SpoolPart(Part, frozen=True, kw_only=True):
-    """`[spool]`: where takes lie until they are on the server."""
+    """`[spool]`: the folder that holds takes until they are on the server."""
 
     folder: Annotated[Path, Meta(description="the folder of the takes")] = Path("/var/lib/hangtime/takes")
     least_free_mb: Annotated[int, Meta(ge=10, description="room on the disk [MB] below which no take begins")] = 50
@@ -92,7 +92,7 @@ class SpoolPart(Part, frozen=True, kw_only=True):
 
 
 class PowerPart(Part, frozen=True, kw_only=True):
-    """`[power]`: the board's own voltage."""
+    """`[power]`: the file that reports undervoltage of the board."""
 
     alarm: Annotated[
         Path | None,
@@ -101,7 +101,7 @@ class PowerPart(Part, frozen=True, kw_only=True):
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All tables of the file. `sync` belongs to `hangtime sync`, which checks it itself."""
+    """All tables of the file. `hangtime sync` validates the table `sync` itself."""
 
     sensor: SensorPart
     recording: RecordingPart = RecordingPart()
@@ -114,5 +114,5 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def wrong_in_tables(error: msgspec.ValidationError) -> str:
-    """Return the key that does not hold, and what it must be."""
+    """Return the invalid key, and the values that it accepts."""
     return wrong_field(error, (Config, *Part.__subclasses__()))

@@ -1,7 +1,7 @@
-"""The Unix socket by which `hangtime start|stop|status|watch|preview` speak with the daemon.
+"""The Unix socket through which `hangtime start|stop|status|watch|preview` send requests to the daemon.
 
-One line of JSON asks, `{"do": "status"}`; one line answers. `watch` answers with a line at every change until the asker
-hangs up. The socket's group decides who may ask. The daemon's side never waits: the daemon calls it once per frame.
+A request is one line of JSON, `{"do": "status"}`, and so is the answer. `watch` sends a line at every change until the
+client disconnects. Members of the socket's group may connect. The server never blocks: the daemon polls it each frame.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 from capture.errors import AnotherDaemonError, ControlError
 
 LONGEST_QUESTION = 4096  # bytes
-MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
-MOST_CALLERS = 128  # that the kernel holds until the daemon's next round
-MOST_WATCHERS = 64  # one more, and the daemon hangs up on the oldest
-ANSWER_PATIENCE = 10.0  # s that an asker waits for a whole answer: a daemon that records answers within one frame
+MOST_ASKERS = 16  # clients at once; one more, and the daemon disconnects the client that has been silent for longest
+MOST_CALLERS = 128  # connections that the kernel queues until the daemon's next poll
+MOST_WATCHERS = 64  # watchers at once; one more, and the daemon disconnects the oldest
+ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a recording daemon answers within one frame
 ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once
 LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
 MODE = 0o660
@@ -35,10 +35,10 @@ Answer = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 class ControlServer:
-    """The daemon's end of the socket."""
+    """The server side of the control socket."""
 
     def __init__(self, path: Path, group: str = "") -> None:
-        """Listen at a path, in the place of a socket that a dead daemon left.
+        """Listen at a path; replace a stale socket that a dead daemon left there.
 
         Raises:
             ControlError: the path cannot be used, another daemon listens there, or there is no such group.
@@ -75,7 +75,7 @@ class ControlServer:
         self._watchers: list[socket.socket] = []
 
     def serve(self, answer: Answer) -> None:
-        """Answer whoever has asked by now; `answer` gets the question and returns the answer."""
+        """Answer the requests that have arrived; `answer` maps a request to its answer."""
         for _ in range(MOST_ASKERS):
             try:
                 asker, _ = self._socket.accept()
@@ -83,13 +83,13 @@ class ControlServer:
                 break
             asker.setblocking(False)
             self._askers[asker] = b""
-            if len(self._askers) > MOST_ASKERS:  # whoever connects and asks nothing keeps nobody out
+            if len(self._askers) > MOST_ASKERS:  # an idle client must not lock others out
                 self._hear(next(iter(self._askers)), answer, is_last_word=True)
         for asker in list(self._askers):
             self._hear(asker, answer)
 
     def tell(self, news: dict[str, Any]) -> None:
-        """Send news to every watcher, and drop those that have gone."""
+        """Send a status to every watcher, and drop the disconnected ones."""
         for watcher in list(self._watchers):
             if not _send(watcher, news):
                 self._watchers.remove(watcher)
@@ -97,11 +97,11 @@ class ControlServer:
 
     @property
     def is_watched(self) -> bool:
-        """Return whether anybody watches."""
+        """Return whether any watcher is connected."""
         return bool(self._watchers)
 
     def close(self) -> None:
-        """Stop listening and hang up."""
+        """Stop listening and disconnect all clients."""
         for asker in [*getattr(self, "_askers", ()), *getattr(self, "_watchers", ())]:
             asker.close()
         self._socket.close()
@@ -143,22 +143,22 @@ class ControlServer:
 
 
 def ask(path: Path, do: str) -> dict[str, Any]:
-    """Ask the daemon and return its answer.
+    """Send a request to the daemon and return its answer.
 
     Raises:
-        ControlError: no daemon listens there, this user may not ask, or it does not answer.
+        ControlError: no daemon listens there, this user may not connect, or the daemon does not answer.
     """
     return next(listen(path, do))
 
 
 def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
-    """Ask the daemon and yield its answers, one unless `do` is "watch".
+    """Send a request and yield the daemon's answers; only "watch" has more than one.
 
     Raises:
         ControlError: as `ask`.
     """
     with _connected(path) as connection:
-        with contextlib.suppress(ConnectionError):  # it hung up, which the next line tells
+        with contextlib.suppress(ConnectionError):  # disconnected: the next read reports it
             connection.sendall(json.dumps({"do": do}).encode() + b"\n")
         count, heard = 0, bytearray()
         while True:
@@ -180,10 +180,10 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
 
 
 def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -> bytes:
-    """Return the next line, or what came of one before the other end hung up, b"" of nothing.
+    """Return the next line; after a disconnection, the part of a line that arrived, b"" if none.
 
-    - `heard`: bytes received before; bytes behind the line stay there
-    - `may_be_silent`: wait for the line's first byte for as long as it takes
+    - `heard`: buffer of received bytes; the bytes after the line stay in it
+    - `may_be_silent`: wait for the line's first byte without a time limit
 
     Raises:
         TimeoutError: the whole line took longer than `ANSWER_PATIENCE`.
@@ -212,15 +212,15 @@ def _told(line: bytes, path: Path) -> dict[str, Any]:
 
 
 def picture_in(answer: dict[str, Any]) -> bytes:
-    """Return the picture of an answer to "preview"."""
+    """Return the image in an answer to "preview"."""
     return base64.b64decode(answer["png"])
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a path that is longer than a socket's can be.
+    """Check that a path is no longer than a socket's may be.
 
     Raises:
-        ControlError: it is.
+        ControlError: the path is too long.
     """
     if (length := len(os.fsencode(path))) > LONGEST_PATH:
         raise ControlError(
@@ -239,7 +239,7 @@ def _connected(path: Path) -> socket.socket:
             try:
                 connection.connect(str(path))
                 break
-            except BlockingIOError:  # as many as the kernel holds are waiting for the daemon
+            except BlockingIOError:  # the kernel's queue of connections is full
                 if time.monotonic() > until:
                     raise
                 time.sleep(0.02)
@@ -248,7 +248,7 @@ def _connected(path: Path) -> socket.socket:
         if isinstance(error, PermissionError):
             what, advice = "this user may not speak to the daemon", "join the group of the socket and log in again"
         elif isinstance(error, BlockingIOError):
-            what, advice = f"the daemon has let nobody in for {ANSWER_PATIENCE:g} s", SEE_UNIT
+            what, advice = f"the daemon has accepted no connection for {ANSWER_PATIENCE:g} s", SEE_UNIT
         else:
             what, advice = (
                 "no daemon listens here",
@@ -259,9 +259,9 @@ def _connected(path: Path) -> socket.socket:
 
 
 def _send(to: socket.socket, answer: dict[str, Any]) -> bool:
-    """Send a line at once; return whether it went. The daemon waits for no reader."""
+    """Send a line without blocking; return whether all of it was sent."""
     try:
-        to.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 21)  # a picture fits
+        to.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 21)  # an image fits
         line = json.dumps(answer).encode() + b"\n"
         return to.send(line) == len(line)
     except OSError:
@@ -269,11 +269,11 @@ def _send(to: socket.socket, answer: dict[str, Any]) -> bool:
 
 
 def _remove_left_over(path: Path) -> None:
-    """Remove a socket that nobody listens at.
+    """Remove a stale socket, at which no process listens.
 
     Raises:
-        ControlError: somebody does, or something else is in its place.
-        OSError: this user may not try it or remove it.
+        ControlError: a process listens, or the path is not a socket.
+        OSError: this user may not connect to it or remove it.
     """
     if not path.is_socket():
         if os.path.lexists(path):
@@ -289,7 +289,7 @@ def _remove_left_over(path: Path) -> None:
             path.unlink(missing_ok=True)
             return
         except BlockingIOError:
-            pass  # somebody listens, and is too busy to answer
+            pass  # a process listens, and is too busy to answer
     raise AnotherDaemonError(
         "another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
     )

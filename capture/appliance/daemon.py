@@ -1,6 +1,6 @@
-"""The daemon: one loop that looks at a frame, the button, the socket and the disk's news, thirty times a second.
+"""The daemon: one loop that polls the sensor, the button, the control socket and the disk thread 30 times a second.
 
-Nothing in the loop waits for a disk, a sensor that opens, or whoever asks; these have threads or sockets of their own.
+The loop never blocks. The disk and the opening of the sensor have threads; clients have a non-blocking socket.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from firmware_host.power import PowerSupply
 from formats.errors import HangtimeError, OutputError
 
 WAIT = 0.07  # s that the loop waits for a frame: a press must count within 100 ms
-RESTING = {State.READY, State.SYNCING, State.FAULT}  # where only a frame now and then is looked at
-LOOK_EVERY = 1.1  # s from one look for the hanger to the next while it is not in view
-GONE_AFTER = 5.0  # s without the hanger after which nothing before a press is held any more
-KEEP_HOUSE = 1.0  # s from one look at disk, voltage and sync to the next
-TRY_AGAIN = 2.0  # s from one try to use a spool that failed to the next
-LONGEST_GOODBYE = 20.0  # s in which a running take must be on the disk when the daemon is stopped
+RESTING = {State.READY, State.SYNCING, State.FAULT}  # states in which only an occasional frame is processed
+LOOK_EVERY = 1.1  # s between two searches for the hanger while it is not in view
+GONE_AFTER = 5.0  # s without the hanger after which the pre-roll is discarded
+KEEP_HOUSE = 1.0  # s between two checks of disk, voltage and sync
+TRY_AGAIN = 2.0  # s between two attempts to use a spool that failed
+LONGEST_GOODBYE = 20.0  # s that a running take has to reach the disk when the daemon is stopped
 
 
 class Appliance:
-    """Everything that the appliance does between its start and its end; `step` is one round of the loop."""
+    """The appliance's control loop and its state; `step` is one iteration."""
 
     def __init__(
         self, in_force: InForce, *, keeper: SensorKeeper, disk: Disk, control: ControlServer,
@@ -68,13 +68,13 @@ class Appliance:
             self.faults.set("config", in_force.refused, clock())
 
     def step(self) -> None:
-        """Do one round: at most one frame."""
+        """Run one iteration, with at most one frame."""
         self._keeper.rest(is_resting=self.machine.state in RESTING)
         frame = self._keeper.next_frame(WAIT)
         now = self._clock()
         if frame is not None:
             self._has_frames = True
-            self.faults.clear("sensor")  # a sensor that opens and sends nothing is not mended
+            self.faults.clear("sensor")  # a sensor that opens and delivers no frame is still faulty
             self.counts.frames += 1
             self.counts.dropped += frame.dropped_before
             self.counts.gaps += frame.dropped_before > 0
@@ -89,11 +89,11 @@ class Appliance:
         self._follow_faults()
         for _ in range(self._panel.presses(now)):
             self._on_press(now)
-        self._show(now)  # before anybody is answered, so that the lamp is never behind what was said
+        self._show(now)  # before requests are answered, so that the lamp never lags behind an answer
         self._control.serve(self._answer)
 
     def _follow(self, event: Event) -> bool:
-        """Follow an event of the table; tell and log where it leads, and return whether it leads anywhere."""
+        """Apply an event to the state machine; log and publish a new state, and return whether there is one."""
         if not self.machine.take(event):
             return False
         LOG.info("%s", self.machine.state.value)
@@ -102,7 +102,7 @@ class Appliance:
 
     @property
     def is_started(self) -> bool:
-        """Return whether it knows what is the case: ready, or at fault."""
+        """Return whether starting has ended, in readiness or in a fault."""
         return self.machine.state is not State.STARTING
 
     def say_goodbye(self) -> None:
@@ -175,7 +175,7 @@ class Appliance:
             self._start("button", now)
 
     def _start(self, by: str, now: float) -> dict[str, Any]:
-        """Begin a take, and return the answer: that it has begun, or why none can."""
+        """Begin a take; return the answer to the request, which says that it has begun or why it cannot."""
         if not self.machine.may_record:
             return self._why_not()
         before = self._pre_roll.take()
@@ -223,7 +223,7 @@ class Appliance:
         self._forget_frames()
         return True
 
-    # --- what is wrong -------------------------------------------------------------------------------
+    # --- faults -------------------------------------------------------------------------------------
 
     def _look_at_sensor(self, now: float) -> None:
         silent, info = self._keeper.silent_s(now), self._keeper.info
@@ -243,7 +243,7 @@ class Appliance:
             LOG.error("%s", self._keeper.error)
 
     def _blamed(self, error: HangtimeError, now: float) -> HangtimeError:
-        """Put a sensor's fault down to the power supply where the board's voltage was low."""
+        """Attribute a sensor's fault to the power supply if the board's voltage was low."""
         if not self._power.was_low(now):
             return error
         return type(error)(
@@ -339,7 +339,7 @@ class Appliance:
         elif self._is_spool_sound and self._has_frames:
             self._follow(Event.SOUND)
 
-    # --- telling -------------------------------------------------------------------------------------
+    # --- answers -------------------------------------------------------------------------------------
 
     def _answer(self, question: dict[str, Any]) -> dict[str, Any]:
         do = question.get("do")
@@ -362,7 +362,7 @@ class Appliance:
             state=self.machine.state, faults=self.faults, counts=self.counts, now=now,
             light=self._light(now), running=None if self._take is None else self._take.now(),
             condition=self._condition, pre_roll_s=self._pre_roll.span, behind_s=self._disk.behind(now),
-            sync=self._sync.told(), config=self._in_force,
+            sync=self._sync.for_status(), config=self._in_force,
         )  # fmt: skip
 
     def _light(self, now: float) -> Light:
@@ -379,7 +379,7 @@ class Appliance:
         self._tell_watchers(light)
 
     def _tell_watchers(self, light: Light) -> None:
-        """Tell whoever watches, where something has changed."""
+        """Send the status to the watchers if it has changed."""
         faults = tuple(fault.name for fault in self.faults.all)
         is_now = (self.machine.state, light, self._condition, faults)
         if is_now != self._was:
@@ -389,5 +389,5 @@ class Appliance:
 
 
 def _no(what: str, advice: str) -> dict[str, Any]:
-    """Return the answer to a command that cannot be followed."""
+    """Return the answer to a command that cannot be carried out."""
     return {"ok": False, "what": what, "advice": advice}

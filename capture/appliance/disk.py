@@ -1,6 +1,6 @@
-"""The thread that writes: takes, salvage and looks at the disk, so that a disk that hangs never holds up the frames.
+"""The disk thread: it writes and recovers takes and checks the disk, so that a slow disk never delays frames.
 
-The thread's lag can be asked at any time: the age of the oldest work that is not on the disk yet.
+`behind` gives the thread's lag: the age of the oldest job that has not reached the disk.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from formats.judgement import judge
 from formats.rig import Rig
 from formats.whole_files import make_writable
 
-READING_TIME = 60.0  # s that the processor may take to read and judge a take, before the disk is blamed
-COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts come meanwhile
+READING_TIME = 60.0  # s of processor time allowed for reading and checking a take before the disk counts as slow
+COUNT_EVERY = 10.0  # s between two counts of the takes: sync adds receipts meanwhile
 
 
 @dataclass(frozen=True, kw_only=True)
 class TakePlan:
-    """The facts of a take at its beginning: `created` is the wall clock at its first frame, ISO 8601."""
+    """The metadata of a take at its beginning; `created`: wall-clock time of its first frame, ISO 8601."""
 
     rig: Rig
     garment: Garment
@@ -45,15 +45,15 @@ class TakePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class DiskNews:
-    """The news of the disk thread.
+    """A message from the disk thread; each field that is set is one event or state.
 
     - `room`: bytes free
-    - `kept`: a take that has its name
-    - `findings`: what a fitter would find in it
-    - `failure`: why a take ended, or why the spool cannot be used
+    - `kept`: a take that has just received its final name
+    - `findings`: the defects of this take that matter to a fit
+    - `failure`: the error that ended a take, or that makes the spool unusable
     - `is_over`: the running take has ended
-    - `salvaged`: takes that a crash had left
-    - `counts`: takes in the spool, and those of them that wait for the server
+    - `salvaged`: takes that were recovered after a crash
+    - `counts`: number of takes in the spool, and of those that wait for upload
     """
 
     room: int | None = None
@@ -82,13 +82,13 @@ class _Running:
 
 
 class Disk:
-    """One folder of takes and the thread that writes into it."""
+    """One spool folder and the thread that writes to it."""
 
     def __init__(
         self, folder: Path, *, least_free: int, retention: Retention, clock: Callable[[], float],
         url: str | None = None,
     ) -> None:  # fmt: skip
-        """Prepare; url: the server on which a take is safe, None for any."""
+        """Prepare; url: only receipts from this server count as proof of an upload, None for any server."""
         self._spool, self._folder, self._url = Spool(folder), folder, url
         self._least_free, self._retention, self._clock = least_free, retention, clock
         self._work: queue.SimpleQueue[_Work | None] = queue.SimpleQueue()
@@ -101,11 +101,11 @@ class Disk:
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
 
     def start(self) -> None:
-        """Start the thread that writes."""
+        """Start the disk thread."""
         self._thread.start()
 
     def close(self, timeout_s: float) -> None:
-        """Finish what is to be done, as far as that takes no longer."""
+        """Finish the queued jobs, within a time limit [s], and stop the thread."""
         self._work.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout_s)
@@ -113,18 +113,18 @@ class Disk:
             self._spool.close()
 
     def behind(self, now: float) -> float:
-        """Return the age [s] of the work that the thread is at, 0 where it has none."""
+        """Return the age [s] of the thread's oldest job, 0 if it has none."""
         since = self._busy_since
         return 0.0 if since is None else max(now - since, 0.0)
 
     @property
     def is_idle(self) -> bool:
-        """Return whether everything is done."""
+        """Return whether no job is queued or running."""
         with self._lock:
             return self._pending == 0
 
     def news(self) -> list[DiskNews]:
-        """Return what was found out since the last call."""
+        """Return the thread's messages since the last call."""
         found = []
         while True:
             try:
@@ -133,11 +133,11 @@ class Disk:
                 return found
 
     def salvage(self) -> None:
-        """Try the folder, keep what a crash left and tell whether the spool is sound."""
+        """Check that the folder is writable, recover takes after a crash and report whether the spool is sound."""
         self._put(self._do_salvage)
 
     def look(self) -> None:
-        """Look how much room there is."""
+        """Check the free space of the disk."""
         self._put(self._do_look)
 
     def begin(self, plan: TakePlan) -> None:
@@ -145,11 +145,11 @@ class Disk:
         self._put(lambda: self._do_begin(plan))
 
     def add(self, seen: Seen) -> None:
-        """Add a frame to the take that runs."""
+        """Add a frame to the running take."""
         self._put(lambda: self._do_add(seen))
 
     def end(self, facts: dict[str, Any], *, is_worth_keeping: bool) -> None:
-        """Finish the take that runs and keep it, with its facts; or remove it."""
+        """Finish the running take; keep it with its metadata, or remove it."""
         self._put(lambda: self._do_end(facts, is_worth_keeping))
 
     # --- in the thread -------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ class Disk:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Read a take that is on the disk: the processor's time for this is no sign of a slow disk."""
+        """Mark that the thread reads a take; processor time spent here does not count as a slow disk."""
         self._busy_since = self._clock() + READING_TIME
         yield
         self._busy_since = self._clock()
@@ -171,7 +171,7 @@ class Disk:
             self._busy_since = work.asked_at
             try:
                 work.do()
-            except Exception as error:  # the thread lives on: a lamp that is green while nobody writes is the worst end
+            except Exception as error:  # the thread must survive: a green lamp without it is the worst failure
                 self._news.put(DiskNews(failure=_named(error, self._folder)))
             finally:
                 self._busy_since = None
@@ -262,7 +262,7 @@ class Disk:
 
 
 def _named(error: Exception, folder: Path) -> HangtimeError:
-    """Return the error of a disk by its true cause."""
+    """Return an exception of the thread as a `HangtimeError` with its cause and the next action."""
     if isinstance(error, HangtimeError):
         return error
     if not isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""The appliance's faults: each one sentence and the next action, and whether nothing can be recorded meanwhile."""
+"""The appliance's faults: each has one sentence, the next action, and whether it blocks recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from formats.errors import HangtimeError
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """Something that is wrong now.
+    """A fault that is present now.
 
     name: for programs; sentence, advice: for people
     blocks: whether no take can begin
@@ -24,13 +24,13 @@ class Fault:
 
 
 class FaultBook:
-    """The faults of now, the blocking ones first, else in the order in which they came."""
+    """The present faults: the blocking ones first, otherwise in order of appearance."""
 
     def __init__(self) -> None:
         self._faults: dict[str, Fault] = {}
 
     def set(self, name: str, error: HangtimeError, now: float, *, blocks: bool = False) -> bool:
-        """Note a fault; return whether it is new. One that is there already keeps its time and takes the new words."""
+        """Add a fault; return whether it is new. A fault that is already present keeps its time."""
         before = self._faults.get(name)
         where = f"{error.where}: " if error.where is not None else ""
         self._faults[name] = Fault(
@@ -40,17 +40,17 @@ class FaultBook:
         return before is None
 
     def clear(self, name: str) -> bool:
-        """Take a fault away; return whether it was there."""
+        """Remove a fault; return whether it was present."""
         return self._faults.pop(name, None) is not None
 
     @property
     def all(self) -> list[Fault]:
-        """The faults that stand now, those that block recording first."""
+        """The present faults, those that block recording first."""
         return sorted(self._faults.values(), key=lambda fault: not fault.blocks)
 
     @property
     def blocking(self) -> list[Fault]:
-        """Those in spite of which nothing can be recorded."""
+        """The faults that block recording."""
         return [fault for fault in self._faults.values() if fault.blocks]
 
     def __contains__(self, name: object) -> bool:

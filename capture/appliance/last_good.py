@@ -1,11 +1,11 @@
-"""The last configuration that held: its copy stays in force where the file, the rig or the garment does not hold.
+"""The last valid configuration: its copy stays in force while the file, its rig or its garment is invalid.
 
 The copy lies in the folder of state that systemd gives the unit (`man 5 systemd.exec`, StateDirectory=), else beside
-the file. The file that does not hold is not needed to find it. Where this place cannot be written, the copy lies in the
+the file. The invalid file is not needed to find the copy. If this folder cannot be written, the copy lies in the
 spool; older versions put every copy there.
 
-A configuration replaces the copy once the recorder is ready with it: sensor, spool and socket are then what the file
-says. The first one is copied at once.
+A configuration replaces the copy once the recorder is ready with it: sensor, spool and socket then agree with the
+file. The first configuration is copied at once.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ IN_SPOOL = "last-good.json"
 
 
 def load_or_last_good(path: Path) -> InForce:
-    """Read a configuration; where it does not hold, return the last good one.
+    """Read a configuration; if it is invalid, return the last valid one.
 
     Raises:
-        DescriptionError: the file does not hold and there is no earlier one.
+        DescriptionError: the file is invalid and there is no earlier configuration.
     """
     try:
         found = load(path)
@@ -46,7 +46,7 @@ def load_or_last_good(path: Path) -> InForce:
 
 
 def last_good(path: Path, refused: HangtimeError) -> InForce:
-    """Return the last good configuration; refused: why the file is not taken.
+    """Return the last valid configuration; refused: the error that ruled the file out.
 
     Raises:
         HangtimeError: `refused`, where there is no earlier configuration.
@@ -58,7 +58,7 @@ def last_good(path: Path, refused: HangtimeError) -> InForce:
 
 
 def keep(found: InForce, path: Path) -> None:
-    """Copy a configuration that holds; a disk that is full keeps the copy before."""
+    """Copy a valid configuration; if the disk is full, the earlier copy stays."""
     content = msgspec.json.encode(
         {"config": found.config, "rig": found.rig, "garment": found.garment}, enc_hook=lambda path: str(path)
     )
@@ -67,7 +67,7 @@ def keep(found: InForce, path: Path) -> None:
             if not copy.is_file() or copy.read_bytes() != content:
                 make_folders(copy.parent)
                 write_whole(copy, content)
-            for litter in copy.parent.glob(f"{copy.name}*.partial"):  # what a power cut left of an earlier copy
+            for litter in copy.parent.glob(f"{copy.name}*.partial"):  # a partial file that a power cut left
                 litter.unlink(missing_ok=True)
             return
 
@@ -79,9 +79,9 @@ def copy_of(path: Path) -> Path:
 
 
 def told_spools(path: Path) -> list[Path]:
-    """Return where the spool may be, likeliest first: where the file says, then the usual one.
+    """Return the possible spool folders, likeliest first: the folder in the file, then the default one.
 
-    A file that is no TOML is searched for the line.
+    If the file is not valid TOML, its text is searched for the line of the folder.
     """
     usual = SpoolPart().folder
     try:
@@ -92,7 +92,7 @@ def told_spools(path: Path) -> list[Path]:
 
 
 def _read(copy: Path) -> InForce | None:
-    """Return the configuration of a copy, None where there is none or it was spoilt."""
+    """Return the configuration of a copy, None if the copy is missing or damaged."""
     try:
         whole = msgspec.json.decode(copy.read_bytes(), type=dict[str, Any])
         config = converted(whole["config"], copy.parent)

@@ -1,4 +1,4 @@
-"""Log lines for journald: `<N>` before each says how grave it is (`man 3 sd-daemon`)."""
+"""Log lines for journald: `<N>` before each states its priority (`man 3 sd-daemon`)."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
-"""Memory that only the start needed goes back to the system.
+"""Return memory that only the program's start needed to the operating system.
 
-Python and the libraries read far more of their files while they load than a recorder that waits for the hanger. The
-kernel counts every page of a file that a process has read: about 20 MB of code of the start. Freed heap keeps what
-loading left. Both go back once the modules are loaded, and again when the sensor is open.
+Loading Python and its libraries reads far more pages of their files than a waiting recorder needs. The
+kernel counts every page that a process has read: about 20 MB of code after loading. The heap keeps freed memory of
+the start as well. Both are released once the modules are loaded, and again when the sensor is open.
 
-A page of a file that nobody may write to and nobody has written to can be dropped at any time. The next read takes the
+An unmodified page of a read-only mapping can be dropped at any time. The next read loads the
 page from the file again (`man 2 madvise`, MADV_DONTNEED on a private mapping).
 
-A thread that loads a library maps the library as a whole, and only then writes its data. Hence a mapping is dropped
-when two looks, half a second apart, find the same mapping without any page of the process's own.
+A thread that loads a library maps the whole library first and writes its data later. Hence a mapping is dropped
+only if two checks, half a second apart, find the same mapping without a private page.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # `man 3 mallopt`
 MADV_DONTNEED = 4  # `man 2 madvise`
 PICTURE = 256 * 1024  # bytes; larger pieces of memory go back to the system when they are freed
-LOOKS_APART = 0.5  # s; a library is mapped within milliseconds, without a look into its file
+LOOKS_APART = 0.5  # s; a library is mapped within milliseconds, before any of its pages is read
 SMAPS, THREADS = Path("/proc/self/smaps"), Path("/proc/self/task")
 # `man 5 proc_pid_maps`: from, to, rights, offset in the file, device, inode, path
 MAPPING = re.compile(rb"^([0-9a-f]+)-([0-9a-f]+) (\S{4}) [0-9a-f]+ \S+ ([0-9]+) +(/.*)$")
@@ -29,7 +29,7 @@ ITS_OWN = re.compile(rb"^Anonymous: +([0-9]+) kB$")
 
 
 def share_one_heap() -> None:
-    """Let freed pictures go back to the system, and all threads share one heap: it is what pictures leave holes in."""
+    """Set malloc to return freed images to the system and to share one heap among threads: less fragmentation."""
     with suppress(OSError, AttributeError):  # another C library
         library = ctypes.CDLL(None)
         library.mallopt(M_ARENA_MAX, 1)
@@ -37,7 +37,7 @@ def share_one_heap() -> None:
 
 
 def unwritten_mappings(smaps: bytes) -> set[tuple[int, int]]:
-    """Return begin and end of the mappings of files that may not be written and hold no page of the process's own.
+    """Return begin and end of the read-only mappings of files that hold no private page.
 
     smaps: content of /proc/PID/smaps
     """
@@ -55,10 +55,10 @@ def unwritten_mappings(smaps: bytes) -> set[tuple[int, int]]:
 
 
 class StartingMemory:
-    """The memory of the start; the loop calls `let_go` once a round."""
+    """Releases the memory of the start; the loop calls `let_go` in every iteration."""
 
     def __init__(self) -> None:
-        """Drop what loading the modules left; one look is enough as long as no other thread runs."""
+        """Release the pages that loading left; one check suffices while no other thread runs."""
         self._seen = _look()
         if len(list(THREADS.glob("*"))) == 1:
             _drop(self._seen)
@@ -67,7 +67,7 @@ class StartingMemory:
         self.is_over = False
 
     def let_go(self, now: float, *, is_started: bool) -> None:
-        """Look twice a second and drop what the look before found as well, to the second look after the start.
+        """Check twice a second and drop mappings that two checks found, until the second check after the start.
 
         now [s]: monotonic; is_started: whether the recorder waits for the hanger
         """

@@ -1,4 +1,4 @@
-"""Button and lamps as the daemon has them: opened as soon as they are there, and missed without harm."""
+"""The daemon's button and lamps: opened as soon as they are present; the daemon also runs without them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from firmware_host.button import STUCK, ButtonContact, Presses, open_contact
 from firmware_host.errors import ButtonError, LampError
 from firmware_host.lamp import StatusLamp
 
-REOPENING = 2.0  # s from one try to open the button or the lamp to the next
+REOPENING = 2.0  # s between two attempts to open the button or the lamp
 
 
 class Panel:

@@ -1,4 +1,4 @@
-"""The last seconds before a press, counted in seconds: frames come 15 or 60 times a second, and not evenly."""
+"""The pre-roll: the frames of the last seconds before a press, limited by time since frame rates vary."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ T = TypeVar("T", bound=Timed)
 
 
 class PreRoll(Generic[T]):
-    """Holds what is at most so many seconds older than the newest; one older entry stays so that no second is short."""
+    """Buffers the entries of the last seconds before the newest, and one older entry to cover the full time."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
         self._held: deque[T] = deque()
 
     def add(self, entry: T) -> None:
-        """Hold an entry and let go of those that are too old."""
+        """Add an entry and discard those that are too old."""
         self._held.append(entry)
         while len(self._held) > 1 and entry.time - self._held[1].time >= self._seconds:
             self._held.popleft()
 
     def take(self) -> list[T]:
-        """Give everything away, the oldest first."""
+        """Remove and return all entries, the oldest first."""
         given = list(self._held)
         self._held.clear()
         return given

@@ -18,19 +18,19 @@ MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
 
 
 class Preview:
-    """The picture of the last frame that was looked at, and what was seen in it."""
+    """The image of the last processed frame, and the markers and garment found in it."""
 
     def __init__(self) -> None:
         self._picture: NDArray[np.uint8] | NDArray[np.uint16] | None = None
         self._sight: Tracked | None = None
 
     def keep(self, frame: SensorFrame, sight: Tracked) -> None:
-        """Keep the colour of a frame until the next, its depth where it has none."""
+        """Keep the colour image of a frame until the next, or its depth image if it has no colour."""
         self._picture = frame.depth if frame.colour is None else frame.colour
         self._sight = sight
 
     def answer(self) -> dict[str, Any]:
-        """Return the line and the picture, base64; no picture where nothing was seen yet."""
+        """Return the line and the image, base64; without an image before the first frame."""
         if self._picture is None or self._sight is None:
             return {"line": "no frame yet", "png": ""}
         return {"line": self._line(self._sight), "png": base64.b64encode(_png(self._picture, self._sight)).decode()}

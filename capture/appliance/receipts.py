@@ -1,6 +1,6 @@
-"""Receipts: what says that a take is on the server, and how its content was verified there.
+"""Receipts: each certifies that a take is on the server, and states how its content was verified there.
 
-A receipt is one JSON file of `receipts/` in the spool folder, written whole after the take was verified and never
+A receipt is one JSON file of `receipts/` in the spool folder, written atomically after the verification and never
 before. Receipts stay when their takes leave the device: the weekly proof draws from them.
 """
 
@@ -13,7 +13,7 @@ import msgspec
 
 from formats.whole_files import make_folders, write_whole
 
-DEFAULT_URL = "file:///var/lib/hangtime/server"  # where `[sync]` names no server
+DEFAULT_URL = "file:///var/lib/hangtime/server"  # the address if `[sync]` names no server
 READ_BACK = "read back"  # the object was fetched and its SHA-256 is that of what was sent
 STORE_CHECKSUM = "store's checksum"  # the store answered with the checksum of what was sent; the device may not read
 
@@ -43,12 +43,12 @@ class Receipt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def receipt_path(spool: Path, stem: str) -> Path:
-    """Return where the receipt of a take lies."""
+    """Return the path of a take's receipt."""
     return spool / "receipts" / f"{stem}.json"
 
 
 def write_receipt(spool: Path, stem: str, receipt: Receipt) -> None:
-    """Put a receipt in place; it is on the disk when this returns.
+    """Write a receipt; it is on the disk when this returns.
 
     Raises:
         OSError: it cannot be written.
@@ -59,7 +59,7 @@ def write_receipt(spool: Path, stem: str, receipt: Receipt) -> None:
 
 
 def read_receipt(spool: Path, stem: str) -> Receipt | None:
-    """Return a take's receipt; None where there is none or it cannot be read: the take is then verified again."""
+    """Return a take's receipt, None if it is missing or unreadable; the take is then verified again."""
     with contextlib.suppress(OSError, msgspec.DecodeError):
         return msgspec.json.decode(receipt_path(spool, stem).read_bytes(), type=Receipt)
     return None

@@ -1,4 +1,4 @@
-"""The stay of takes on the device: the oldest verified one leaves first, an unsynced one never."""
+"""Retention: which takes are removed from the device; the oldest verified one goes first, an unsynced one never."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ GIBIBYTE = 1 << 30
 
 
 class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The share of the disk for takes, and the stay of takes that are safe on the server.
+    """The limits of disk space for takes, and the time for which verified takes are kept.
 
-    - `quota_bytes`: takes together may be so large
-    - `least_free_bytes`: so much of the file system stays free
-    - `days`: a verified take leaves so many days after it was verified, even where there is room; None: it stays
+    - `quota_bytes`: largest total size of the takes
+    - `least_free_bytes`: least free space of the file system
+    - `days`: a verified take is removed so many days after its verification, even if there is space; None: never
     """
 
     quota_bytes: int = 8 * GIBIBYTE
@@ -36,12 +36,12 @@ class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 @dataclass(frozen=True)
 class Room:
-    """The outcome of making room.
+    """The result of freeing disk space.
 
-    - `left`: stems of the takes that left
+    - `left`: stems of the takes that were removed
     - `used`, `free`: bytes of all takes, bytes free on the file system; both afterwards
-    - `changed`: stems of those that stay because the disk holds something else than the server verified
-    - `is_enough`: whether quota and least free space hold, with what was asked for on top
+    - `changed`: stems of takes that stay because their content differs from the file that the server verified
+    - `is_enough`: whether quota and least free space are met, the requested bytes included
     """
 
     left: tuple[str, ...]
@@ -52,7 +52,7 @@ class Room:
 
 
 class Kept(Protocol):
-    """The facts of a take for retention."""
+    """The properties of a take that retention needs."""
 
     @property
     def size(self) -> int:
@@ -61,7 +61,7 @@ class Kept(Protocol):
 
     @property
     def receipt(self) -> Receipt | None:
-        """Return what says that it is on the server."""
+        """Return the take's receipt."""
         ...
 
 
@@ -72,11 +72,11 @@ def takes_to_leave(
     takes: Sequence[One], retention: Retention, *, free: int, need: int, now: datetime,
     is_safe: Callable[[One], bool] = lambda take: True,
 ) -> list[One]:  # fmt: skip
-    """Return which takes leave, given in the order of their sequence; never one without a receipt.
+    """Return the takes to remove, from takes in order of sequence; never one without a receipt.
 
     - `free`: bytes free on the file system
-    - `need`: bytes that are wanted on top of what is there
-    - `is_safe`: asked of each take that would leave, whether it is what its receipt says
+    - `need`: bytes that must be free in addition
+    - `is_safe`: called for each take to remove; returns whether its content matches its receipt
     """
     leaving: list[One] = []
     over = sum(take.size for take in takes) + need - retention.quota_bytes

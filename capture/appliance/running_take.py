@@ -1,4 +1,4 @@
-"""The take that is being recorded, as far as the frame loop is concerned: what it counts and what becomes its facts."""
+"""The frame loop's side of the take that is being recorded: its counters and its metadata."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from formats.rig import Rig
 
 @dataclass(frozen=True, kw_only=True)
 class Beginning:
-    """The beginning of a take: by whom, when, and the seconds before the press [s].
+    """The beginning of a take: who started it, when, and the length of its pre-roll [s].
 
     pressed_s [s]: monotonic
     """
@@ -29,10 +29,10 @@ class Beginning:
 
 
 class TakeInProgress:
-    """Counts a take's frames; the frames themselves go to the disk."""
+    """Counts a take's frames; the disk thread stores the frames themselves."""
 
     def __init__(self, reader: FrameReader, before: list[Seen], points: int, *, by: str, now: float) -> None:
-        """Begin with the frames before the press, the oldest first; now [s], monotonic."""
+        """Begin with the pre-roll's frames, the oldest first; now [s], monotonic."""
         self.reader, self.tally = reader, Tally(points)
         span = before[-1].time - before[0].time if before else 0.0
         self.beginning = Beginning(by=by, pressed_s=now, pre_roll_s=span, wall=wall_time(span))
@@ -45,7 +45,7 @@ class TakeInProgress:
         self.condition = self.tally.add(seen) or self.condition
 
     def plan(self, rig: Rig, garment: Garment, source: str) -> TakePlan:
-        """Return what is known at the beginning."""
+        """Return the metadata that is known at the beginning."""
         wall = self.beginning.wall
         notes = {
             "clock_source": wall.source,
@@ -56,16 +56,16 @@ class TakeInProgress:
 
     @property
     def is_worth_keeping(self) -> bool:
-        """Return whether it shows a hanger at all."""
+        """Return whether any frame shows the hanger."""
         return self.tally.with_hanger >= FEWEST_HANGERS
 
     @property
     def seconds_since_press(self) -> float:
-        """Return how long it has been recorded, by the frames' own times [s]."""
+        """Return the recorded time since the press [s], by the frames' timestamps."""
         return self.tally.seconds - self.beginning.pre_roll_s
 
     def now(self) -> dict[str, Any]:
-        """Return what `status` says of it."""
+        """Return the take's entry in `status`."""
         tally = self.tally
         return {
             "seconds": round(tally.seconds, 3), "frames": tally.frames, "dropped": tally.dropped,
@@ -74,7 +74,7 @@ class TakeInProgress:
         }  # fmt: skip
 
     def facts(self, ended_by: str) -> dict[str, Any]:
-        """Return what is kept beside the take; durations are by the frames' own clock, not by the wall's."""
+        """Return the metadata stored beside the take; durations follow the frames' timestamps, not the wall clock."""
         tally, wall = self.tally, self.beginning.wall
         return {
             "begun": wall.utc, "boot": boot_id(), "clock_source": wall.source,

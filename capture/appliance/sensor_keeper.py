@@ -1,8 +1,8 @@
-"""Keeps the sensor open: opens it in a thread of its own, tries again where that fails, and tells when it is silent.
+"""Keeps the sensor open: a thread opens it, retries after failures, and reports when it delivers no frames.
 
-One thread opens, fetches and closes as long as the daemon lives. OpenNI2 remembers each thread that ever waited for a
-frame, and asks `pthread_kill` whether the thread still lives. This crashes if the thread has ended (libopenni2
-2.2.0.33).
+One thread opens, reads and closes the sensor for the daemon's whole life. OpenNI2 remembers each thread that waited for
+a frame, and calls `pthread_kill` to test whether the thread still runs. This call crashes if the thread has ended
+(libopenni2 2.2.0.33).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from firmware_host.errors import SensorError, SensorStalledError, SensorUnavaila
 from formats.errors import HangtimeError
 from formats.rig import Rig
 
-RETRY = 2.0  # s from one try to open the sensor to the next: a USB reset takes about as long
-REST = 0.4  # s from one frame to the next while nobody needs more
-SILENT_AFTER = 0.9  # s without a frame after which a sensor is named silent: within a second of the last frame
+RETRY = 2.0  # s between two attempts to open the sensor: a USB reset takes about as long
+REST = 0.4  # s between frames while no more are needed
+SILENT_AFTER = 0.9  # s without a frame after which the sensor is reported as silent: within a second of the last frame
 
 
 class SensorKeeper:
@@ -39,11 +39,11 @@ class SensorKeeper:
         self._last_try = -float("inf")
         self._last_frame = -float("inf")
         self._precedence, self._is_resting = Precedence(), False
-        self.error: HangtimeError | None = None  # why it is not open, None while it is or nobody knows yet
+        self.error: HangtimeError | None = None  # of the last attempt; None while open or before the first result
 
     @property
     def info(self) -> SensorInfo | None:
-        """Return what the open sensor is, None where none is open."""
+        """Return the open sensor's properties, None if none is open."""
         return None if self._queue is None else self._queue.info
 
     @property
@@ -52,12 +52,12 @@ class SensorKeeper:
         return 0 if self._queue is None else self._queue.left_out
 
     def silent_s(self, now: float) -> float | None:
-        """Return since when there has been no frame [s], where that is too long; None where all is well."""
+        """Return the time since the last frame [s] if it is above the limit, else None."""
         silent = now - self._last_frame
         return silent if self._queue is not None and silent > SILENT_AFTER else None
 
     def next_frame(self, wait_s: float) -> SensorFrame | None:
-        """Return the next frame, None where none came in this time or no sensor is open."""
+        """Return the next frame, None if none arrived within the time limit or no sensor is open."""
         if self._queue is None:
             self._keep_opening(wait_s)
             return None
@@ -75,7 +75,7 @@ class SensorKeeper:
         return frame
 
     def rest(self, *, is_resting: bool) -> None:
-        """Fetch only a frame now and then, or every frame."""
+        """Read frames at the resting rate, or every frame."""
         if self._queue is not None and is_resting is not self._is_resting:
             self._is_resting = is_resting
             self._queue.rest(REST if is_resting else 0.0)
@@ -119,7 +119,7 @@ class SensorKeeper:
         self._queue = QueuedSensor(self._inner, run=self._work.put).__enter__()
 
     def _start_thread(self) -> None:
-        """Start the sensor's thread, which comes before the calling one, which tracks."""
+        """Start the sensor's thread, with priority over the calling thread, which tracks."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._do_work, name="sensor", daemon=True)
             self._precedence.__enter__()
@@ -143,7 +143,7 @@ class SensorKeeper:
             self._opened, self._failed = sensor, None
         except HangtimeError as error:
             self._failed = error
-        except Exception as error:  # the thread lives on, and tries again
+        except Exception as error:  # the thread survives, and tries again
             self._failed = SensorUnavailableError(
                 f"the sensor does not open ({error!r})", where="[sensor]", advice="replug it"
             )

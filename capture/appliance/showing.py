@@ -1,4 +1,4 @@
-"""The one table of what the lamp shows, in the order in which it is looked up: the first line that holds is shown."""
+"""The table of the lamp's signals in order of priority: the lamp shows the first row whose condition is true."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from firmware_host.lamp import StatusLamp
 
 @dataclass(frozen=True)
 class Light:
-    """A rhythm: milliseconds of light and of dark; no dark is steady light. Faults are red where there are two LEDs."""
+    """A signal: milliseconds on and off; steady if never off. With two LEDs, faults use the red one."""
 
     name: str
     meaning: str
@@ -32,17 +32,17 @@ SYNCING = Light("syncing", "takes are on their way to the server", 60, 440)
 READY_LIGHT = Light("ready", "waiting for the hanger", 60, 2940)
 STARTING = Light("starting", "the sensor is being opened", 60, 60)
 
-BEHIND_S = 2.0  # s: what may be lost of a running take
-KEPT_S = 3.0  # s for which a kept take is shown
+BEHIND_S = 2.0  # s of a running take that may be lost
+KEPT_S = 3.0  # s for which the lamp signals a kept take
 
 
 def light_of(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:
-    """Return what the lamp shows.
+    """Return the lamp's signal.
 
-    - `is_tracking`: hanger and garment are seen
+    - `is_tracking`: hanger and garment are detected
     - `behind_s`: age of the oldest frame that is not on the disk
-    - `kept_ago_s`: since a take was kept
-    - `has_complaint`: a fault that does not keep anybody from recording, or a flaw of the last take
+    - `kept_ago_s`: time since a take was kept
+    - `has_complaint`: a fault that does not block recording, or a flaw of the last take
     """
     if state is State.RECORDING:
         if not is_tracking:
@@ -67,10 +67,10 @@ class Lamps:
         self._shown: Light | None = None
 
     def show(self, light: Light) -> None:
-        """Show a light.
+        """Show a signal.
 
         Raises:
-            LampError: an LED went away or may not be changed; nothing is shown any more.
+            LampError: an LED was removed or cannot be set; the lamp then shows nothing.
         """
         if light is self._shown or self._lamp is None:
             return

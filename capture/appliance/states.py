@@ -1,6 +1,6 @@
-"""The one table of the appliance's states: which event leads from which state to which.
+"""The state machine of the appliance: the table of states, events and transitions.
 
-An event that the table does not name for a state changes nothing. `table` draws it for the documentation.
+An event without a transition from the current state changes nothing. `table` prints the table for the documentation.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from enum import Enum
 
 
 class State(Enum):
-    """The appliance's activity; each value is shown to people."""
+    """The appliance's state; the interface shows each value."""
 
     STARTING = "starting: the sensor is being opened"
     READY = "ready: waiting for the hanger to come into view"
@@ -21,7 +21,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """The events that lead from one state to another."""
+    """The events that cause transitions."""
 
     SOUND = "sensor and spool are sound"
     FAULTY = "sensor or spool fails"
@@ -57,13 +57,13 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
 
 
 class StateMachine:
-    """The appliance's place in the table."""
+    """The appliance's current state."""
 
     def __init__(self) -> None:
         self.state = State.STARTING
 
     def take(self, event: Event) -> bool:
-        """Follow an event; return whether the table leads anywhere from here."""
+        """Apply an event; return whether it caused a transition."""
         after = TRANSITIONS.get((self.state, event))
         if after is None:
             return False
@@ -72,7 +72,7 @@ class StateMachine:
 
     @property
     def may_record(self) -> bool:
-        """Return whether a press would begin a take."""
+        """Return whether a press of the button would begin a take."""
         return (self.state, Event.START) in TRANSITIONS
 
 

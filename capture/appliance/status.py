@@ -19,7 +19,7 @@ class Counts:
     """The daemon's counts since its start.
 
     - `last_take`: the outcome of the last take
-    - `findings`: faults of the take for a fit
+    - `findings`: the last take's defects that matter to a fit
     """
 
     begun_s: float
@@ -60,7 +60,7 @@ def report(
 
 
 def lines(told: dict[str, Any]) -> list[str]:
-    """Return a report in words: the state, each fault with what to do next, and what was counted."""
+    """Return a report as lines of text: the state, each fault with its next action, and the counts."""
     said = [told["says"]]
     running = told["recording"]
     if running:

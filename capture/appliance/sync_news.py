@@ -1,4 +1,4 @@
-"""The news of `hangtime sync`, a process of its own, as far as the daemon shows them."""
+"""The daemon's view of `hangtime sync`, a separate process: its latest status and faults."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from formats.errors import HangtimeError
 
 
 class SyncNews:
-    """The last that sync has said, and whether it is sending; nothing where it never ran."""
+    """The latest status of sync, and whether it is sending; empty if sync never ran."""
 
     def __init__(self, spool: Path) -> None:
         self._spool = spool
@@ -24,7 +24,7 @@ class SyncNews:
         self.is_sending = False
 
     def look(self) -> None:
-        """Read what sync has written since the last call."""
+        """Read the status file that sync writes."""
         self.is_sending = is_syncing(self._spool)
         changed_at = 0
         with contextlib.suppress(OSError):
@@ -34,7 +34,7 @@ class SyncNews:
 
     @property
     def error(self) -> HangtimeError | None:
-        """Why takes are not safe, in the server's own words; None where nothing is wrong."""
+        """The reason why takes are not safe on the server, as sync reports it; None if there is none."""
         status = self._status
         if status is None:
             return None
@@ -54,8 +54,8 @@ class SyncNews:
             )
         return None
 
-    def told(self) -> dict[str, Any]:
-        """Return it for `status`: sync's own words, when it last sent and when it last proved a take."""
+    def for_status(self) -> dict[str, Any]:
+        """Return the part of `status` on sync: its sentences, and the times of the last upload and the last proof."""
         now = datetime.now(UTC).astimezone()
         return {
             "is_sending": self.is_sending,

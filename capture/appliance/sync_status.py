@@ -26,7 +26,7 @@ DAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sun
 
 
 class Fault(msgspec.Struct, frozen=True, kw_only=True):
-    """The obstacle between takes and the server: one sentence, the next action, the time since and the tries."""
+    """A fault that stops uploads: one sentence, the next action, the time since when, and the number of attempts."""
 
     sentence: str
     advice: str
@@ -36,7 +36,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
-    """The outcome of fetching a take from the server.
+    """The result of a proof: one take was fetched from the server and checked.
 
     outcome: "sound": its hash is right and it opens; "whole": its hash is right, and it is encrypted; "damaged" and
         "missing" are of the server; "refused": these keys may not read
@@ -48,7 +48,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_bad(self) -> bool:
-        """Return whether the server does not have what it was given."""
+        """Return whether the server's copy is missing or damaged."""
         return self.outcome in ("damaged", "missing")
 
 
@@ -61,9 +61,9 @@ class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
     - `elsewhere`: takes whose receipt is of another address
     - `last_sync`: when a take was last verified on the server
     - `verified`: how the last one was: READ_BACK or CHECKSUM of `capture.appliance.receipts`
-    - `fault`: what keeps takes from the server; None where nothing does
+    - `fault`: the fault that stops uploads, or None
     - `damaged`: takes that changed on this device's disk after they were kept
-    - `notes`: what somebody should know and need not mend
+    - `notes`: remarks that require no action
     """
 
     at: str
@@ -83,14 +83,14 @@ class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_status(spool: Path, status: SyncStatus) -> None:
-    """Put the status in place; a full disk keeps the one before: the safety of takes is not written here."""
+    """Write the status; on a full disk the earlier one stays, which is harmless: receipts alone certify takes."""
     content = msgspec.json.format(msgspec.json.encode(status), indent=2) + b"\n"
     with contextlib.suppress(OSError):
         write_whole(spool / FILE, content)
 
 
 def read_status(spool: Path) -> SyncStatus | None:
-    """Return how sync stands; None where it never ran or its file cannot be read."""
+    """Return the status of sync; None if it never ran or its file is unreadable."""
     with contextlib.suppress(OSError, msgspec.DecodeError):
         return msgspec.json.decode((spool / FILE).read_bytes(), type=SyncStatus)
     return None
@@ -98,13 +98,13 @@ def read_status(spool: Path) -> SyncStatus | None:
 
 @contextmanager
 def only_sync(spool: Path) -> Iterator[None]:
-    """Be the only process that syncs this folder.
+    """Hold the lock by which only one process syncs this folder.
 
     Raises:
-        SyncError: another one does.
+        SyncError: another process holds the lock.
         OSError: the folder cannot be written.
     """
-    handle = os.open(spool / LOCK, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)  # whoever made it may be another
+    handle = os.open(spool / LOCK, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)  # another user may own the file
     try:
         _lock(handle, spool)
         yield
@@ -113,7 +113,7 @@ def only_sync(spool: Path) -> Iterator[None]:
 
 
 def _lock(handle: int, spool: Path) -> None:
-    """Lock a file; whoever only asks whether it is locked holds it for a moment (`is_syncing`), and is waited for."""
+    """Lock a file; retry for a moment, because `is_syncing` holds the lock briefly to test it."""
     for attempt in range(MOMENTS):
         try:
             return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -142,7 +142,7 @@ def is_syncing(spool: Path) -> bool:
 
 
 def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
-    """Return how sync stands in sentences, the most urgent first; now: the wall clock with its offset."""
+    """Return the status of sync as sentences, the most urgent first; now: wall-clock time with its UTC offset."""
     if status is None:
         return ["Sync has not run yet. Next: `hangtime sync now`, or wait for its timer."]
     told = []
@@ -172,7 +172,7 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
 
 
 def day_of(at: str | None, now: datetime) -> str:
-    """Return a time as people say it: today, a day of the last week, or the date."""
+    """Return a time in words: today, a day of the last week, or the date."""
     try:
         then = datetime.fromisoformat(at or "").astimezone(now.tzinfo)
     except (ValueError, OverflowError):
@@ -183,7 +183,7 @@ def day_of(at: str | None, now: datetime) -> str:
 
 
 def proved(proof: Proof | None, now: datetime) -> str:
-    """Return when a take was last proved, and the outcome."""
+    """Return the time and the result of the last proof, in words."""
     if proof is None:
         return "never"
     words = {

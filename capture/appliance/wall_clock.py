@@ -1,7 +1,7 @@
-"""The wall clock, where its time comes from and how far it may be off.
+"""The wall-clock time, its source and its uncertainty.
 
-Inside a take only the monotonic clock counts; the wall clock is a note beside it. A board without a battery starts in
-the past and leaps when the network answers. Sources: `man 2 adjtimex` (STA_UNSYNC, maxerror);
+Times within a take follow the monotonic clock; the wall-clock time is metadata. A board without a battery starts in
+the past and jumps when the network sets it. Sources: `man 2 adjtimex` (STA_UNSYNC, maxerror);
 Linux, Documentation/ABI/testing/sysfs-class-rtc (hctosys: the kernel's time came from this clock).
 """
 
@@ -26,11 +26,11 @@ Source = Literal["NTP", "RTC", "none"]
 
 @dataclass(frozen=True, kw_only=True)
 class WallTime:
-    """An instant by the wall clock.
+    """A wall-clock time with its source and uncertainty.
 
     - `source`: "NTP" while the kernel's clock is disciplined, "RTC" where it was read from a battery's clock, else
       "none"
-    - `uncertainty_s` [s]: at most so far off, as the kernel says; None where nothing says
+    - `uncertainty_s` [s]: the kernel's bound on the error; None if unknown
     """
 
     utc: str
@@ -39,7 +39,7 @@ class WallTime:
 
 
 def wall_time(before_s: float = 0.0, *, clock: Callable[[], float] = time.time, rtcs: Path = RTCS) -> WallTime:
-    """Return the wall clock's time so many seconds ago [s], with its source."""
+    """Return the wall-clock time of an instant that many seconds ago [s], with its source."""
     utc = datetime.fromtimestamp(max(clock() - before_s, 0.0), UTC).isoformat(timespec="milliseconds")
     disciplined = _kernel_error_s()
     if disciplined is not None:
@@ -51,12 +51,12 @@ def wall_time(before_s: float = 0.0, *, clock: Callable[[], float] = time.time, 
 
 
 def boot_id() -> str:
-    """Return the kernel's name of this boot, within which monotonic times can be compared."""
+    """Return the kernel's boot id; monotonic times are comparable within one boot."""
     return _text(Path("/proc/sys/kernel/random/boot_id"))
 
 
 def _kernel_error_s() -> float | None:
-    """Return how far the disciplined clock may be off [s]; None where it is not disciplined or may not be asked."""
+    """Return the kernel's bound on the clock's error [s]; None if the clock is not disciplined or access is denied."""
     if ctypes.sizeof(ctypes.c_long) != 8:
         return None  # another layout
     content = ctypes.create_string_buffer(TIMEX_BYTES)
@@ -79,5 +79,5 @@ def _text(path: Path) -> str:
 
 
 def monotonic() -> float:
-    """Return the clock that no step touches and that goes on while the computer sleeps [s]."""
+    """Return the time of a clock [s] that is never set and that runs on while the computer sleeps."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)

@@ -1,1 +1,1 @@
-"""Measure where the hanger's markers, the sensor's depth and gravity really are, from frames at rest."""
+"""Calibrate a rig from frames at rest: marker distance, depth scale, depth offset, gravity and held ends."""

@@ -2,7 +2,7 @@
 
     g = mean of n readings / its size,      sd(g)^2 = (sd of a reading square to g / (sqrt(n) |a|))^2 + ZERO_SD^2
 
-Averaging takes the readings' noise away but not the zero points of the part, which `hangtime sensor info` gives as
+Averaging removes the readings' noise but not the zero-point errors of the part, which `hangtime sensor info` gives as
 "within about 3 degrees".
 """
 
@@ -20,7 +20,7 @@ from firmware_host.usb_control.kinect_motor import KinectMotor, MotorState
 from firmware_host.usb_control.models import Protocol
 
 READINGS = 20
-ZERO_SD = np.radians(3.0)  # rad, zero points of the accelerometer's axes
+ZERO_SD = np.radians(3.0)  # rad, zero-point errors of the accelerometer's axes
 
 
 def gravity_of_readings(readings: Sequence[MotorState]) -> Estimate:
@@ -44,7 +44,7 @@ def gravity_of_readings(readings: Sequence[MotorState]) -> Estimate:
 
 
 def connected_accelerometer() -> Estimate | None:
-    """Ask the Kinect v1 that is connected; None where there is none.
+    """Return the accelerometer's gravity of the connected Kinect v1, None if none is connected.
 
     Raises:
         FirmwareError: it does not answer; CalibrationError: it is not standing still.

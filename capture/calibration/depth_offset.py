@@ -1,12 +1,12 @@
-"""The colour-to-depth offset of one frame: a marker's plate in depth against the marker in colour.
+"""The offset between colour and depth in one frame: a marker's plate in depth against the marker in colour.
 
-A marker sits in the middle of its plate. Depth shows the plate as a piece of pixels near its plane. Each row of the
-piece with an end on both sides gives the offset along u by its middle. Each column gives the offset along v:
+A marker sits in the middle of its plate. In depth the plate is a connected region near its plane. Each row of the
+region with a free end on both sides gives the offset along u by its middle. Each column gives the offset along v:
 
     du = mean over rows (mean of the row's columns) - u_marker,         v likewise
 
-Noise of the rim (`capture.depth.surface.LATERAL_SD`) is alike on both sides and averages out. Rows and columns in which
-the plate goes on (a bar behind it, a clip) have no end and do not count.
+Noise of the edge (`capture.depth.surface.LATERAL_SD`) is equal on both sides and averages out. Rows and columns in
+which the region continues (a bar behind the plate, a clip) have no free end and do not count.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from capture.hanger.marker_plates import PlatePlacer
 from formats.arrays import Floats
 
 REACH = 1.1  # of the marker's side, from its centre: plates with a quiet zone of one bit end at 0.6 to 0.7
-WHOLE_ROWS = 0.5  # of the marker's side: fewer rows with two ends are no outline
+WHOLE_ROWS = 0.5  # of the marker's side: fewer rows with two free ends do not count as an outline
 
 
 def plate_offset(placer: PlatePlacer, quad: Floats, depth: NDArray[np.uint16]) -> Floats:
-    """Return the offset of a marker's plate in depth against colour [px], (2,); NaN along an axis without two ends.
+    """Return the offset of a marker's plate in depth against colour [px], (2,); NaN along an axis without free ends.
 
     quad [px], (4, 2): the marker's corners in colour; depth [mm], (H, W).
     """
@@ -55,9 +55,9 @@ def plate_offset(placer: PlatePlacer, quad: Floats, depth: NDArray[np.uint16]) -
 
 
 def _middle_of_rows(piece: NDArray[np.bool_], side: float) -> float:
-    """Return the mean middle [px] of the rows that end on both sides, NaN where these are too few."""
+    """Return the mean middle [px] of the rows with a free end on both sides, NaN if these are too few."""
     whole = piece.any(1) & ~piece[:, 0] & ~piece[:, -1]
-    # Rows that merely touch the rim of the piece are mostly noise.
+    # Rows that merely touch the edge of the region are mostly noise.
     whole &= piece.sum(1) > 0.5 * side
     if np.count_nonzero(whole) < WHOLE_ROWS * side:
         return float("nan")

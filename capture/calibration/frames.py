@@ -1,4 +1,4 @@
-"""Watch a sensor until what hangs before it is still, and keep what the still frames show of every marker."""
+"""Watch a sensor until the scene is still, and collect the marker corners and depth of the still frames."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from capture.hanger.marker_detection import MarkerDetector
 from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
 from formats.arrays import Floats
 
-STILL_PIXELS = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
+STILL_PIXELS = 0.7  # px that a marker may move within still frames: 2 mm at 1.6 m, five times its detection noise
 FEWEST_STILL_FRAMES = 15  # frames, half a second: less can be the turning point of a swing
-MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out is small beside what does not
+MOST_KEPT = 90  # frames; three seconds, after which random noise is small beside the systematic errors
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class StillFrames:
 
     - `corners` [px], (frames, ids, 4, 2), in the detector's order, NaN where not found
     - `depth` [mm], one (H, W) a frame
-    - `seen`: frames that were looked at
+    - `seen`: number of processed frames
     """
 
     corners: Floats
@@ -33,7 +33,7 @@ class StillFrames:
     seen: int
 
     def sees(self, row: int) -> bool:
-        """Return whether a marker was found in half of the frames or more."""
+        """Return whether a marker was detected in at least half of the frames."""
         return float(np.isfinite(self.corners[:, row, 0, 0]).mean()) >= 0.5
 
 
@@ -41,12 +41,12 @@ def watch(
     sensor: DepthSensor, detector: MarkerDetector, seconds: float,
     otherwise: Callable[[NDArray[np.uint8] | None], str] = lambda colour: "",
 ) -> StillFrames:  # fmt: skip
-    """Return the end of the longest still part of the next seconds [s] of a sensor.
+    """Return the last frames of the longest still period within the next seconds [s] of a sensor.
 
-    otherwise: says of a picture without any marker how the markers are seen in it after all, and what to do
+    otherwise: diagnoses an image without the markers: returns how they appear in it (mirrored, for one) and the remedy
 
     Raises:
-        CalibrationError: no marker was seen, or everything moved all the time.
+        CalibrationError: no marker was detected, or the scene was never still.
     """
     run = StillRun()
     recent: deque[tuple[Floats, NDArray[np.uint16]]] = deque(maxlen=MOST_KEPT)
@@ -64,7 +64,7 @@ def watch(
         seen, colour = seen + 1, frame.colour
         found = detector.in_picture(frame.colour)
         if np.isnan(found[:, 0, 0]).all():
-            continue  # without any marker a frame says nothing, and would pass for a still one
+            continue  # a frame without any marker would count as still
         for row in np.flatnonzero(np.isfinite(found[:, 0, 0])):
             found[row] = detector.refined(frame.colour, int(row), found[row])
         recent.append((found, frame.depth))
@@ -87,15 +87,15 @@ def watch(
 
 
 class StillRun:
-    """The frames up to the newest in which no marker strays."""
+    """The latest run of frames in which no marker moves."""
 
     def __init__(self) -> None:
         self._centres: list[Floats] = []
 
     def add(self, corners: Floats) -> int:
-        """Take in a frame's corners [px], (ids, 4, 2), NaN where not found; return how many frames are still.
+        """Add a frame's corners [px], (ids, 4, 2), NaN where not found; return the number of still frames.
 
-        A frame without a marker says nothing on that marker.
+        A frame in which a marker is missing leaves the test of that marker unchanged.
         """
         self._centres.append(corners.mean(1))
         while _stray(np.stack(self._centres)) > STILL_PIXELS:
@@ -104,7 +104,7 @@ class StillRun:
 
 
 def _stray(centres: Floats) -> float:
-    """Return how far [px] the centres, (frames, ids, 2), get from one another along an axis."""
+    """Return the largest distance [px] between the centres, (frames, ids, 2), of one marker along an axis."""
     low = np.where(np.isnan(centres), np.inf, centres).min(0)
     high = np.where(np.isnan(centres), -np.inf, centres).max(0)
     return float(np.max(high - low, initial=0.0))

@@ -1,4 +1,4 @@
-"""Gravity, depth scale, depth offset and held ends of a rig from still frames, each with how well it is known.
+"""Gravity, depth scale, depth offset and held ends of a rig from still frames, each with its standard deviation.
 
 A quantity seen in n still frames is their median, with the standard deviation of a median of correlated normal values:
 
@@ -7,7 +7,7 @@ A quantity seen in n still frames is their median, with the standard deviation o
 with r the correlation of neighbouring frames. Averaging does not remove errors that are the same in every frame. So
 these are added:
 
-    depth       step(z) / sqrt(12), step(z) = z^2 / (8 f b): rounded disparity     a place        CENTRE_SD z / f
+    depth       step(z) / sqrt(12), step(z) = z^2 / (8 f b): rounded disparity     a position     CENTRE_SD z / f
     plumb line  g = (p_b - p_a) / L,       sd(g)^2 = (s_a^2 + s_b^2 + 2 MOUNTING_SD^2) / L^2       about either axis
     scale       s = d / D,                 sd(s)^2 = s^2 ((sd(d) / d)^2 + (DISTANCE_SD / D)^2)
     held ends   h = R^T (p - m),           sd(h)^2 = s_p^2 + s_m^2 + MOUNTING_SD^2 + (sd(g) |h|)^2
@@ -46,7 +46,7 @@ class Estimate:
 
 
 def median_of_frames(values: Floats) -> Estimate:
-    """Return the median over frames of values, (frames, ...), NaN where not seen; both NaN below two frames."""
+    """Return the median over frames, and its sd, of values, (frames, ...), NaN where missing; NaN below two frames."""
     flat = values.reshape(len(values), -1)
     middle, sd = np.full(flat.shape[1], np.nan), np.full(flat.shape[1], np.nan)
     for column in range(flat.shape[1]):
@@ -64,7 +64,7 @@ def median_of_frames(values: Floats) -> Estimate:
 
 
 def place_of_frames(positions: Floats, sensor: Sensor) -> Estimate:
-    """Return where a still marker is [m], (3,), from positions, (frames, 3), with what averaging does not remove."""
+    """Return the position of a still marker [m], (3,), from (frames, 3); the sd includes the systematic errors."""
     place = median_of_frames(positions)
     z = float(place.value[2])
     rounding = z**2 / (DISPARITY_STEPS * BASELINE * sensor.fx) / np.sqrt(12.0)
@@ -88,7 +88,7 @@ def depth_scale(left: Estimate, right: Estimate, distance: float) -> Estimate:
     line = right.value - left.value
     measured = float(np.linalg.norm(line))
     along = float(np.sqrt((line / measured) ** 2 @ (left.sd**2 + right.sd**2)))
-    # The markers lie across the view, where depth enters by scaling both places alike.
+    # The markers lie across the view, so an error of depth scales both positions alike.
     mean_depth = 0.5 * float(left.value[2] + right.value[2])
     common = measured / mean_depth * float(np.hypot(left.sd[2], right.sd[2])) / 2.0
     scale = measured / distance
@@ -99,9 +99,9 @@ def depth_scale(left: Estimate, right: Estimate, distance: float) -> Estimate:
 
 
 def held_ends_seen(left: Estimate, right: Estimate, ends: list[Estimate], gravity_sd: float, rig: Rig) -> Estimate:
-    """Return the ends of the held edge in the hanger's frame [m], (2, 3), from where they are in the sensor's.
+    """Return the ends of the held edge in the hanger's frame [m], (2, 3), from positions in the sensor's frame.
 
-    left, right: the hanger's markers; ends: where the clips hold, left first; gravity_sd [rad].
+    left, right: the hanger's markers; ends: the clips' holding points, left first; gravity_sd [rad].
     """
     frame = hanger_frame(np.stack([left.value, right.value]), rig)
     middle = 0.5 * (left.value + right.value)
@@ -116,7 +116,7 @@ def held_ends_seen(left: Estimate, right: Estimate, ends: list[Estimate], gravit
 
 
 def mean_offset(offsets: list[Estimate], depths: list[float], sensor: Sensor) -> Estimate:
-    """Return the offset of depth against colour [px], (2,), from plates' own and their depths [m]; NaN without any."""
+    """Return the offset of depth against colour [px], (2,), from offsets of single plates and their depths [m]."""
     value, sd = np.full(2, np.nan), np.full(2, np.nan)
     focal = np.array([sensor.fx, sensor.fy])
     for axis in range(2):

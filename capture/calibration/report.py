@@ -1,4 +1,4 @@
-"""A calibration in a few lines: what was measured, how well, and what to look after."""
+"""The summary of a calibration: the measured values, their uncertainty, and warnings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from capture.calibration.session import Measured
 from formats.rig import Rig
 
-DOUBTFUL = 3.0  # standard deviations from what was expected: one chance in 370
-TURNED = 5.0  # degrees between the rig's gravity and the measured one that deserve a look
+DOUBTFUL = 3.0  # standard deviations from the expected value: a probability of 1 in 370
+TURNED = 5.0  # degrees between the rig's gravity and the measured one that cause a warning
 
 
 def lines(measured: Measured, before: Rig) -> list[str]:

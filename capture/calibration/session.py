@@ -1,10 +1,10 @@
-"""Calibrate a rig from a still scene: each thing in view is measured, the rest of the rig stays as it was.
+"""Calibrate a rig from a still scene: measure each quantity that is in view, and leave the others unchanged.
 
     the hanger with its markers     depth scale, depth offset
     two markers on a plumb line     gravity
     a marker in each clip           where the clips hold, in the hanger's frame
 
-The offset comes first, because it gives the place of a plate's depth. The scale follows, then places divided by the
+The offset comes first, because it locates a plate in depth. The scale follows, then positions divided by the
 scale, then gravity. The held ends come last, in a frame that gravity helps to define. Equations:
 `capture.calibration.measures`.
 """
@@ -37,16 +37,16 @@ from formats.descriptions import DEPTH_SCALES
 from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
 
 SHORTEST_LINE = 0.1  # m between a plumb line's markers: below, gravity is known to two degrees at best
-GRAVITY_BY_EYE = np.radians(2.0)  # rad, of a rig whose gravity was never measured
-LEFT, RIGHT, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the markers
+GRAVITY_BY_EYE = np.radians(2.0)  # rad, for a rig whose gravity was never measured
+LEFT, RIGHT, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the arrays of markers
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
     """The result of one calibration; None for a quantity that was not measured.
 
-    - `rig`: with everything that was measured
-    - `frames`: still ones that were used, of how many seen
+    - `rig`: the rig with the measured values
+    - `frames`: number of still frames used, and of processed frames
     - `gravity`: unit vector, sd [rad]
     - `scale`: measured over true depth
     - `offset` [px], (2,), NaN along an axis that no plate showed
@@ -68,11 +68,11 @@ def calibrate(
     sensor: DepthSensor, rig: Rig, *, plumb_ids: tuple[int, int], clip_ids: tuple[int, int], seconds: float,
     accelerometer: Estimate | None = None,
 ) -> Measured:  # fmt: skip
-    """Measure a rig from the next seconds [s] of a sensor, while everything in its view hangs still.
+    """Measure a rig from the next seconds [s] of a sensor, while the scene is still.
 
     - `plumb_ids`: upper and lower marker of the plumb line
     - `clip_ids`: markers in the left and in the right clip, of the hanger's dictionary and size
-    - `accelerometer`: gravity from the sensor itself, used where no plumb line is seen.
+    - `accelerometer`: gravity from the sensor's accelerometer, used if no plumb line is in view.
 
     Raises:
         CalibrationError: no markers, nothing still, a plumb line that is too short, or markers that are not as far
@@ -158,7 +158,7 @@ def _described(rig: Rig, sensor: DepthSensor) -> tuple[Hanger, Sensor]:
 
 
 def _offset(still: StillFrames, placer: PlatePlacer) -> Estimate | None:
-    """Return the depth offset [px], (2,), over all plates that are seen, or None."""
+    """Return the mean depth offset [px], (2,), of all plates in view, or None."""
     found, depths = [], []
     for row in range(still.corners.shape[1]):
         if not still.sees(row):
@@ -174,7 +174,7 @@ def _offset(still: StillFrames, placer: PlatePlacer) -> Estimate | None:
 
 
 def _place(still: StillFrames, placer: PlatePlacer, row: int, *, upper_side: bool = False) -> Estimate | None:
-    """Return where a marker's centre, or the middle of its upper side, is [m], (3,); None where it is hardly seen."""
+    """Return the position of a marker's centre or upper side's middle [m], (3,); None if it is rarely detected."""
     if not still.sees(row):
         return None
     positions = np.full((len(still.depth), 3), np.nan)

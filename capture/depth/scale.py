@@ -1,4 +1,4 @@
-"""Use a rig's calibration on depth: divide by its scale, and look for things where depth shows them.
+"""Apply a rig's calibration to depth: divide by its scale, and shift the principal point by its offset.
 
     z = z_measured / s          u_depth = u_colour + du, so a pinhole for depth has cx + du and cy + dv
 
@@ -29,7 +29,7 @@ class DepthScale:
 
 
 def depth_rig(rig: Rig) -> Rig:
-    """Return the rig as depth sees it: with the offset of depth against colour in the principal point."""
+    """Return the rig for depth pixels: its principal point includes the offset of depth against colour."""
     du, dv = (rig.calibration or Calibration()).depth_offset_px
     if rig.sensor is None or (du, dv) == (0.0, 0.0):
         return rig

@@ -1,8 +1,8 @@
-"""Depth of a surface at one place of the image, from noisy, quantised and partly missing pixels.
+"""Depth of a surface at one pixel of the image, from noisy, quantised and partly missing pixels.
 
 A plane seen by a pinhole camera is linear in inverse depth, which is also what the sensor measures:
 
-    1/z = a + b (u - u0) + c (v - v0)                     fitted by least squares, outliers cut twice
+    1/z = a + b (u - u0) + c (v - v0)                     fitted by least squares, outliers removed twice
     sd(a)^2 = sd_pixel^2 [(A^T A)^-1]_00 * correlated pixels,   sd(z) = z^2 sd(a)
     sd_axial(z) = 0.0012 + 0.0019 (z - 0.4)^2             [m]
     step(z) = z^2 / (8 * 0.075 f),    sd_pixel^2 = (sd_axial^2 + step^2 / 12) / z^4
@@ -26,11 +26,11 @@ from formats.arrays import Floats
 
 BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
-LATERAL_SD = 0.8  # px, where a depth edge lies (Nguyen et al. 2012, section 3.2, below 60 degrees)
+LATERAL_SD = 0.8  # px, position of a depth edge (Nguyen et al. 2012, section 3.2, below 60 degrees)
 CORRELATED_PIXELS = 13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
-OUTLIER_SD = 4.0  # pixel noises from the surface beyond which a pixel is another surface
+OUTLIER_SD = 4.0  # standard deviations of a pixel from the surface, beyond which the pixel is an outlier
 FLATTEST_SPREAD = 1e-6  # determinant of the pixels' scaled scatter: below, they lie on one line of the image
-FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
+FEWEST_PIXELS = 12  # fewer noisy pixels do not determine a plane
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def fit_surface(
 ) -> SurfaceDepth | None:
     """Fit a plane through pixels and return its depth at u = v = 0.
 
-    u, v [px], (pixels,): places relative to the wanted one; z [m], (pixels,), all positive.
+    u, v [px], (pixels,): positions relative to the wanted pixel; z [m], (pixels,), all positive.
     `spread` [m]: how far in depth the surface may reach over these pixels. None where too few pixels agree.
     """
     if z.size < FEWEST_PIXELS:
@@ -108,7 +108,7 @@ class _Plane(NamedTuple):
 def _plane(moments: Floats) -> _Plane | None:
     """Solve for the plane from the sums of products of (1, u, v, w), (4, 4); None where the pixels lie on a line.
 
-    In plain numbers: a library's solver takes longer to begin than this takes.
+    It uses scalars, because the overhead of a library's solver is longer than this computation.
     """
     (n, u, v, w), (_, uu, uv, uw), (_, _, vv, vw), _ = moments.tolist()
     u, v, w = u / n, v / n, w / n
@@ -124,12 +124,12 @@ def _plane(moments: Floats) -> _Plane | None:
 
 
 class CorrelationMeter:
-    """Measures over how many pixels this sensor's noise is correlated, from flat plates of known outline.
+    """Estimates over how many pixels this sensor's noise is correlated, from flat plates of known outline.
 
         pixels = (1 + rho_u) / (1 - rho_u) * (1 + rho_v) / (1 - rho_v)
 
     The sum of a first-order correlation rho^|lag| over both directions; rho is the correlation of direct
-    neighbours. It starts from a real Kinect's and moves to the sensor's own as plates are seen.
+    neighbours. The estimate starts from a Kinect's value and approaches the sensor's own with every plate.
     """
 
     PRIOR_WEIGHT = 200.0  # pixels: weight of the starting value, less than one marker plate
@@ -142,7 +142,7 @@ class CorrelationMeter:
 
     @property
     def pixels(self) -> float:
-        """Return how many neighbouring pixels carry the information of one independent pixel."""
+        """Return the number of neighbouring pixels that hold the information of one independent pixel."""
         rho = [
             min(max(product / square, 0.0), 0.8) for product, square in zip(self._products, self._squares, strict=True)
         ]

@@ -1,1 +1,1 @@
-"""Find the garment in a frame and follow its points: silhouette, corners, folds, what hides what."""
+"""Detect the garment in a frame and track its points: silhouette, corners, folds and occlusion."""

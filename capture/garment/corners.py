@@ -1,15 +1,15 @@
-"""Find the corners that are tracked on the outline of a garment: one strategy per kind of garment.
+"""Detect the tracked corners on the outline of a garment, with one strategy per kind of garment.
 
 Panels are skirts and swatches. Their candidates are Harris corners (Harris and Stephens, "A combined corner and edge
-detector", 1988). The four wanted corners are the extremes along x and y after a turn by 45 degrees:
+detector", 1988). The four wanted corners are the extremes along x and y after a rotation by 45 degrees:
 
     top left = min(x + y)    top right = max(x - y)    bottom right = max(x + y)    bottom left = min(x - y)
 
-T-shirts: the top corners are the leftmost and the rightmost place, the tips of the sleeves; below as on a panel.
+T-shirts: the top corners are the leftmost and rightmost points, the tips of the sleeves; the others as on a panel.
 Source of both: "Estimating the clothes characteristics with the image and depth sensors for developing virtual
 fitting room", section 2.
 
-A Harris corner of a ragged edge is good to some pixels. Straight lines are fitted to the two sides next to the corner,
+A Harris corner of a ragged edge has an error of some pixels. Lines are fitted to the two sides next to the corner,
 and their crossing refines it. The top side's line is the held edge itself, known from the markers. The fitted lines run
 through the centres of the outermost pixels and are moved outwards by half a pixel to the rim of these pixels.
 """
@@ -33,13 +33,13 @@ HARRIS_K = 0.04  # Harris and Stephens' usual constant
 STRONG_CORNER = 0.2  # of the strongest Harris response on the outline
 FAR_OUT = 8.0  # px along x + y or x - y
 SKIPPED_ARM = 3.0  # px next to a corner that are rounded off by missing pixels
-LONGEST_ARM = 45.0  # px of a side that may be taken for straight
-STRAIGHT = 0.6  # of a side: the part beyond belongs to the next corner
+LONGEST_ARM = 45.0  # px of a side that may count as straight
+STRAIGHT = 0.6  # of a side: the rest belongs to the next corner
 SHORTEST_ARM = 8  # outline pixels; fewer do not make a line
 FARTHEST_REFINEMENT = 10.0  # px between a Harris corner and the crossing that replaces it
 FLATTEST_CROSSING = 0.34  # sine of 20 degrees
 CURL_SD = 0.5  # px, a side is not quite straight near its end
-CORNER_SD = 0.3  # px, the held edge is a rigid step from the markers, and a bar's rim is as ragged as any
+CORNER_SD = 0.3  # px, the held edge is rigidly attached to the markers, and a bar's edge is as ragged as others
 HARRIS_SD = 2.5  # px, of an unrefined Harris corner on a ragged edge
 
 
@@ -55,26 +55,26 @@ class CornersInView:
 
 
 class CornerFinder(Protocol):
-    """Knows where on the outline the four corners of a kind of garment are; tips: which of them are of sleeves."""
+    """Locates the four corners of a kind of garment on its outline; tips: which of them are sleeve tips."""
 
     tips: tuple[int, ...]
 
     def flat_corners(self, outline: Floats) -> Floats:
-        """Return the four corners [m], (4, 2), of a flat garment's outline [m], (n, 2), y up, by the same rule."""
+        """Return the corners [m], (4, 2), of a flat garment's outline [m], (n, 2), y up, by the rule for images."""
         ...
 
     def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
-        """Find them on a silhouette.
+        """Locate the corners on a silhouette.
 
         - `held` [px of the image], (2, 2): the ends of the held edge, left first
-        - `sides` [px], (4, 2): how long the flat garment's sides before and after each corner, going clockwise, look at
-          the garment's distance.
+        - `sides` [px], (4, 2): projected lengths of the flat garment's sides before and after each corner, clockwise,
+          at the garment's distance
         """
         ...
 
 
 class PanelCorners:
-    """The extremes of the Harris corners after a turn by 45 degrees; the held edge is the top side."""
+    """The extremes of the Harris corners after a rotation by 45 degrees; the held edge is the top side."""
 
     tips: tuple[int, ...] = ()
 
@@ -94,7 +94,7 @@ class PanelCorners:
 
 
 class ShirtCorners:
-    """The leftmost and the rightmost place are the tips of the sleeves; below as on a panel."""
+    """The leftmost and rightmost points are the sleeve tips; the lower corners are as on a panel."""
 
     tips: tuple[int, ...] = (0, 1)
 
@@ -114,9 +114,9 @@ class ShirtCorners:
 
 
 def _extreme(value: Floats, strong: NDArray[np.intp]) -> int:
-    """Return the place with the largest value [px], (outline,): a Harris corner, unless another is farther out by far.
+    """Return the Harris corner with the largest value [px], (outline,), unless another point is much farther out.
 
-    A corner that is bent away looks round and is no Harris corner.
+    A corner that is bent away looks round, so the Harris detector misses it.
     """
     best, anywhere = int(strong[value[strong].argmax()]), int(value.argmax())
     return anywhere if value[anywhere] > value[best] + FAR_OUT else best
@@ -127,7 +127,7 @@ def _none() -> CornersInView:
 
 
 def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
-    """Return the places on the outline of the silhouette's Harris corners; at half the resolution, which is faster."""
+    """Return the Harris corners on the silhouette's outline, found at half the resolution to save time."""
     mask = cv2.resize(silhouette.mask, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     rim = HARRIS_BLOCK
     padded = cv2.copyMakeBorder(mask, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=0)
@@ -138,7 +138,7 @@ def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
 
 
 def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, sides: Floats) -> CornersInView:
-    """Refine four places on the outline; the held edge is the line of the top side, where it is one."""
+    """Refine four corners on the outline; if the held edge is the top side, its line is used there."""
     if len(set(starts)) < 4:
         return _none()
     corners, sd = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
@@ -166,7 +166,7 @@ def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: f
     step, length = (1, forward) if forward <= backward else (-1, backward)
     (x0, y0), (x1, y1) = outline[start].tolist(), outline[end].tolist()
     longest = min(longest, STRAIGHT * math.hypot(x1 - x0, y1 - y0))
-    # A ragged outline takes up to two pixels for one of its length.
+    # A ragged outline has up to two pixels per pixel of length.
     way = outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap")
     x, y = way[:, 0] - x0, way[:, 1] - y0
     far = np.hypot(x, y)
@@ -191,14 +191,14 @@ def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: f
 
 
 def _line_through(ends: Floats) -> Floats:
-    """Return the line (a, b, c), a x + b y + c = 0 with a unit normal, through two places."""
+    """Return the line (a, b, c), a x + b y + c = 0 with a unit normal, through two points."""
     along = ends[1] - ends[0]
     normal = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     return np.array([normal[0], normal[1], -(normal @ ends[0])])
 
 
 def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, Floats]:
-    """Return the crossing of two lines, or the Harris corner where they make none near it, with the sd [px], (2,).
+    """Return the crossing of two lines and its sd [px], (2,); the Harris corner if they do not cross near it.
 
     With the lines' unit normals as rows of N and deviations s across them its covariance is N^-1 diag(s^2) N^-T.
     """

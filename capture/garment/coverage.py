@@ -1,15 +1,15 @@
-"""The distance of a garment's corner beyond the seen cloth, by ways along the cloth.
+"""The geodesic distance of a garment's corner from the visible cloth: how much cloth is hidden at the corner.
 
-Cloth hardly stretches. So a place q on the cloth has the same distance to an anchor along the seen surface as on the
-flat garment. Anchors are the two held ends and every found corner. Corner i is D_ai away from anchor a on the flat
-garment, and is
+Cloth hardly stretches. So a point q on the cloth has the same geodesic distance to an anchor on the seen surface as on
+the flat garment. Anchors are the two held ends and every detected corner. Corner i is D_ai away from anchor a on the
+flat garment, and is
 
     beyond_i = min over q of sqrt(mean over a of (d_a(q) - D_ai)^2)        [m]
 
-beyond the nearest place q of the seen cloth. The result is nearly 0 for a corner in view, anywhere on the outline. For
-a corner that is folded away, the result is the depth of the fold. Only places near the rim of the silhouette count,
-pixel by pixel. Cloth that turns away steeply there is lost in the block means of `capture.garment.geodesic`. A pixel's
-way leads over the nearest nodes,
+beyond the nearest point q of the seen cloth. The result is nearly 0 for a corner in view, anywhere on the outline. For
+a corner that is folded away, the result is the length of the folded cloth. Only points near the silhouette's edge
+count, pixel by pixel. The block means of `capture.garment.geodesic` lose cloth that turns away steeply there. A pixel's
+distance follows from the nearest nodes,
 
     d_a(q) = min over nodes n near q of d_a(n) + |q - n|
 """
@@ -30,20 +30,20 @@ from formats.rig import Sensor
 Booleans = NDArray[np.bool_]
 
 INNER_RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m
-PIXEL_STRIDE = 2  # every so many pixels along both axes
-NEIGHBOUR_NODES = 2  # nodes to every side whose ways are taken on to a pixel
+PIXEL_STRIDE = 2  # step between the considered pixels along both axes
+NEIGHBOUR_NODES = 2  # nodes to every side from which a distance is extended to a pixel
 INNER_RIM_KERNEL = np.ones((2 * INNER_RIM + 1, 2 * INNER_RIM + 1), np.uint8)
-NOWHERE = 9.0  # m, more than any garment: no way leads to any place
+NOWHERE = 9.0  # m, more than any garment: marks an unreachable point
 
 
 @dataclass(frozen=True)
 class SeenWays:
-    """The seen surface and the ways along it.
+    """The visible surface and the geodesic distances along it.
 
     - `surface` [m], (rows, columns, 3): a node every `cell` pixels
     - `held` [m], (2, 3): ends of the held edge
-    - `from_corners` [m], (4, rows, columns): from the corners to the nodes
-    - `found`, (4,): the corners that can be trusted
+    - `from_corners` [m], (4, rows, columns): distances from the corners to the nodes
+    - `found`, (4,): whether a corner is detected and trusted
     """
 
     surface: Floats
@@ -55,10 +55,10 @@ class SeenWays:
 
 @dataclass(frozen=True)
 class Beyond:
-    """Each corner's distance beyond the seen cloth [m], (4,), by the held ends alone and by all trusted anchors.
+    """Each corner's distance beyond the visible cloth [m], (4,), by the held ends alone and by all trusted anchors.
 
-    - `pixels` [px of the image], (4, 2): the seen cloth's nearest place to the corner by the held ends
-    - `places` [m], (4, 3): the nearest place by all trusted anchors; NaN if no cloth is seen
+    - `pixels` [px of the image], (4, 2): the visible point nearest to the corner by the held ends
+    - `places` [m], (4, 3): the visible point nearest to it by all trusted anchors; NaN if no cloth is visible
     """
 
     by_ends: Floats
@@ -70,10 +70,10 @@ class Beyond:
 def beyond_the_seen(
     silhouette: Silhouette, ways: SeenWays, from_ends: Floats, distances: Floats, sensor: Sensor
 ) -> Beyond:
-    """Return how far each corner lies beyond the visible cloth.
+    """Return each corner's distance beyond the visible cloth.
 
-    from_ends [m], (2, 4): ways from the held ends to the corners on the flat garment; distances [m], (4, 4): between
-    the corners there.
+    On the flat garment: from_ends [m], (2, 4), distances from the held ends to the corners; distances [m], (4, 4),
+    between the corners.
     """
     places, rows, columns = _rim_places(silhouette, sensor)
     if places.size == 0 or min(ways.surface.shape[:2]) == 0:
@@ -83,7 +83,7 @@ def beyond_the_seen(
     reached = _ways_to(places, rows, columns, maps, ways)
     squares = np.minimum((reached[:, None] - wanted[:, :, None]) ** 2, NOWHERE**2)
     by_ends = np.sqrt(squares[:2].mean(0))
-    # A corner that is found is no anchor of its own.
+    # A detected corner is not its own anchor.
     own = np.zeros(wanted.shape)
     own[2 + np.arange(np.count_nonzero(ways.found)), np.flatnonzero(ways.found)] = 1.0
     by_all = np.sqrt((squares * (1.0 - own)[:, :, None]).sum(0) / (1.0 - own).sum(0)[:, None])
@@ -95,7 +95,7 @@ def beyond_the_seen(
 def _ways_to(
     places: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], maps: NDArray[np.float32], ways: SeenWays
 ) -> Floats:
-    """Return the ways [m], (maps, places), to places between the nodes; `NOWHERE` where none leads."""
+    """Return the distances [m], (maps, points), to points between the nodes; `NOWHERE` if unreachable."""
     steps = np.arange(-NEIGHBOUR_NODES, NEIGHBOUR_NODES + 1)
     down, across = (part.reshape(-1, 1) for part in np.meshgrid(steps, steps, indexing="ij"))
     node_rows = np.clip(rows // ways.cell + down, 0, ways.surface.shape[0] - 1)
@@ -106,7 +106,7 @@ def _ways_to(
 
 
 def _rim_places(silhouette: Silhouette, sensor: Sensor) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
-    """Return cloth near the rim [m], (places, 3), and its rows and columns [px of the window]."""
+    """Return points of the cloth near its edge [m], (points, 3), and their rows and columns [px of the window]."""
     inner = cv2.erode(silhouette.mask, INNER_RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     part = (slice(None, None, PIXEL_STRIDE), slice(None, None, PIXEL_STRIDE))
     rows, columns = np.nonzero((silhouette.depth[part] > 0) & (inner[part] == 0))

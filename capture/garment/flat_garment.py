@@ -1,10 +1,10 @@
-"""The flat garment as the tracker needs it: its four corners, its extent, and how far apart they are along the cloth.
+"""The flat garment as the tracker uses it: its corners, their geodesic distances, and the garment's extent.
 
     D_ij = length of the shortest way inside the outline
 
-The same algorithm (`capture.garment.geodesic`) finds the ways on a grid over the outline and on the seen surface. So
-the grid's excess length cancels. Cloth hardly stretches. A seen D_ij that is shorter means folded cloth between the two
-corners, or a wrong corner.
+The same algorithm (`capture.garment.geodesic`) measures distances on a grid over the outline and on the seen surface.
+So the grid's excess length cancels. Cloth hardly stretches. So a shorter distance on the seen surface means folded
+cloth between the two corners, or a wrong corner.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from formats.garment import Garment
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
 CENTRE = 4  # the role of the centre, after the four corners
 GRID_STEP = 0.025  # m of the grid
-CENTRE_MATCH = 0.01  # m that a garment file's centre may lie beside where the tracker looks for it
-AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments the grid itself is off by 10 mm
+CENTRE_MATCH = 0.01  # m between a garment file's centre and the point that the tracker takes for it
+AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments the grid has errors of 10 mm
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class FlatGarment:
     - `sides` [m], (4, 2): lengths of the outline's sides before and after each corner, clockwise
     - `distances` [m], (4, 4), along the cloth
     - `from_ends` [m], (2, 4): from the ends of the held edge to the corners
-    - `reach` [m]: farthest that any of it can be from the held edge
+    - `reach` [m]: largest possible distance of any point from the held edge
     - `area` [m^2]
     """
 
@@ -46,12 +46,12 @@ class FlatGarment:
 
 
 def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
-    """Return what the tracker needs of a garment with these four corners [m], (4, 2).
+    """Return the flat garment of a description with these four corners [m], (4, 2).
 
     Its outline begins with the two ends of the held edge.
 
     Raises:
-        UntrackableError: a point of the garment is neither a corner nor the centre, or the centre is elsewhere.
+        UntrackableError: a point of the garment is neither a corner nor the centre, or its centre is misplaced.
     """
     outline = np.array(garment.outline_m, float)
     reach = float(np.linalg.norm(outline[:, None] - outline[None, :2], axis=-1).min(1).max())
@@ -68,7 +68,7 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
 
 
 def _laid_flat(outline: Floats) -> Floats:
-    """Grid of places [m], (rows, columns, 3), NaN outside the outline."""
+    """Return a grid of points [m], (rows, columns, 3), NaN outside the outline."""
     low, high = outline.min(0), outline.max(0)
     x = np.arange(low[0] + 0.5 * GRID_STEP, high[0], GRID_STEP)
     y = np.arange(high[1] - 0.5 * GRID_STEP, low[1], -GRID_STEP)
@@ -84,7 +84,7 @@ def _laid_flat(outline: Floats) -> Floats:
 
 
 def _roles(garment: Garment, corners: Floats) -> list[int]:
-    """Return for every tracked point the corner that it is, 0 to 3, or 4 for the centre."""
+    """Return the role of every tracked point: 0 to 3 for its corner, 4 for the centre."""
     roles = []
     for point in garment.points:
         away = np.linalg.norm(corners - np.array(point.at_m), axis=1)
@@ -102,12 +102,12 @@ def _roles(garment: Garment, corners: Floats) -> list[int]:
 
 
 def _check_centre(garment: Garment, index: int, corners: Floats, surface: Floats) -> None:
-    """Check that the centre is the place farthest from the four corners, which the tracker takes for it.
+    """Check that the described centre is the point farthest from the four corners, as the tracker defines it.
 
-    Not where there is no such place inside the outline, and not with holes: ways along the cloth go round these.
+    The check is skipped if no such point lies inside the outline, and for holes, around which geodesics lead.
 
     Raises:
-        UntrackableError: it is elsewhere.
+        UntrackableError: the described centre lies elsewhere.
     """
     flat_corners = np.concatenate([corners, np.zeros((4, 1))], axis=1)
     place = farthest_place(geodesic_distances(surface, flat_corners)[0])

@@ -1,19 +1,19 @@
-"""The probability that a doubtful corner is folded out of sight, from the frame and the frames before.
+"""The probability that a doubtful corner is hidden by a fold, from the current and earlier frames.
 
     logit P(t) = c_0 + sum_k c_k x_k(t) + c_m m(t)
 
     x = ln(beyond / B) by the held ends                                `capture.garment.coverage`
-        ln(1 + peeking / A) where the outline has the corner, and where the seen cloth comes nearest to it by the
+        ln(1 + peeking / A) at the corner on the outline, and at the visible point nearest to the corner by the
         held ends                                                      `capture.garment.peeking`
-        outwards, across: how the cloth slants where it comes nearest by all that is known     `capture.garment.slant`
-        1 for the tip of a sleeve, else 0; the same times beyond, and times outwards
-    m = logit of the probability before, after forgetting since: P' = R + (P - R) exp(-f dt)
+        outwards, across: the cloth's slant at its point nearest to the corner by all anchors   `capture.garment.slant`
+        1 for the tip of a sleeve, else 0; this indicator times beyond, and times outwards
+    m = logit of the previous frame's probability, decayed towards R: P' = R + (P - R) exp(-f dt)
 
-Missing cloth speaks for a fold, and so does a rim that recedes from the sensor. A rim that comes nearer is bent
-forwards, and its corner is in view. Another layer behind the rim may be the corner in view. A corner is doubtful if it
-was not found, or if its ways to the others are too short or too long. A corner without doubt has the log-odds `PLACED`
-for the frame after. A sleeve is a narrow strip beside the held end, so ways to its tip are short and exact. A folded
-sleeve hides less cloth than a folded hem.
+Missing cloth is evidence of a fold, and so is an edge that recedes from the sensor. An edge that comes nearer is bent
+forwards, and its corner is in view. Another layer behind the edge may be the corner in view. A corner is doubtful if it
+was not found, or if its distances to the others are too short or too long. Any other corner has the log-odds `PLACED`
+for the next frame. A sleeve is a narrow strip beside the held end, so distances to its tip are short and exact. A
+folded sleeve hides less cloth than a folded hem.
 
 P' is the prediction of a Markov chain with two states in continuous time (L. R. Rabiner, "A tutorial on hidden Markov
 models", Proc. IEEE 77, 1989, section III.A, forward procedure), m its log-odds. c_m is below 1, because an error of one
@@ -31,11 +31,11 @@ import numpy as np
 from capture.garment.slant import Slant
 from formats.arrays import Floats
 
-BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits beyond which it says nothing more
+BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits at which `beyond` is clipped
 PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
-FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: on development cloths left out the best of five pairs, by little
-PLACED = -3.0  # log-odds: one in twenty, more than in fact, since the frame after may show what this one did not
-MOST = 8.0  # log-odds that nothing goes beyond, so that one frame can speak against many
+FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: best of five pairs, by little, on development cloths left out
+PLACED = -3.0  # log-odds: 1 in 20, more than observed, since the next frame may reveal a fold
+MOST = 8.0  # bound on the log-odds, so that one frame can outweigh many
 FOLD_WEIGHTS = {
     "beyond": 2.61,
     "peeking, at the outline": -0.95,
@@ -52,7 +52,7 @@ THRESHOLD = 0.59  # probability from which a corner counts as hidden
 
 @dataclass(frozen=True)
 class Weights:
-    """The regression's constant c_0, its coefficients c_k, (traces,), and that of what was before, c_m."""
+    """The regression's constant c_0, its coefficients c_k, (features,), and the memory's coefficient c_m."""
 
     constant: float
     coefficients: Floats
@@ -63,9 +63,9 @@ FITTED = Weights(0.16, np.array([FOLD_WEIGHTS[name] for name in TRACES]), 0.60)
 
 
 def traces(beyond: float, outline: float, nearest: float, slant: Slant, *, is_tip: bool) -> Floats:
-    """Return what speaks for and against a fold, (8,).
+    """Return the regression's features of a doubtful corner, (8,).
 
-    beyond [m]: how far the corner lies beyond the seen cloth; outline, nearest [m^2]: what peeks out at both places
+    beyond [m]: distance beyond the visible cloth; outline, nearest [m^2]: area that peeks out at both points
     """
     distance = np.log(np.clip(beyond, LEAST_BEYOND, MOST_BEYOND) / BEYOND)
     tip = np.array([1.0, distance, slant.outwards]) * float(is_tip)
@@ -73,7 +73,7 @@ def traces(beyond: float, outline: float, nearest: float, slant: Slant, *, is_ti
 
 
 class Belief:
-    """Follows how probable it is of each corner that it is hidden."""
+    """Tracks each corner's probability of being hidden by a fold."""
 
     def __init__(self, corners: int = 4, weights: Weights = FITTED) -> None:
         self._weights = weights
@@ -81,16 +81,16 @@ class Belief:
         self._time: float | None = None
 
     def before(self, time: float) -> Floats:
-        """Return the log-odds, (corners,), of what is known at a time [s] before its frame is looked at."""
+        """Return the predicted log-odds, (corners,), at a time [s], before the frame's evidence."""
         gone = 0.0 if self._time is None else time - self._time
         p = 1.0 / (1.0 + np.exp(-self._log_odds))
         p = REST + (p - REST) * np.exp(-FORGETTING * gone)
         return np.asarray(np.log(p / (1.0 - p)))
 
     def update(self, found: Floats, time: float) -> Floats:
-        """Return how probable it is that each corner is hidden by a fold, (corners,); NaN where it is not in doubt.
+        """Return each corner's probability of being hidden by a fold, (corners,); NaN if it is not in doubt.
 
-        found, (corners, traces): as `traces`, NaN where not in doubt; time [s], increasing.
+        found, (corners, features): as `traces` returns, NaN if not in doubt; time [s], increasing.
         """
         weights = self._weights
         seen = weights.constant + found @ weights.coefficients + weights.before * self.before(time)

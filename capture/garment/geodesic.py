@@ -1,13 +1,13 @@
-"""The garment's centre: the point of the seen surface that is farthest, along the surface, from its nearest corner.
+"""The garment's centre: the point of the visible surface with the largest geodesic distance to its nearest corner.
 
-    centre = argmax_p min_i d(p, corner_i),     d = length of the shortest way on the depth surface
+    centre = argmax_p min_i d(p, corner_i),     d = length of the shortest path on the depth surface
 
 Source: the max-min distant point of "Estimating the clothes characteristics with the image and depth sensors for
 developing virtual fitting room", section 2. The paper finds d with Dijkstra's algorithm (Numerische Mathematik 1,
 1959).
 
 Here the surface is a grid of block means of depth. Each node is joined to 16 neighbours, the chess moves of king and
-knight. These ways are at most 2.7 % too long in any direction, and 0.4 % near the diagonals of a panel's centre. All
+knight. These paths are at most 2.7 % too long in any direction, and 0.4 % near the diagonals of a panel's centre. All
 four distance maps are relaxed together over the whole grid until nothing changes (Bellman 1958). The distances are
 those of Dijkstra's queue on the same graph, in array operations.
 """
@@ -25,22 +25,22 @@ from formats.arrays import Floats
 
 # Half of the 16 moves (rows, columns); the other half are their opposites.
 MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
-STEEPEST_STEP = 2.0  # way over the surface per way across it; a steeper step joins two folds, not one surface
+STEEPEST_STEP = 2.0  # path length per distance across the view; a steeper step joins two folds, not one surface
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
 GRID_PADDING = 2  # nodes of padding around the grid so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
 WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
-FINE_STEPS = 8  # places per grid step at which the smoothed maps are compared
+FINE_STEPS = 8  # points per grid step at which the smoothed maps are compared
 
 
 def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.float32], Floats]:
-    """Return the distance along the surface from each source to each node, and from each source to each other.
+    """Return the geodesic distances from each source to each node, and from each source to each other source.
 
     surface [m], (rows, columns, 3), any frame, NaN where there is none; sources [m], (k, 3), on the surface.
-    Returns [m], (k, rows, columns) and (k, k); infinite where no way leads, and for sources that are NaN.
+    Returns [m], (k, rows, columns) and (k, k); infinite if no path exists, and for sources that are NaN.
 
-    All nodes lie in one line, grid after grid and row after row, with a margin between. So a move is one shift of the
-    whole line.
+    The nodes are stored in one flat array, grid after grid and row after row, with padding between. So a move is one
+    shift of the whole array.
     """
     rows, columns, _ = surface.shape
     count, width = len(sources), columns + GRID_PADDING
@@ -72,7 +72,7 @@ def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.flo
 def _relaxed(
     start: NDArray[np.float32], steps: list[tuple[int, NDArray[np.float32]]], margin: int
 ) -> NDArray[np.float32]:
-    """Return the distances, (nodes of the line,), shortened by every move to and fro until nothing changes."""
+    """Return the distances, (nodes of the array,), relaxed over all moves in both directions until nothing changes."""
     nodes = start.size
     whole = np.concatenate([start, np.full(margin, np.inf, dtype=np.float32)])
     here, way = whole[:nodes], np.empty_like(start)
@@ -88,10 +88,10 @@ def _relaxed(
 
 
 def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:
-    """Return the place (row, column), in nodes, whose nearest source is farthest away.
+    """Return the point (row, column), in nodes, whose nearest source is farthest away.
 
-    distances [m], (k, rows, columns). Only places inside the surface count: at its border the place would be a
-    matter of chance. None where no such place is reached from every source, or where it lies at the border of these.
+    distances [m], (k, rows, columns). Only points inside the surface count, because a maximum at its border is an
+    artefact. None if no such point is reached from every source, or if it lies at the border of the reached region.
     """
     nearest = distances.min(0)
     reached = np.isfinite(distances).all(0)
@@ -116,20 +116,20 @@ def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None
 
 @cache
 def _smoother() -> tuple[Floats, Floats]:
-    """Return the fine places along a patch and the matrix from its nodes to its parabola at every pair of these."""
+    """Return fine coordinates along a patch, and the matrix from node values to the fitted parabola at their pairs."""
     coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
     fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS
     return fine, np.asarray((_parabola(fine) @ np.linalg.pinv(_parabola(coarse))).T)
 
 
 def _parabola(along: Floats) -> Floats:
-    """Return the terms 1, r, c, r^2, rc, c^2 at every pair of places, (places^2, 6)."""
+    """Return the terms 1, r, c, r^2, rc, c^2 at every pair of coordinates, (coordinates^2, 6)."""
     r, c = (grid.ravel() for grid in np.meshgrid(along, along, indexing="ij"))
     return np.stack([np.ones_like(r), r, c, r * r, r * c, c * c], axis=1)
 
 
 def _spacing(surface: Floats) -> float:
-    """Return the typical way between neighbouring nodes of a row [m]."""
+    """Return the typical distance between neighbouring nodes of a row [m]."""
     across = np.abs(np.diff(surface[..., 0], axis=1))
     across = across[np.isfinite(across)]
     return float(np.partition(across, across.size // 2)[across.size // 2]) if across.size else 0.0

@@ -1,17 +1,17 @@
-"""Tell whether a tracked corner is hidden: by something in front, by the picture's border, or by a fold.
+"""Occlusion of a tracked corner: by an object in front, by the border of the image, or by a fold.
 
-In front    around a place at the rim, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump, and by
-            more than the cloth that is missing there, since that may be folded forwards: the rim is then that of
-            another thing, and the garment goes on behind it.
-Outside     the place lies at the picture's border.
+In front    around a point at the edge, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump, and by
+            more than the cloth that is missing there, because missing cloth may be folded forwards. The edge then
+            belongs to another object, behind which the garment continues.
+Outside     the point lies at the border of the image.
 Folded      cloth hardly stretches, so two corners are as far apart along the seen surface as on the flat garment,
 
                 deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.garment.flat_garment` and
                 `capture.garment.geodesic`
 
-            A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
-            are looked at again. Whether a dropped corner is hidden as well says `capture.garment.folding`: it may also
-            be in view, but not where the outline has a corner.
+            A deficit means that cloth is missing between the two. The corner with the largest sum is dropped, and the
+            others are tested again. `capture.garment.folding` decides whether a dropped corner is hidden: it may also
+            be in view at another point than the outline's corner.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LONG = 0.10  # of the distance on the flat garment: a longer way goes around a f
 
 
 def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: float) -> bool:
-    """Return whether something that is not the garment, nearer than `z` [m] by a jump [m], lies beside a pixel."""
+    """Return whether pixels beside a pixel, off the garment, are nearer than `z` [m] by more than a jump [m]."""
     around = _around(silhouette, pixel, LOOK_AROUND)
     raw = silhouette.raw[around]
     nearer = (raw > 0) & (raw < 1e3 * (z - jump)) & (silhouette.mask[around] == 0)
@@ -47,7 +47,7 @@ def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, s
 
 
 def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
-    """Return whether a pixel lies at the border of a picture (height, width)."""
+    """Return whether a pixel lies at the border of an image (height, width)."""
     return not (
         OCCLUSION_BORDER <= pixel[0] <= shape[1] - 1 - OCCLUSION_BORDER
         and OCCLUSION_BORDER <= pixel[1] <= shape[0] - 1 - OCCLUSION_BORDER
@@ -55,11 +55,11 @@ def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
 
 
 def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans, Booleans]:
-    """Return which of the corners are hidden by a fold and which are somewhere else than they should be, (k,) each.
+    """Return which corners lack cloth, as a fold causes, and which are misplaced, (k,) each.
 
     - `seen`, `flat` [m], (k, k): distances along the cloth, NaN where a corner was not found, infinite where no way
       leads
-    - `trusted`: corners that are where they should be for another reason, so that the others are to blame.
+    - `trusted`: corners confirmed by other evidence, so that deviations are attributed to the others
     """
     deficit = np.where(np.isfinite(seen), (1.0 - SHORT) * flat - SHORT_MORE - seen, 0.0)
     excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG) * flat - SHORT_MORE)
@@ -69,7 +69,7 @@ def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans
 
 
 def _blamed(amount: Floats, trusted: Booleans) -> Booleans:
-    """Return the fewest members that explain all amounts between pairs, worst first; never the trusted ones."""
+    """Return the fewest corners that explain all deviations between pairs, found worst first, without trusted ones."""
     left = amount.copy()
     blamed = np.zeros(len(left), bool)
     while True:

@@ -1,6 +1,6 @@
-"""The part of the garment that peeks out behind its rim beside one place, where a folded corner may be in view.
+"""The area of the garment that is visible behind its own edge near one point, where a folded corner may show.
 
-    peeking [m^2]   things off the silhouette, cut away from it by a jump in depth, that can be the garment's
+    peeking [m^2]   surfaces off the silhouette, separated by a jump in depth, that may belong to the garment
 
 around the place, as far as the missing cloth reaches. These things lie below the held edge. They are no farther from
 either of its ends than the corner on the flat garment.
@@ -16,24 +16,24 @@ from capture.garment.silhouette import Silhouette
 from formats.arrays import Floats
 from formats.rig import Sensor
 
-FARTHEST, MORE = 0.25, 0.03  # m: missing cloth that is looked for, and what its measure may be short of
-DEEPER = 1.5  # of that, in depth: the fold need not lie where it is looked for
+FARTHEST, MORE = 0.25, 0.03  # m: bound on the missing cloth that is searched for, and its tolerance
+DEEPER = 1.5  # times the search radius, in depth: a fold may lie elsewhere
 LEAST_AROUND, MOST_AROUND = 6, 90  # px
 BELOW = 0.04  # m below the held edge: above are bar, plates and hand
-STRETCH, SLACK = 1.03, 0.02  # of a way on the flat garment, and m: the farthest that cloth can be from a held end
-LEAST_SHARE_OUTSIDE = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the rim
-DEPTH_AROUND = 4  # px whose median is the depth of a place
+STRETCH, SLACK = 1.03, 0.02  # of a distance on the flat garment, and m: bound on the cloth's distance to a held end
+LEAST_SHARE_OUTSIDE = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the edge
+DEPTH_AROUND = 4  # px whose median is the depth of a point
 
 
 def peeking_area(
     silhouette: Silhouette, pixel: Floats, missing: float, held: Floats, ways: Floats, sensor: Sensor
 ) -> float:
-    """Return the area [m^2] of what peeks out around a place on the outline.
+    """Return the area [m^2] that peeks out around a point on the outline.
 
     - `pixel` [px of the image], (2,)
-    - `missing` [m]: how much cloth is
+    - `missing` [m]: length of the missing cloth
     - `held` [m], (2, 3): ends of the held edge
-    - `ways` [m], (2,): from these to the corner on the flat garment.
+    - `ways` [m], (2,): distances from these ends to the corner on the flat garment
     """
     u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
     z = _depth_around(silhouette, u, v, float(held[:, 2].mean()))
@@ -63,7 +63,7 @@ def _depth_around(silhouette: Silhouette, u: int, v: int, otherwise: float) -> f
 def _below(
     first: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], held: Floats, sensor: Sensor, z: float
 ) -> NDArray[np.bool_]:
-    """Mark what lies below the held edge; first [px of the image], (2,): the patch's first column and row."""
+    """Mark the pixels below the held edge; first [px of the image], (2,): the patch's first column and row."""
     (x0, y0), (x1, y1) = held[:, :2] / held[:, 2:] * [sensor.fx, sensor.fy] + [sensor.cx, sensor.cy]
     slope = (y1 - y0) / (x1 - x0) if abs(x1 - x0) > 1e-6 else 0.0
     return np.asarray(rows + first[1] > y0 + slope * (columns + first[0] - x0) + BELOW * sensor.fx / z)
@@ -72,7 +72,7 @@ def _below(
 def _count_within(
     raw: NDArray[np.uint16], chosen: NDArray[np.bool_], first: Floats, held: Floats, ways: Floats, sensor: Sensor
 ) -> int:
-    """Count of the chosen pixels those that are no farther from the held ends than the corner can be."""
+    """Count the chosen pixels that are no farther from the held ends than the corner can be."""
     rows, columns = np.nonzero(chosen)
     z = raw[rows, columns] * 1e-3
     x, y = z * (columns + first[0] - sensor.cx) / sensor.fx, z * (rows + first[1] - sensor.cy) / sensor.fy

@@ -1,7 +1,7 @@
-"""Place a pixel of the garment in metres with the depth of the cloth around it.
+"""Compute the 3D position of a pixel of the garment from the depth of the cloth around it.
 
     position = z(u, v) ((u - cx) / fx, (v - cy) / fy, 1),    z of the plane through the cloth around (u, v)
-    sd_z^2 = sd_plane^2 + (dz/du sd_u)^2 + (dz/dv sd_v)^2    on steep cloth a pixel aside is also nearer or farther
+    sd_z^2 = sd_plane^2 + (dz/du sd_u)^2 + (dz/dv sd_v)^2    on steep cloth an error of the pixel changes the depth
     sd_x^2 = (z sd_u / fx)^2 + (x / z sd_z)^2                likewise y
 
 The pixels at the rim of the cloth are missing or mixed with the background, so the plane is fitted to the inner ones.
@@ -19,27 +19,27 @@ from capture.garment.silhouette import Silhouette
 from formats.arrays import Floats
 from formats.rig import Sensor
 
-PATCH_RADIUS = 14  # px around a point whose cloth tells its depth: 39 mm at 1.6 m, flat to 1 mm
+PATCH_RADIUS = 14  # px around a point whose cloth determines its depth: 39 mm at 1.6 m, flat to 1 mm
 MIXED_RIM = 2  # px at the silhouette's edge whose depth may be mixed
 PATCH_SPREAD = 0.06  # m, how far a steep cloth reaches in depth across the patch
 CORE = np.ones((2 * MIXED_RIM + 1, 2 * MIXED_RIM + 1), np.uint8)
 
 
 def project(places: Floats, sensor: Sensor) -> Floats:
-    """Return the pixels, (..., 2), of places [m], (..., 3), sensor frame."""
+    """Return the pixels, (..., 2), of positions [m], (..., 3), sensor frame."""
     u = sensor.fx * places[..., 0] / places[..., 2] + sensor.cx
     v = sensor.fy * places[..., 1] / places[..., 2] + sensor.cy
     return np.stack([u, v], axis=-1)
 
 
 class Placer:
-    """Places pixels of one silhouette."""
+    """Computes 3D positions of pixels of one silhouette."""
 
     def __init__(self, silhouette: Silhouette, sensor: Sensor, correlation: CorrelationMeter) -> None:
         self._silhouette, self._sensor, self._correlation = silhouette, sensor, correlation
 
     def place(self, pixel: Floats, sd_px: Floats) -> tuple[Floats, Floats]:
-        """Return position and sd [m], (3,) each, of the cloth at a pixel of the image; NaN where none tells its depth.
+        """Return position and sd [m], (3,) each, of the cloth at a pixel of the image; NaN without depth there.
 
         sd_px [px], (2,): of the pixel, along u and v.
         """

@@ -1,14 +1,14 @@
-"""Separate plausible garment points from wrong ones: cloth does not leap, and a true point is seen twice.
+"""Reject outliers among the garment's points: accelerations are bounded, and a true point is detected twice.
 
-    |p(t) - p'(t)| <= 4 sd + a dt (dt + dt') / 2           p' from the last two sightings, dt' apart, going on
-    |p(t) - p(t - dt)| <= 4 sd + a dt^2 / 2 + v dt         where only one sighting is known
+    |p(t) - p'(t)| <= 4 sd + a dt (dt + dt') / 2           p' extrapolates the last two detections, dt' apart
+    |p(t) - p(t - dt)| <= 4 sd + a dt^2 / 2 + v dt         where only one detection is known
 
-The mean velocity between two sightings is that of the time in their middle. So the first bound is a dt^2 at a steady
+The mean velocity between two detections is the velocity halfway between them. So the first bound is a dt^2 at a steady
 frame rate, the second difference of an evenly accelerated point.
 
-A point that was lost for longer than `POINT_MEMORY` counts again from its second sighting on. So a fold that looks
-like a corner for one frame does not count. In the first sightings after any gap, only its looks speak against a wrong
-corner. So its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing replaces them.
+A point that was lost for longer than `POINT_MEMORY` counts again from its second detection on. So a fold that looks
+like a corner for one frame does not count. In the first detections after any gap, only the image can reveal a wrong
+corner. So its deviation is larger by `UNSETTLED_SD`. Rejected points are marked as missing; nothing replaces them.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from numpy.typing import NDArray
 
 from formats.arrays import Floats
 
-HARDEST_WHIP = 60.0  # m/s^2, a free corner turning round at the end of a hard swing
+HARDEST_WHIP = 60.0  # m/s^2, a free corner that reverses at the end of a hard swing
 FASTEST_POINT = 6.0  # m/s, the hem in the hardest swing by hand
-POINT_MEMORY = 0.2  # s, after this a point may have gone anywhere
+POINT_MEMORY = 0.2  # s, after which a point may be anywhere
 
-SETTLED = 2  # sightings in frame after frame, after which a prediction speaks for the next one
-UNSETTLED_SD = 0.010  # m along each axis: on the development set's hard swings these are off by 18 mm rms, others by 8
+SETTLED = 2  # consecutive detections after which a prediction is trusted
+UNSETTLED_SD = 0.010  # m per axis: on the development set's hard swings these err by 18 mm rms, others by 8
 
 
 class MotionGate:
-    """Remembers where the points went and refuses leaps."""
+    """Rejects detections that contradict the motion of their point."""
 
     def __init__(self, points: int) -> None:
         self._place = np.full((points, 3), np.nan)
-        self._velocity = np.full((points, 3), np.nan)  # NaN where only one sighting is known
+        self._velocity = np.full((points, 3), np.nan)  # NaN where only one detection is known
         self._time = np.full(points, -np.inf)
         self._interval = np.zeros(points)  # s over which the velocity was found
         self._frame = -np.inf  # time of the frame before
         self._in_a_row = np.full(points, SETTLED)
 
     def admit(self, places: Floats, sd: Floats, time: float) -> tuple[NDArray[np.bool_], Floats]:
-        """Return which points came from where they were last seen, and all deviations [m], (points, 3).
+        """Return which points agree with their earlier motion, and all standard deviations [m], (points, 3).
 
-        places [m], (points, 3), NaN where not seen; sd [m], (points, 3); time [s], increasing.
+        places [m], (points, 3): positions, NaN if not detected; sd [m], (points, 3); time [s], increasing.
         """
         seen, is_first = np.isfinite(places[:, 0]), np.isinf(self._time)
         gone = time - self._time
         missed = self._time < self._frame
         self._frame = time
-        # One sighting gives a point's place for the next frame only.
+        # One detection predicts a position for the next frame only.
         fresh = is_first | (missed & (np.isnan(self._velocity[:, 0]) | (gone > POINT_MEMORY)))
         dt = np.where(fresh, 0.0, gone)
         leap = np.linalg.norm(places - self._place - np.nan_to_num(self._velocity) * dt[:, None], axis=1)

@@ -1,4 +1,4 @@
-"""Follow the tracked points of a garment: its sight in a frame, and the choice of its corner finder.
+"""The interface of garment trackers: the result for one frame, and the choice of the corner finder.
 
 A garment file's `kind` chooses a `CornerFinder` (`capture.garment.corners`), listed in `FINDERS`; a further kind of
 garment is one class there and one line here. `capture.garment.tracker` treats the corners of all kinds alike.
@@ -16,19 +16,19 @@ from capture.garment.corners import CornerFinder, PanelCorners, ShirtCorners
 from formats.arrays import Floats
 from formats.surface import SurfaceScan
 
-WELL_KNOWN = 8e-3  # m, the error that is wanted of a corner
+WELL_KNOWN = 8e-3  # m, the target error of a corner
 FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": PanelCorners, "t-shirt": ShirtCorners}
 
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentSight:
-    """The sight of the garment in one frame, in the order of `garment.points`; NaN where not seen.
+    """The tracked points of the garment in one frame, in the order of `garment.points`; NaN if missing.
 
     - `points` [m], (points, 3), sensor frame
     - `sd` [m], (points, 3)
-    - `valid`, (points,): seen and placed
-    - `hidden`, (points,): something in front, a fold or the picture's border hides it (neither: it was not found, or
-      its place is not plausible)
+    - `valid`, (points,): detected, with a plausible position
+    - `hidden`, (points,): an object in front, a fold or the border of the image hides it. A point that is neither
+      valid nor hidden was not detected, or its position is not plausible.
     - `pixels` [px], (points, 2)
     - `outline` [px], (n, 2): the silhouette, empty where the garment was not found
     - `quality`, 0 to 1: the points' mean certainty, times the share of the silhouette that has depth. A valid point's
@@ -50,7 +50,7 @@ class GarmentSight:
 
 
 class GarmentTracker(Protocol):
-    """Follows one garment through a recording."""
+    """Tracks one garment through a recording."""
 
     def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
         """Find the garment's points in one frame.
@@ -61,7 +61,7 @@ class GarmentTracker(Protocol):
         ...
 
     def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
-        """Scan the surface seen in the last tracked frame; None where the garment was not found in it."""
+        """Scan the visible surface of the last tracked frame; None if the garment was not found in it."""
         ...
 
 
@@ -73,7 +73,7 @@ def frame_quality(valid: NDArray[np.bool_], sd: Floats, filled: float) -> float:
 
 
 def nothing_found(points: int) -> GarmentSight:
-    """Return the sight of a frame in which the garment was not found."""
+    """Return the result for a frame in which the garment was not found."""
     nowhere = np.full((points, 3), np.nan)
     return GarmentSight(
         points=nowhere,

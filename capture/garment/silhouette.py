@@ -1,7 +1,7 @@
-"""Cut the garment out of a depth image.
+"""Segment the garment in a depth image.
 
-The silhouette is what lies below the held edge, around the hanger's depth and in one piece. Behind every jump in
-depth the farther surface is cut away, two pixels wide, so that furniture behind the garment is another piece.
+The silhouette is the connected region below the held edge, near the hanger's depth. Behind every jump in
+depth the farther surface is removed, two pixels wide, so that furniture behind the garment is a separate region.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from formats.arrays import Floats, Indices
 
-CROP_BORDER = 12  # px kept around the garment: these pixels say whether it ends or goes on behind something
+CROP_BORDER = 12  # px kept around the garment: they show whether it ends or continues behind an object
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
 EDGE_BAND = 12  # px below the held edge in which the garment must be present
 
@@ -36,11 +36,11 @@ class Window:
 
 @dataclass(frozen=True)
 class Silhouette:
-    """The garment cut out of one depth image, in the smallest window around it.
+    """The garment segmented in one depth image, in the smallest window around it.
 
     - `mask`, (h, w): 1 on the garment, holes filled
     - `depth` [m], (h, w): 0 where missing or off the garment
-    - `raw` [mm], (h, w): everything that the sensor sees there, 0 where missing
+    - `raw` [mm], (h, w): the sensor's depth in the window, 0 where missing
     - `outline` [px of the window], (n, 2): its outermost pixels in order
     - `touches_rim`: see `cut_out`
     """
@@ -96,17 +96,17 @@ def _around(start: int, length: int, limit: int) -> slice:
 
 
 def _before_jumps(patch: NDArray[np.uint16], jump: int) -> NDArray[np.uint8]:
-    """Mark pixels that are not just behind something nearer, 255; so that cloth behind falls into another piece.
+    """Mark pixels that do not lie just behind a nearer surface, 255; this separates surfaces at different depths.
 
     Two pixels to every side: one beside a jump may be missing, and the closing of holes bridges one.
     """
-    deep = patch - np.uint16(1)  # missing pixels wrap round to the farthest
+    deep = patch - np.uint16(1)  # missing pixels (0) wrap around to the farthest value
     step = cv2.subtract(deep, cv2.erode(deep, SQUARE_5))
     return np.asarray(cv2.inRange(step, 0, jump), dtype=np.uint8)
 
 
 def _cut_above(mask: NDArray[np.uint8], ends: Floats) -> None:
-    """Clear everything above the held edge: the bar, the marker plates, the hand."""
+    """Clear the pixels above the held edge: the bar, the marker plates, the hand."""
     (x0, y0), (x1, y1) = ends
     slope = (y1 - y0) / (x1 - x0) if abs(x1 - x0) > 1e-6 else 0.0
     edge = np.ceil(y0 + slope * (np.arange(mask.shape[1]) - x0)).astype(int)
@@ -115,7 +115,7 @@ def _cut_above(mask: NDArray[np.uint8], ends: Floats) -> None:
 
 
 def _hanging_piece(labels: NDArray[np.uint16], stats: Indices, count: int, ends: Floats) -> int | None:
-    """Return the label of the largest piece that begins right below the held edge."""
+    """Return the label of the largest region that begins right below the held edge."""
     x0, x1 = sorted(int(x) for x in ends[:, 0])
     y0, y1 = int(ends[:, 1].min()), int(ends[:, 1].max())
     band = labels[max(0, y0) : max(0, y1 + EDGE_BAND), max(0, x0) : max(0, x1)]

@@ -1,11 +1,11 @@
-"""The slant of the cloth at its rim: cloth bends away from the sensor at a fold that hides the rest.
+"""The slant of the cloth at its visible edge: at a fold, cloth bends away from the sensor.
 
-Of the plane through the cloth around a place at the rim (`capture.depth.surface`)
+For the plane through the cloth around a point at the edge (`capture.depth.surface`)
 
     outwards = atan(slope of depth away from the cloth's middle there)     [rad], positive where it recedes
-    across   = |atan(slope along the rim)|                                 [rad]
+    across   = |atan(slope along the edge)|                                [rad]
 
-A corner that is bent towards the sensor comes nearer outwards: it is in view, however short it looks. One that is
+A corner that is bent towards the sensor comes nearer outwards: it is in view, however short it looks. A corner that is
 folded away lies behind cloth that recedes, and mostly straight outwards.
 """
 
@@ -21,12 +21,12 @@ from capture.garment.silhouette import Silhouette
 from formats.arrays import Floats
 from formats.rig import Sensor
 
-AROUND = 0.05  # m: of 20, 30, 35, 40, 50 and 70 mm the best on development cloths left out
+AROUND = 0.05  # m: the best of 20, 30, 35, 40, 50 and 70 mm on development cloths left out of the fit
 SPREAD = 0.06  # m, how far steep cloth reaches in depth from the middle of these
 
 
 class Slant(NamedTuple):
-    """Angles [rad] of the cloth at its rim, see above; 0 where too little of it has depth."""
+    """Angles [rad] of the cloth at its edge, see above; 0 if too few of its pixels have depth."""
 
     outwards: float
     across: float
@@ -36,7 +36,7 @@ UPRIGHT = Slant(0.0, 0.0)
 
 
 def rim_slant(silhouette: Silhouette, pixel: Floats, depth: float, sensor: Sensor) -> Slant:
-    """Return the slant at a pixel [px of the image], (2,), of the silhouette's rim, whose cloth is at a depth [m]."""
+    """Return the slant at a pixel [px of the image], (2,), of the silhouette's edge, whose cloth is at a depth [m]."""
     u, v = pixel[0] - silhouette.window.left, pixel[1] - silhouette.window.top
     far = AROUND * sensor.fx / depth
     top, left = max(0, int(v - far)), max(0, int(u - far))

@@ -1,7 +1,7 @@
-"""Scan the visible surface: a grid of places on it and the contour of the silhouette.
+"""Sample the visible surface: a grid of points on it and the contour of the silhouette.
 
-The silhouette's four sides are T(s), B(s) from left to right and L(t), R(t) from top to bottom. Each is followed at
-equal steps of its length in the picture. The grid is the Coons patch between them:
+The silhouette's four sides are T(s), B(s) from left to right and L(t), R(t) from top to bottom. Each is sampled at
+equal steps of its length in the image. The grid is the Coons patch between them:
 
     P(s, t) = (1 - t) T(s) + t B(s) + (1 - s) L(t) + s R(t)
               - (1 - s)(1 - t) T(0) - s (1 - t) T(1) - (1 - s) t B(0) - s t B(1)
@@ -22,8 +22,8 @@ from formats.rig import Sensor
 from formats.surface import SurfaceScan
 
 SMOOTHING = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
-FEWEST_CLOTH = 0.04  # of the pixels that are averaged: a right corner whose rim is left out fills a tenth
-RIM_KERNEL = np.ones((5, 5), np.uint8)  # pixels nearer to the rim may be mixed with the background
+FEWEST_CLOTH = 0.04  # share of averaged pixels that must be cloth: a right-angled corner without its edge fills a tenth
+RIM_KERNEL = np.ones((5, 5), np.uint8)  # pixels nearer to the edge may be mixed with the background
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 CORNER_REACH_PIXELS = 12.0  # px: a bar that ends 20 mm beyond the cloth at 1.2 m
 CONTOUR_SMOOTHING = 7  # outline pixels: a ragged edge is longer than the hem
@@ -32,7 +32,7 @@ CONTOUR_SMOOTHING = 7  # outline pixels: a ragged edge is longer than the hem
 def scan_surface(
     silhouette: Silhouette, corners: Floats, sensor: Sensor, time: float, *, grid: int, contour: int
 ) -> SurfaceScan:
-    """Return a scan with a grid of `grid` x `grid` places and `contour` places around it.
+    """Return a scan with a grid of `grid` x `grid` points and `contour` points around it.
 
     corners [px of the image], (4, 2), clockwise from the top left; where one is NaN the grid is NaN as a whole.
     """
@@ -52,7 +52,7 @@ def scan_surface(
 
 
 def _smoothed(outline: Floats) -> Floats:
-    """Return the outline, clockwise as seen, averaged over some neighbours."""
+    """Return the outline, clockwise in the image, smoothed over some neighbours."""
     x, y = outline.T
     clockwise = x @ np.roll(y, -1) - y @ np.roll(x, -1) > 0.0  # y points down
     ordered = outline if clockwise else outline[::-1]
@@ -61,14 +61,14 @@ def _smoothed(outline: Floats) -> Floats:
 
 
 def _along(way: Floats, count: int) -> Floats:
-    """Return places at equal steps along a way, (n, 2), from its first to its last, (count, 2)."""
+    """Return points at equal steps along a path, (n, 2), from its first to its last point, (count, 2)."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
     at = np.linspace(0.0, length[-1], count)
     return np.stack([np.interp(at, length, way[:, 0]), np.interp(at, length, way[:, 1])], axis=1)
 
 
 def _patch(outline: Floats, corners: Floats, grid: int) -> Floats:
-    """Return the Coons patch [px of the window], (grid, grid, 2); NaN where the corners are not in order."""
+    """Return the Coons patch [px of the window], (grid, grid, 2); NaN if the corners are not in clockwise order."""
     n = len(outline)
     at = [int(np.linalg.norm(outline - corner, axis=1).argmin()) for corner in corners]
     if not at[0] < at[1] < at[2] < at[3]:
@@ -86,13 +86,13 @@ def _patch(outline: Floats, corners: Floats, grid: int) -> Floats:
 
 
 def _side(way: Floats, start: Floats, end: Floats) -> Floats:
-    """Return a side from corner to corner without what is rounded off, or the bar's end, beside these."""
+    """Return a side from corner to corner, without the rounded parts or the bar's end beside the corners."""
     far = np.minimum(np.hypot(*(way - start).T), np.hypot(*(way - end).T)) > CORNER_REACH_PIXELS
     return np.vstack([start, way[far], end])
 
 
 def _smooth_depth(silhouette: Silhouette) -> NDArray[np.float32]:
-    """Return the cloth's depth [m], (h, w), averaged over neighbours; 0 where there are too few."""
+    """Return the cloth's depth [m], (h, w), averaged over neighbours; 0 if these are too few."""
     inner = cv2.erode(silhouette.mask, RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     cloth = ((inner > 0) & (silhouette.depth > 0)).astype(np.float32)
     size = (2 * SMOOTHING + 1, 2 * SMOOTHING + 1)
@@ -103,7 +103,7 @@ def _smooth_depth(silhouette: Silhouette) -> NDArray[np.float32]:
 
 
 def _in_metres(places: Floats, depth: NDArray[np.float32], offset: Floats, sensor: Sensor) -> Floats:
-    """Return places [px of the window], (..., 2), in metres, (..., 3); NaN where no cloth tells the depth."""
+    """Return the 3D positions [m], (..., 3), of pixels of the window, (..., 2); NaN where the cloth has no depth."""
     h, w = depth.shape
     pixel = np.rint(np.nan_to_num(places)).astype(int)
     inside = np.isfinite(places[..., 0]) & (pixel >= 0).all(-1) & (pixel[..., 0] < w) & (pixel[..., 1] < h)

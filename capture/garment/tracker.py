@@ -1,6 +1,6 @@
-"""Follow a garment's four corners and its centre through a recording.
+"""Track a garment's four corners and its centre through a recording.
 
-    held edge -> silhouette -> corners in the picture -> corners in metres -> which of them are hidden -> centre
+    held edge -> silhouette -> corners in pixels -> corners in metres -> occlusion of corners -> centre
 
 One `SilhouetteTracker` for all garments; the kinds differ in where their corners are (`capture.garment.corners`).
 """
@@ -33,20 +33,20 @@ from formats.surface import SurfaceScan
 Booleans = NDArray[np.bool_]
 
 REACH_FACTOR = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
-GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
-LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
+GROWTH = 3.0  # m/s, speed at which the hem may leave the previous frame's window
+LONGEST_TRUST = 0.2  # s, after which the last window is useless
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
 LARGEST_AREA_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
-NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
+NEAREST_HANGER = 0.1  # m; a hanger cannot be nearer, so this is an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
 HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
-BY_WAYS = 0.020  # m: a corner in doubt no farther beyond the seen cloth is where that comes nearest to it
+BY_WAYS = 0.020  # m: a doubtful corner that is at most so far beyond the visible cloth lies at its nearest point
 BY_WAYS_SD = 0.0055  # of the distance, along each axis: rms on the development sets' hard swings
 CELL = 0.028  # m, of the grid for geodesics
-CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
-CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
-CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
+CORNER_SLACK = 0.02  # of a distance between corners: tolerance of its measurement
+CORNER_SHARE = 0.5  # of the rest, for each corner of the pair: z is then 1 on the development set
+CENTRE_SHARE = 0.3  # of the rms error of the distances between corners: the development set's z is then 1
 GARMENT_CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
 
 
@@ -54,7 +54,7 @@ def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | 
     """Return the tracker for this kind of garment.
 
     Raises:
-        UntrackableError: the kind has no strategy yet, a point cannot be found by it, or the rig has no sensor.
+        UntrackableError: the kind has no strategy, the strategy cannot find a point, or the rig has no sensor.
     """
     if garment.kind not in FINDERS:
         raise UntrackableError(
@@ -66,7 +66,7 @@ def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | 
 
 
 class SilhouetteTracker:
-    """Follows a garment that hangs from its held edge by the corners of its silhouette and its centre."""
+    """Tracks the silhouette's corners and the centre of a garment that hangs from its held edge."""
 
     def __init__(self, garment: Garment, rig: Rig, correlation: CorrelationMeter) -> None:
         if rig.sensor is None:
@@ -86,7 +86,7 @@ class SilhouetteTracker:
         self._last: tuple[float, Window] | None = None
         self._seen: tuple[Silhouette, Floats] | None = None
         self._belief = Belief()
-        self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's corners in doubt, others NaN
+        self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's doubtful corners, NaN for others
 
     def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
         """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
@@ -147,7 +147,7 @@ class SilhouetteTracker:
         )  # fmt: skip
 
     def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
-        """Scan the surface seen in the last tracked frame; see `GarmentTracker.scan`."""
+        """Scan the visible surface of the last tracked frame; see `GarmentTracker.scan`."""
         if self._seen is None:
             return None
         silhouette, corners = self._seen
@@ -155,14 +155,14 @@ class SilhouetteTracker:
 
     @staticmethod
     def _ways_between(surface: Floats, places: Floats) -> tuple[NDArray[np.float32], Floats]:
-        """Return the ways from the four corners to the nodes and to each other, NaN where one has no place."""
+        """Return distances from the four corners to the nodes and to each other, NaN for a corner without position."""
         distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
         along[missing] = along[:, missing] = np.nan
         return distances, along
 
     def _traces(self, silhouette: Silhouette, i: int, pixel: Floats, beyond: Beyond, held: Floats) -> Floats:
-        """Return what speaks for and against a fold that hides corner i, see `capture.garment.folding`."""
+        """Return the features of corner i for the regression of `capture.garment.folding`."""
 
         def peeking(at: Floats) -> float:
             return peeking_area(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
@@ -179,7 +179,7 @@ class SilhouetteTracker:
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
         dropped: Booleans, time: float,
     ) -> Booleans:  # fmt: skip
-        """Return which corners are hidden, (4,); dropped, (4,): not where they should be."""
+        """Return which corners are hidden, (4,); dropped, (4,): corners whose positions contradict the flat garment."""
         flat = self.flat.distances
         hidden = self._belief.update(self.traces, time) > THRESHOLD
         for i in np.flatnonzero(np.isfinite(places[:4, 2])):
@@ -192,27 +192,27 @@ class SilhouetteTracker:
         return np.asarray(hidden)
 
     def _covered(self, silhouette: Silhouette, beyond: Beyond) -> Booleans:
-        """Return which corners are missed where the cloth that comes nearest to them ends at a nearer thing, (4,)."""
+        """Return which corners are missing where the cloth nearest to them ends at an object in front, (4,)."""
         covered = beyond.by_all > COVERED * self.flat.distances.max(1)
         for i in np.flatnonzero(covered):
             covered[i] = self._ends_at_a_nearer_thing(silhouette, beyond.places[i], float(beyond.by_all[i]))
         return np.asarray(covered)
 
     def _ends_at_a_nearer_thing(self, silhouette: Silhouette, place: Floats, lost: float) -> bool:
-        """Return whether beside a place [m] is a thing that is nearer than so much lost cloth [m] can be."""
+        """Return whether a surface beside a position [m] is nearer than missing cloth of that length [m] can be."""
         z = float(place[2])
         return np.isfinite(z) and is_behind_something(silhouette, project(place, self.sensor), z, self._jump(z) + lost)
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
-        """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
+        """Return each corner's error [m], (4,), estimated from its distances to the others and the flat garment's."""
         flat, placed = self.flat.distances, np.isfinite(places[:4, 0])
         off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
         return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
 
     def _match_held(self, places: Floats, sd: Floats, held: Floats) -> Booleans:
-        """Return which corners are ends of the held edge; take away those that should be but are elsewhere.
+        """Return which corners are ends of the held edge; remove those that should be but are elsewhere.
 
-        One that is a little off may be the bar's end, not the cloth's: it may be off by as much as that.
+        A corner that differs slightly may be the bar's end; the difference is then added to its sd.
         """
         is_held = np.zeros(4, bool)
         for i, end in enumerate(self.held_corners):
@@ -244,7 +244,7 @@ class SilhouetteTracker:
             return None
         pixel = 1.0 / (self.sensor.fx * self.sensor.fy)
         area = float(np.count_nonzero(found.mask)) * middle**2 * pixel
-        across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # what the seen surface would be if it faced the sensor
+        across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # as if the visible surface faced the sensor
         is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_AREA_SHARE * self.flat.area
         return found if is_garment else None
 
@@ -262,7 +262,7 @@ class SilhouetteTracker:
         )
 
     def _recent_window(self, widest: Window, middle: float, time: float) -> Window | None:
-        """Return the last sighting's window, grown by what the hem can have moved since."""
+        """Return the last window, enlarged by the distance that the hem can have moved since."""
         if self._last is None or time - self._last[0] > LONGEST_TRUST:
             return None
         last = self._last[1]
@@ -276,7 +276,7 @@ class SilhouetteTracker:
         return None if window.is_empty else window
 
     def _surface(self, silhouette: Silhouette) -> tuple[Floats, int]:
-        """Return the seen surface as a grid [m], (rows, columns, 3), NaN where there is none, and its step [px]."""
+        """Return the visible surface as a grid [m], (rows, columns, 3), NaN where missing, and its step [px]."""
         window, s = silhouette.window, self.sensor
         middle = float(silhouette.depth[silhouette.depth > 0].mean())
         cell = max(3, round(CELL * s.fx / middle))

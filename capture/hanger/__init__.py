@@ -1,1 +1,1 @@
-"""Find the hanger's two markers in a frame, follow them, and give the hanger's pose."""
+"""Detect the hanger's two markers in a frame, track them, and compute the hanger's pose."""

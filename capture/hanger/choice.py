@@ -15,17 +15,17 @@ def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None, *, is_spa
     """Return the tracker for a rig's hanger.
 
     - `picks` [px], (2, 2): its dots in the first frame
-    - `is_sparing`: look for small markers in every second picture only, while none is in view
+    - `is_sparing`: while no marker is in view, search only every second image for small markers
 
     Raises:
-        UntrackableError: the rig lacks a section, or there is nothing to pick.
+        UntrackableError: the rig lacks a section, or picks are given for a hanger without dots.
     """
     hanger, _ = hanger_and_sensor(rig)
     if hanger.marker == "dot":
         return DotTracker(rig, picks)
     if picks is not None:
         raise UntrackableError(
-            "fiducial markers are found by themselves",
+            "fiducial markers are found automatically",
             where="--pick",
             advice="leave it out, or describe dots in the rig",
         )

@@ -1,8 +1,8 @@
-"""Find two coloured dots in a whole picture, without a hint.
+"""Detect the hanger's two coloured dots in a whole image, without an initial position.
 
-A dot is a piece of one hue (CIE L*a*b*, chroma above `LEAST_CHROMA`). Its size is that of a disc of its diameter at its
-depth. It is as wide as high, and fills its box as a disc does (pi / 4). Two of them are the hanger's if they are as far
-apart in space as the rig says. Several such pairs are no answer: the user picks.
+A dot is a region of one hue (CIE L*a*b*, chroma above `LEAST_CHROMA`). Its size is that of a disc of its diameter at
+its depth. It is as wide as high, and fills its box as a disc does (pi / 4). Two dots are the hanger's if their distance
+in space is the rig's. If several pairs qualify, none is chosen, and the user has to pick.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from formats.rig import Hanger, Sensor
 
 LEAST_CHROMA = 22.0  # of L*a*b*: paper and skin in shade have less, stickers of a colour with a name have 40 and more
 HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no dot falls between two
-AREAS = (0.55, 1.6)  # of the disc that is expected: blur at the rim, and a hue's share of it
+AREAS = (0.55, 1.6)  # of the expected disc's area: blur at its edge, and the share of one hue
 LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
-FILLS = (0.6, 0.98)  # of its box
-DOT_TOLERANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
-LARGEST_COLOUR_DISTANCE = 28.0  # of a*b*, between a dot and the colour that it should have
+FILLS = (0.6, 0.98)  # of its bounding box
+DOT_TOLERANCE = 0.08  # of the hanger's distance: depth at a small dot is accurate to a centimetre
+LARGEST_COLOUR_DISTANCE = 28.0  # in a*b*, between a dot and its expected colour
 CLEARLY = 2.0  # times better than the next pair
 
 
 @dataclass(frozen=True)
 class Dot:
-    """A dot in a picture: centre [px], (2,), diameter [px], colour RGB, (3,), 0 to 255."""
+    """A dot in an image: centre [px], (2,), diameter [px], colour RGB, (3,), 0 to 255."""
 
     centre: Floats
     diameter: float
@@ -40,15 +40,15 @@ class _Candidate:
     dot: Dot
     place: Floats  # m, (3,), sensor frame
     tint: Floats  # a*, b*
-    fault: float  # how unlike a dot, 0 is perfect
+    fault: float  # deviation from an ideal dot, 0 is perfect
 
 
 def find_pair(
     colour: NDArray[np.uint8], depth: NDArray[np.uint16], hanger: Hanger, sensor: Sensor, colours: list[Floats | None]
 ) -> tuple[Dot, Dot] | None:
-    """Return the left and the right dot of a hanger, or None where there is none or more than one pair.
+    """Return the left and the right dot of a hanger, or None if no pair or several pairs qualify.
 
-    colour RGB, (H, W, 3); depth [mm], (H, W); colours: those of the left and of the right dot where they are known
+    colour RGB, (H, W, 3); depth [mm], (H, W); colours: of the left and of the right dot, if known
     """
     candidates = _candidates(colour, depth, hanger, sensor)
     wanted = [None if mark is None else _tint(mark) for mark in colours]
@@ -116,7 +116,7 @@ def _judge(
 
 
 def _best_of_each_place(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates without those that lie on a better one: neighbouring hues see the same dot."""
+    """Remove candidates that overlap a better one, because neighbouring hues detect the same dot."""
     kept: list[_Candidate] = []
     for candidate in sorted(candidates, key=lambda c: c.fault):
         if all(np.linalg.norm(candidate.dot.centre - k.dot.centre) > 0.5 * k.dot.diameter for k in kept):

@@ -1,14 +1,14 @@
-"""Follow the hanger's two coloured dots from frame to frame and place them in metres.
+"""Track the hanger's two coloured dots from frame to frame and compute their positions in metres.
 
-A pixel at the rim of a dot mixes the dot's colour c with the background's b; so does every pixel of a moving dot. The
+A pixel at the edge of a dot mixes the dot's colour c with the background's b; so does every pixel of a moving dot. The
 dot's share of a pixel p is
 
     w = clip((p - b) . (c - b) / |c - b|^2, 0, 1)        centre = sum(w x) / sum(w),    diameter = sqrt(4 sum(w) / pi)
 
-The sum is the dot's area however much it is blurred, and the mean is its place in the middle of the exposure. A sum
-that differs from pi / 4 (f D / z)^2 by more than `AREA_TOLERANCE` is a partly covered dot, or another thing. Such a dot
-is not placed, because its centre would be wrong. Depth and position: `capture.hanger.marker_plates`. Without a recent
-sighting dots are looked for as in `capture.hanger.colour_dot_search`.
+The sum is the dot's area at any blur, and the mean is its position in the middle of the exposure. A sum
+that differs from pi / 4 (f D / z)^2 by more than `AREA_TOLERANCE` is a partly covered dot, or another object. It gets
+no position, because its centre would be wrong. Depth and position: `capture.hanger.marker_plates`. Without a recent
+detection, dots are searched for as in `capture.hanger.colour_dot_search`.
 
 Source: mixed pixels, J. B. Adams, M. O. Smith, P. E. Johnson, J. Geophys. Res. 91 (1986).
 """
@@ -27,14 +27,14 @@ from formats.arrays import Floats
 from formats.rig import Calibration, Rig
 
 AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its centre by a tenth of its diameter
-LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the piece that is the dot
-FAINTEST = 40.0  # of 255, distance between the colours of dot and background: 20 noises of a pixel
-INNER = 0.8  # of the diameter: depth pixels farther out may be mixed with what is behind
+LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the dot's region
+FAINTEST = 40.0  # of 255, distance between the colours of dot and background: 20 times a pixel's noise
+INNER = 0.8  # of the diameter: depth pixels farther out may be mixed with the background
 CIRCLE = 0.5 * np.stack([np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)], 1)
 
 
 class DotTracker:
-    """Follows two dots; finds them by itself, or where `picks` [px], (2, 2), says, left one first."""
+    """Tracks two dots, found automatically or at `picks` [px], (2, 2), left one first."""
 
     def __init__(self, rig: Rig, picks: Floats | None = None) -> None:
         self.hanger, self.sensor = hanger_and_sensor(rig)
@@ -50,10 +50,10 @@ class DotTracker:
     def track(
         self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
     ) -> HangerSight:
-        """Find both dots in one frame; see `capture.hanger.fiducial_tracker.HangerTracker.track`.
+        """Locate both dots in one frame; see `capture.hanger.fiducial_tracker.HangerTracker.track`.
 
         Raises:
-            UntrackableError: in the first frame, no dot is where it was picked.
+            UntrackableError: in the first frame, a pick is not on a dot.
         """
         time += colour_late
         is_picked, before = self._picks is not None, (list(self._tracks), list(self._colours))
@@ -64,7 +64,7 @@ class DotTracker:
             if dot is None:
                 continue
             track = ImageTrack.after(self._tracks[row], time, dot.centre, dot.diameter)
-            place = dot.centre - colour_late * track.velocity  # px, where the dot was when the depth was taken
+            place = dot.centre - colour_late * track.velocity  # px, position of the dot when the depth was taken
             plate = self._placer.plate_depth(place + INNER * dot.diameter * CIRCLE, place, depth)
             if plate is None or not self._is_whole(dot.diameter, plate.depth):
                 continue
@@ -74,7 +74,7 @@ class DotTracker:
             self._colours[row] = dot.colour if self._colours[row] is None else self._colours[row]
         distance = check_distance(positions, sd, self.hanger)
         if np.isfinite(distance) and np.isnan(positions).any() and not is_picked:
-            self._tracks, self._colours = before  # a wrong pair is not followed: soon it is looked for anew
+            self._tracks, self._colours = before  # a wrong pair is not tracked: a new search follows soon
         return HangerSight(
             corners=np.full((2, 4, 2), np.nan), centres=centres, sides=sides,
             ranges=np.array([self._placer.range_by_size(side) for side in sides]), positions=positions, sd=sd,
@@ -103,7 +103,7 @@ class DotTracker:
         return dots
 
     def _drop_doubled(self, dots: list[Dot | None], time: float) -> None:
-        """Leave a dot in two windows to the track that was renewed last, or to the track that expected the dot
+        """Assign a dot in both windows to the track that was updated last, or to the track that expected the dot
         there.
         """
         one, other = dots
@@ -143,9 +143,9 @@ class DotTracker:
 
 
 def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: float, mark: Floats) -> Dot | None:
-    """Return the dot of a colour nearest to a place [px], (2,), within `reach` [px]; None where there is none.
+    """Return the dot of a colour nearest to a pixel [px], (2,), within `reach` [px], or None.
 
-    colour RGB, (H, W, 3); diameter [px]: about how large it is; mark, (3,): its colour, 0 to 255
+    colour RGB, (H, W, 3); diameter [px]: its approximate size; mark, (3,): its colour, 0 to 255
     """
     height, width = colour.shape[:2]
     left, top = (max(0, int(c - reach)) for c in centre)
@@ -159,7 +159,7 @@ def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: 
     if length < FAINTEST:
         return None
     share = (window - behind.astype(np.float32)) @ (toward / length**2).astype(np.float32)
-    # Another colour may also lie that way from the background: a colour off the line between both is not a mixture.
+    # A colour off the line between the dot's colour and the background's is not a mixture of both.
     off = np.linalg.norm(window - behind - share[..., None] * toward, axis=2)
     share = np.where(off < 0.5 * length, np.clip(share, 0.0, 1.0), 0.0)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(
@@ -179,7 +179,7 @@ def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: 
 
 
 def _background(window: NDArray[np.float32], mark: Floats, diameter: float) -> Floats:
-    """Return the median colour, (3,), of what is not the dot's colour in a window."""
+    """Return the median colour, (3,), of the pixels in a window that do not have the dot's colour."""
     pixels = window.reshape(-1, 3)
     far = np.linalg.norm(pixels - mark, axis=1)
     others = pixels[far > np.quantile(far, min(0.8, diameter**2 / len(pixels)))]

@@ -1,8 +1,8 @@
-"""Follow the hanger's two fiducial markers from frame to frame and place them in metres.
+"""Track the hanger's two fiducial markers from frame to frame and compute their positions in metres.
 
-A marker's centre is where the diagonals of its four sub-pixel corners meet; its depth is that of its plate
-(`capture.hanger.marker_plates`). The known distance between the markers is a check. Ids are read anew in every frame,
-so markers cannot be swapped. If blur or a finger hides the id for a moment, the marker's looks are followed
+A marker's centre is the crossing of the diagonals of its four sub-pixel corners; its depth is that of its plate
+(`capture.hanger.marker_plates`). The known distance between the markers is a check. Ids are decoded in every frame, so
+markers cannot be swapped. If blur or a finger hides the id for a moment, template matching tracks the marker
 (`capture.hanger.marker_following`).
 """
 
@@ -23,25 +23,25 @@ from capture.hanger.pose import PlateSlope, hanger_pitch
 from formats.arrays import Floats
 from formats.rig import Calibration, Hanger, Rig, Sensor
 
-HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window must allow for
-LONGEST_GUESS = 0.3  # s, after this long a loss the whole picture is searched
+HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window allows for
+LONGEST_GUESS = 0.3  # s without detection after which the whole image is searched
 DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth scale error (1-2 %)
 
 
 @dataclass(frozen=True, kw_only=True)
 class HangerSight:
-    """The sight of the hanger in one frame; row 0 is the rig's first marker id, NaN where it was not found.
+    """The hanger's markers in one frame; row 0 is the rig's first marker id, NaN where it was not found.
 
     - `corners` [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
     - `centres` [px], (2, 2)
     - `sides` [px], (2,)
-    - `ranges` [m], (2,): distance by the marker's size alone
+    - `ranges` [m], (2,): distance from the sensor by the marker's size alone
     - `positions` [m], (2, 3), sensor frame
     - `sd` [m], (2, 3) per axis
     - `valid`, (2,)
-    - `distance_m`: between the two markers, NaN unless both were placed (also where the check failed)
-    - `pitch`, `pitch_sd` [rad]: turn about the line between the markers (`capture.hanger.pose`), NaN where it is not
-      seen
+    - `distance_m`: between the two markers, also if the check failed; NaN unless both have positions
+    - `pitch`, `pitch_sd` [rad]: rotation about the line between the markers (`capture.hanger.pose`), NaN if it cannot
+      be measured
     """
 
     corners: Floats
@@ -57,30 +57,30 @@ class HangerSight:
 
     @property
     def is_found(self) -> bool:
-        """Both markers are identified and placed."""
+        """Both markers are identified and have positions."""
         return bool(self.valid.all())
 
 
 class HangerTracker(Protocol):
-    """Follows a hanger's two markers through a recording; its plates show the correlation of the depth noise."""
+    """Tracks a hanger's two markers through a recording; its plates measure the correlation of the depth noise."""
 
     correlation: CorrelationMeter
 
     def track(
         self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
     ) -> HangerSight:
-        """Find both markers in one frame, and place them where they were when its depth was taken.
+        """Detect both markers in one frame, and compute their positions at the instant of its depth image.
 
         - `colour` RGB, (H, W, 3)
         - `depth` [mm], (H, W), registered to colour, 0 where missing
         - `time` [s], of the depth, increasing
-        - `colour_late` [s]: the colour was taken so much after the depth
+        - `colour_late` [s]: delay of the colour image after the depth image
         """
         ...
 
 
 def nothing_seen() -> HangerSight:
-    """Return the sight of a frame without any marker."""
+    """Return the result for a frame without any marker."""
     return HangerSight(
         corners=np.full((2, 4, 2), np.nan),
         centres=np.full((2, 2), np.nan),
@@ -94,7 +94,7 @@ def nothing_seen() -> HangerSight:
 
 
 def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
-    """Return what a rig says of hanger and sensor.
+    """Return the hanger and the sensor of a rig.
 
     Raises:
         UntrackableError: it lacks one of them.
@@ -109,7 +109,7 @@ def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
 
 
 class MarkerTracker:
-    """Follows the two markers from frame to frame; the first frame needs no help."""
+    """Tracks the two fiducial markers from frame to frame, without manual initialisation."""
 
     def __init__(self, rig: Rig, *, is_sparing: bool = False) -> None:
         self.rig = rig
@@ -125,7 +125,7 @@ class MarkerTracker:
     def track(
         self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
     ) -> HangerSight:
-        """Find both markers in one frame: see `HangerTracker.track`."""
+        """Detect both markers in one frame: see `HangerTracker.track`."""
         time += colour_late
         corners = self._find_corners(colour, time)
         followed: list[Followed | None] = [None, None]
@@ -155,7 +155,7 @@ class MarkerTracker:
             positions[row], sd[row], slopes[row] = placed
             if part is not None and np.isnan(
                 positions[row, 0]
-            ):  # no marker of this size can be where it was followed to
+            ):  # a marker of this size cannot be at the tracked position
                 corners[row] = centres[row] = np.nan
                 continue
             self._tracks[row] = track
@@ -187,7 +187,7 @@ class MarkerTracker:
         return corners
 
     def _follow(self, colour: NDArray[np.uint8], row: int, time: float) -> Followed | None:
-        """Look for a marker that was read a short time ago by how it looked."""
+        """Search for a recently decoded marker by template matching."""
         kept, track = self._kept[row], self._tracks[row]
         if kept is None or track is None or time - kept.time > LONGEST_FOLLOWED or time - track.time > LONGEST_GUESS:
             return None
@@ -201,9 +201,9 @@ class MarkerTracker:
 def check_distance(
     positions: Floats, sd: Floats, hanger: Hanger, doubtful: NDArray[np.bool_] | None = None
 ) -> float:  # fmt: skip
-    """Return how far apart [m] two markers are; where that is not what the rig says, make both NaN.
+    """Return the distance [m] between two markers; set both to NaN if it contradicts the rig.
 
-    positions, sd [m], (2, 3); NaN where not placed; doubtful, (2,): if one is and the other is not, only that one goes.
+    positions, sd [m], (2, 3), NaN if unknown; doubtful, (2,): if exactly one marker is doubtful, only it is set to NaN.
     """
     distance = float(np.linalg.norm(positions[1] - positions[0]))
     allowed = DISTANCE_TOLERANCE * hanger.marker_distance_m + 4.0 * float(np.sqrt((sd**2).sum()))
@@ -216,7 +216,7 @@ def check_distance(
 
 @dataclass(frozen=True)
 class ImageTrack:
-    """The last reading of a marker: centre [px], velocity [px/s], side [px]."""
+    """The last detection of a marker: centre [px], velocity [px/s], side [px]."""
 
     time: float
     centre: Floats
@@ -225,7 +225,7 @@ class ImageTrack:
 
     @classmethod
     def after(cls, before: Self | None, time: float, centre: Floats, side: float) -> Self:
-        """Return the track that goes on from an earlier one."""
+        """Return the track that continues an earlier one."""
         velocity = np.zeros(2)
         if before is not None and 0.0 < time - before.time <= LONGEST_GUESS:
             velocity = (centre - before.centre) / (time - before.time)

@@ -1,4 +1,4 @@
-"""Find fiducial markers of given ids in a colour picture, to a fraction of a pixel.
+"""Detect fiducial markers of given ids in a colour image, with sub-pixel corners.
 
 ArUco and AprilTag alike: both are dictionaries of OpenCV's detector (`DICT_4X4_50`, `DICT_APRILTAG_36h11`).
 Source: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from capture.errors import UntrackableError
 from formats.arrays import Floats
 
-APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is seen to a pixel
+APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is measured to a pixel
 WANTED_SIDE = 64.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
 SQUARES = (0.35, 0.7)  # of the marker's side, one after the other
 LARGEST_ENLARGEMENT = 4
-ENLARGEMENT = 2  # of whole pictures: markers of 6 cm at 2 m are 17 px at 640 px; twice that is found more surely
-SMALLEST_WINDOW = 12  # px, a window cut off by the picture's border below this cannot hold a marker
+ENLARGEMENT = 2  # of whole images: markers of 6 cm at 2 m are 17 px at 640 px; 34 px are detected more reliably
+SMALLEST_WINDOW = 12  # px, a smaller window, cut off by the border of the image, cannot hold a marker
 
 
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """Return OpenCV's marker dictionary of this name, as `DICT_4X4_50`."""
+    """Return OpenCV's marker dictionary of this name, such as `DICT_4X4_50`."""
     number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
     if number is None:
         raise UntrackableError(
@@ -48,16 +48,16 @@ def ids_in(colour: NDArray[np.uint8], dictionary: str) -> set[int]:
 
 
 class MarkerDetector:
-    """Looks for these ids of one dictionary; everything it returns is in their order."""
+    """Detects markers of given ids of one dictionary; all results are in the order of the ids."""
 
     def __init__(
         self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None, is_sparing: bool = False
     ) -> None:
         """Prepare the detector of markers with these ids.
 
-        `apart` is the distance of the two markers' centres over their side. An id may be seen twice, for example on a
-        printed sheet in view. `apart` then decides for the hanger's own.
-        A sparing detector looks for small markers, at six times the cost, in every second whole picture only.
+        `apart` is the distance of the two markers' centres over their side. An id may appear twice, for example on a
+        printed sheet in view. `apart` then identifies the hanger's own.
+        A sparing detector searches only every second whole image for small markers, which costs six times as much.
         """
         self.ids, self._apart = ids, apart
         self._is_sparing, self._has_looked_finely = is_sparing, False
@@ -96,13 +96,13 @@ class MarkerDetector:
         return np.asarray(corners + np.array([left, top]))
 
     def refined(self, colour: NDArray[np.uint8], row: int, coarse: Floats) -> Floats:
-        """Return the corners [px], (4, 2), of the id in `row` again, finer where that works."""
+        """Return the refined corners [px], (4, 2), of the id in `row`; if refinement fails, the given ones."""
         side = quad_side(coarse)
         fine = self.in_window(colour, row, coarse.mean(0), 1.2 * side, side)
         return fine if np.isfinite(fine).all() else coarse
 
     def _detect(self, detector: cv2.aruco.ArucoDetector, grey: NDArray[np.uint8], enlargement: int) -> Floats:
-        """Return the corners [px], (ids, 4, 2); NaN where an id is absent, or seen twice and none fits."""
+        """Return the corners [px], (ids, 4, 2); NaN if an id is absent, or appears twice and no pair fits."""
         corners = np.full((len(self.ids), 4, 2), np.nan)
         if enlargement > 1:
             grey = cv2.resize(grey, None, fx=enlargement, fy=enlargement, interpolation=cv2.INTER_CUBIC)
@@ -123,9 +123,9 @@ class MarkerDetector:
 
 
 def _pair(first: list[Floats], second: list[Floats], apart: float) -> list[list[Floats]]:
-    """Return the one pair of markers, each (4, 2) [px], that is so many sides apart; nothing where none or several are.
+    """Return the pair of markers, each (4, 2) [px], at the expected distance in sides; none unless exactly one fits.
 
-    Distance and side are foreshortened alike, so that their relation hardly depends on where the hanger is.
+    Distance and side are foreshortened alike, so that their ratio hardly depends on the hanger's pose.
     """
     fitting = []
     for one in first:
@@ -138,7 +138,7 @@ def _pair(first: list[Floats], second: list[Floats], apart: float) -> list[list[
 
 
 def _parameters(square: float | None = None) -> cv2.aruco.DetectorParameters:
-    """Return how to detect: with OpenCV's three squares to compare a pixel with, or with one of so many pixels."""
+    """Return the detector's parameters: OpenCV's three threshold windows, or one window of the given size [px]."""
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
     if square is not None:
@@ -153,7 +153,7 @@ def quad_side(quad: Floats) -> float:
 
 
 def diagonal_crossing(quad: Floats) -> Floats:
-    """Return where a quadrilateral's diagonals [px], (4, 2), cross: the projection of a square's centre."""
+    """Return the crossing of a quadrilateral's diagonals [px], (4, 2): the projection of a square's centre."""
     a, b, c, d = quad
     first, second = c - a, d - b
     cross = first[0] * second[1] - first[1] * second[0]

@@ -1,15 +1,15 @@
-"""Follow a marker whose id cannot be read for some frames, because it is blurred or partly covered.
+"""Track a marker by template matching while its id cannot be decoded, because of blur or partial occlusion.
 
-The marker's picture from its last reading is searched in two ways:
+The template, the marker's image at its last decoding, is matched in two ways:
 
-    blurred    the picture, blurred along the marker's velocity by some shares of its way per frame, is moved over the
-               window; where the normalised correlation is largest is the marker, to a fraction of a pixel by a parabola
-    covered    points of the picture are followed one by one (pyramidal Lucas-Kanade, there and back again); those that
-               agree on one turn, scale and shift (RANSAC) are the part that is not covered
+    blurred    the template is blurred along the marker's velocity by some shares of its motion per frame; the marker is
+               at the maximum of the normalised correlation in the window, which a parabola refines below a pixel
+    covered    single points of the template are tracked (pyramidal Lucas-Kanade, forward and backward); the points that
+               agree on one rotation, scale and shift (RANSAC) are the visible part
 
-Following never renews the picture, so errors do not add up. After `LONGEST_FOLLOWED` without a reading of the id the
-marker is lost. The callers check a followed marker's size against its depth and its distance to the other one. Sources:
-J. P. Lewis, "Fast normalized cross-correlation" (1995); B. D. Lucas, T. Kanade, IJCAI 1981; there and back: Z. Kalal,
+Tracking never updates the template, so errors do not accumulate. After `LONGEST_FOLLOWED` without a decoded id the
+marker is lost. The callers check a tracked marker's size against its depth and its distance to the other one. Sources:
+J. P. Lewis, "Fast normalized cross-correlation" (1995); B. D. Lucas, T. Kanade, IJCAI 1981; forward-backward: Z. Kalal,
 K. Mikolajczyk, J. Matas, ICPR 2010; M. A. Fischler, R. C. Bolles, Comm. ACM 24 (1981).
 """
 
@@ -28,29 +28,29 @@ from formats.arrays import Floats
 
 Picture = NDArray[np.float32]
 
-LONGEST_FOLLOWED = 0.5  # s since the id was read; in it a hand turns a hanger by some degrees, which a picture survives
-RIM_MARGIN = 0.15  # of the marker's side, kept around it: its white rim
-BLURS = (0.0, 0.125, 0.25, 0.5, 0.75)  # of the way per frame: exposures of up to 25 ms at 30 frames a second
-SURE = 0.8  # correlation from which a marker is whole and in its place
-POINTS = 7  # a side, of the grid that is followed
-BACK = 0.5  # px, how exactly a point must come back
+LONGEST_FOLLOWED = 0.5  # s since the id was decoded; a template tolerates a hand's few degrees of rotation
+RIM_MARGIN = 0.15  # of the marker's side, margin of the template: the white border
+BLURS = (0.0, 0.125, 0.25, 0.5, 0.75)  # of the motion per frame: exposures of up to 25 ms at 30 frames a second
+SURE = 0.8  # correlation from which a match is accepted
+POINTS = 7  # points along each side of the tracked grid
+BACK = 0.5  # px, bound on a point's forward-backward error
 FEWEST_AGREEING = 12  # points of 49 that must agree: a quarter of the marker
 AGREE = 0.7  # px
 LEAST_PICTURE_CORRELATION = (
-    0.6  # correlation of the part in view with the picture: a hand's plain skin has points that agree, but not this
+    0.6  # correlation of the visible part with the template: plain skin has points that agree, but correlates less
 )
 LEAST_IN_VIEW = 0.15  # of the marker's area, spanned by points that agree
 FLOW: dict[str, Any] = {"winSize": (9, 9), "maxLevel": 1, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
-TURNED, SCALED = 0.25, 0.12  # rad and share; more is not what happens in half a second
+TURNED, SCALED = 0.25, 0.12  # rad and share; bounds for half a second
 BLURRED_SD, COVERED_SD = (
     0.25,
     0.45,
-)  # px, of a followed centre against drawn markers (`tests/capture/hanger/test_following.py`)
+)  # px, error of a tracked centre against drawn markers (`tests/capture/hanger/test_following.py`)
 
 
 @dataclass(frozen=True)
 class Followed:
-    """A marker found without its id: corners [px], (4, 2), the part in view [px], (n, 2), sd of the centre [px]."""
+    """A marker found without its id: corners [px], (4, 2), visible part [px], (n, 2), sd of the centre [px]."""
 
     corners: Floats
     in_view: Floats
@@ -59,7 +59,7 @@ class Followed:
 
 @dataclass(frozen=True)
 class Keepsake:
-    """A marker as it was when its id was read.
+    """The template of a marker: its image at its last decoding.
 
     time [s]; corners [px], (4, 2); colour, (h, w, 3), its upper left corner `origin` [px], (2,) in the whole picture
     """
@@ -71,12 +71,12 @@ class Keepsake:
 
     @cached_property
     def picture(self) -> Picture:
-        """The picture in grey, (h, w); worked out when the marker has to be followed, which is seldom."""
+        """The template in grey, (h, w); computed on demand, since template matching is rarely needed."""
         return _grey(self.colour)
 
 
 def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | None:
-    """Return what to remember of a marker with corners [px], (4, 2), or None where the picture cuts it off."""
+    """Return the template of a marker with corners [px], (4, 2), or None if the image's border cuts it off."""
     margin = RIM_MARGIN * quad_side(corners)
     left, top = np.floor(corners.min(0) - margin).astype(int)
     right, bottom = np.ceil(corners.max(0) + margin).astype(int) + 1
@@ -89,12 +89,12 @@ def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | 
 def follow(
     colour: NDArray[np.uint8], kept: Keepsake, expected: Floats, reach: float, step: Floats
 ) -> Followed | None:  # fmt: skip
-    """Return the place of a kept marker, or None if it is unknown.
+    """Return the marker that matches a template, or None if no match is good enough.
 
     - `colour` RGB, (H, W, 3)
     - `expected` [px], (2,): the expected centre
     - `reach` [px]: largest distance from the expected centre
-    - `step` [px], (2,): the marker's way between two frames, along which it is blurred
+    - `step` [px], (2,): the marker's motion between two frames, along which it is blurred
     """
     height, width = kept.picture.shape
     start = kept.origin + expected - kept.corners.mean(0)
@@ -120,7 +120,7 @@ def follow(
 
 
 def _best_place(window: Picture, picture: Picture) -> tuple[float, Floats]:
-    """Return the largest correlation and where [px], (2,), the picture's corner lies in the window."""
+    """Return the largest correlation and the position [px], (2,), of the template's corner in the window."""
     scores = cv2.matchTemplate(window, picture, cv2.TM_CCOEFF_NORMED)
     _, best, _, (x, y) = cv2.minMaxLoc(scores)
     fine = [
@@ -131,7 +131,7 @@ def _best_place(window: Picture, picture: Picture) -> tuple[float, Floats]:
 
 
 def _peak(three: NDArray[np.float32]) -> float:
-    """Return where the parabola through three neighbouring values has its top, from the middle one."""
+    """Return the vertex of the parabola through three neighbouring values, relative to the middle one."""
     if three.size < 3:
         return 0.0
     before, middle, after = (float(value) for value in three)
@@ -142,7 +142,7 @@ def _peak(three: NDArray[np.float32]) -> float:
 def _follow_points(
     window: Picture, origin: Floats, kept: Keepsake, picture: Picture, shifts: list[Floats]
 ) -> Followed | None:
-    """Follow points of the picture into the window from the first of some shifts [px] that works."""
+    """Track the template's points into the window, from the first initial shift [px] that succeeds."""
     share = (np.arange(POINTS) + 0.5) / POINTS
     across, down = np.meshgrid(share, share)
     a, b, _, d = kept.corners
@@ -175,7 +175,7 @@ def _follow_points(
 
 
 def _there_and_back(first: Picture, second: Picture, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return where points [px], (n, 2), of the first picture are in the second, and which of them come back."""
+    """Return the positions in the second image of points [px], (n, 2), and which of them pass the backward check."""
     one, other = (np.clip(part, 0, 255).astype(np.uint8) for part in (first, second))
     start = points.astype(np.float32)[:, None]
     there, seen, _ = cv2.calcOpticalFlowPyrLK(one, other, start, start.copy(), **FLOW)
@@ -187,7 +187,7 @@ def _there_and_back(first: Picture, second: Picture, points: Floats) -> tuple[Fl
 def _likeness(
     window: Picture, picture: Picture, turn: Floats, picture_origin: Floats, window_origin: Floats, hull: Floats
 ) -> float:
-    """Return the correlation of window and turned picture within a hull [px of the whole picture], (n, 2)."""
+    """Return the correlation of the window and the transformed template within a hull [px of the image], (n, 2)."""
     moved = turn.copy()
     moved[:, 2] = turn[:, :2] @ picture_origin + turn[:, 2] - window_origin
     laid = cv2.warpAffine(picture, moved, window.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
@@ -200,7 +200,7 @@ def _likeness(
 
 
 def _blurred(picture: Picture, way: Floats) -> Picture:
-    """Return the picture averaged along a way [px], (2,), the middle staying where it is."""
+    """Return the image blurred along a motion [px], (2,), with its middle fixed."""
     length = float(np.linalg.norm(way))
     if length < 0.5:
         return picture

@@ -1,11 +1,11 @@
-"""Place a marker in metres with the depth of the plate that carries it.
+"""Compute a marker's 3D position from the depth of the plate that carries it.
 
-A place (u, v) on the plate has the depth z of the plane through the plate's depth pixels (`capture.depth.surface`):
+A point (u, v) on the plate has the depth z of the plane through the plate's depth pixels (`capture.depth.surface`):
 
     position = z ((u - cx) / fx, (v - cy) / fy, 1)
     sd_x^2 = (z sd_centre / fx)^2 + (x / z sd_z)^2        likewise y,     sd_z from the plane fit
 
-Depth may be shown (du, dv) px aside of colour (`formats.rig.Calibration`); (u, v) then has its depth at (u+du, v+dv).
+Depth may be shifted by (du, dv) px against colour (`formats.rig.Calibration`); the depth is then at (u+du, v+dv).
 
 The pose from the four corners is a check (solvePnP, IPPE square: Collins and Bartoli, "Infinitesimal Plane-Based Pose
 Estimation", IJCV 109, 2014). A marker only 17 pixels wide gives a depth to a few centimetres. The plate's depth pixels
@@ -28,12 +28,12 @@ from formats.arrays import Floats
 from formats.rig import Sensor
 
 MARKER_CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
-CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at either side
+CORNER_BIAS = 0.5  # px, a small blurred marker appears smaller by up to this at either side
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A plate in depth: depth [m] at the wanted place and its sd [m]; its slope."""
+    """A plate in depth: depth [m] at the requested point and its sd [m]; its slope."""
 
     depth: float
     sd: float
@@ -41,7 +41,7 @@ class Plate:
 
 
 class Placed(NamedTuple):
-    """A place on a plate: position and sd [m], (3,) each, sensor frame; the plate's slope."""
+    """A point on a plate: position and sd [m], (3,) each, sensor frame; the plate's slope."""
 
     position: Floats
     sd: Floats
@@ -49,7 +49,7 @@ class Placed(NamedTuple):
 
 
 class PlatePlacer:
-    """Places markers of one size seen by one sensor; learns on the way how its depth noise is correlated."""
+    """Computes 3D positions of markers of one size; also estimates the correlation of the sensor's depth noise."""
 
     def __init__(self, sensor: Sensor, marker_size: float, depth_offset: tuple[float, float] = (0.0, 0.0)) -> None:
         self.sensor = sensor
@@ -61,25 +61,25 @@ class PlatePlacer:
         self._matrix = np.array([[sensor.fx, 0, sensor.cx], [0, sensor.fy, sensor.cy], [0, 0, 1.0]])
 
     def pose_depth(self, quad: Floats) -> float:
-        """Return how far away [m] a marker with corners [px], (4, 2), is by its size alone, or NaN."""
+        """Return the depth [m] of a marker with corners [px], (4, 2), by its size alone, or NaN."""
         if not np.isfinite(quad).all():
             return float("nan")
         seen, _, translation = cv2.solvePnP(self._square, quad, self._matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         return float(translation[2, 0]) if seen else float("nan")
 
     def range_by_size(self, side: float) -> float:
-        """Return how far away [m] a marker with a side of so many pixels is if it faces the sensor."""
+        """Return the distance [m] of a marker that faces the sensor from its side in pixels."""
         return self.sensor.fx * self.marker_size / side
 
     def place(
         self, quad: Floats, at: Floats, depth: NDArray[np.uint16], *, in_view: Floats | None = None,
         centre_sd: float = MARKER_CENTRE_SD,
     ) -> Placed:  # fmt: skip
-        """Return where a place `at` [px] on the plate of a marker is, and how the plate slopes.
+        """Return the 3D position of a point `at` [px] on a marker's plate, and the plate's slope.
 
         - `quad` [px], (4, 2): the marker's corners
         - `depth` [mm], (H, W)
-        - `in_view` [px], (n, 2): outline of the part that is not covered, where that is not all
+        - `in_view` [px], (n, 2): outline of the visible part if the marker is partly covered
         - `centre_sd` [px]. NaN where depth is missing or contradicts the marker's size.
         """
         unknown = Placed(np.full(3, np.nan), np.full(3, np.nan), None)
@@ -94,14 +94,14 @@ class PlatePlacer:
         return Placed(position, sd, plate.slope)
 
     def on_ray(self, at: Floats, plate: Plate, centre_sd: float = MARKER_CENTRE_SD) -> tuple[Floats, Floats]:
-        """Return position and sd [m], (3,) each, of a place `at` [px] at a depth."""
+        """Return position and sd [m], (3,) each, of a point `at` [px] at a depth."""
         s, z = self.sensor, plate.depth
         ray = np.array([(at[0] - s.cx) / s.fx, (at[1] - s.cy) / s.fy, 1.0])
         across = np.array([z * centre_sd / s.fx, z * centre_sd / s.fy, 0.0])
         return z * ray, np.hypot(across, ray * plate.sd)
 
     def plate_depth(self, outline: Floats, at: Floats, depth: NDArray[np.uint16]) -> Plate | None:
-        """Return the depth at a place `at` [px] of the plane seen within a convex outline [px], (n, 2), in colour."""
+        """Return the depth at a point `at` [px] of the plane within a convex outline [px of colour], (n, 2)."""
         outline, at = outline + self.depth_offset, at + self.depth_offset
         height, width = depth.shape
         left, top = np.maximum(np.floor(outline.min(0)).astype(int), 0)

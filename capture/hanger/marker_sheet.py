@@ -1,4 +1,4 @@
-"""A page of fiducial markers to print: true to scale, with scale bars to check the print.
+"""A page of fiducial markers to print to scale, with scale bars to check the print.
 
 A marker of n x n bits has a black border one bit wide, so its side is n + 2 bits. Around it a quiet zone of one bit
 stays white, which detection needs. One unit of the drawing is one millimetre; the page is A4.
@@ -38,7 +38,7 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
     """Return an SVG page of these markers, each `size_m` [m] from black edge to black edge.
 
     Raises:
-        UntrackableError: an unknown dictionary or id, the same id twice, no size, or markers that do not fit on a page.
+        UntrackableError: an unknown dictionary or id, the same id twice, a bad size, or too many markers for a page.
     """
     known = marker_dictionary(dictionary)
     count = len(known.bytesList)
@@ -93,7 +93,7 @@ def write_sheet(path: Path, dictionary: str, ids: list[int], size_m: float) -> P
 
 
 def _place(ids: list[int], side: float, quiet: float) -> list[Placed]:
-    """Rows from the upper left, quiet zones and labels between."""
+    """Lay the markers out in rows from the upper left, with quiet zones and labels between."""
     step = side + 2 * quiet + GAP
     wide = int((PAGE[0] - 2 * PRINTER_MARGIN - 8 + GAP) // step)
     high = int((PAGE[1] - 2 * PRINTER_MARGIN - 12 + GAP) // step)

@@ -1,6 +1,6 @@
-"""Look for a hanger's fiducial markers that were never seen: mirrored, inverted, of other ids, of another dictionary.
+"""Diagnose undetected fiducial markers: mirrored, inverted, of other ids or of another dictionary.
 
-A mirrored marker is none of its dictionary, so a mirrored picture shows no marker at all.
+A mirrored marker does not belong to its dictionary, so a mirrored image shows no marker at all.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ OTHERS = (
 
 
 def seen_otherwise(colour: NDArray[np.uint8] | None, hanger: Hanger) -> str:
-    """Return how both markers are seen after all in an RGB picture, (H, W, 3), and what to do; nothing if they are not.
+    """Return how both markers appear in an RGB image, (H, W, 3), and the remedy; "" if they do not appear.
 
-    Dots have no mirror image.
+    Dots look the same in a mirror.
     """
     if colour is None or hanger.marker == "dot":
         return ""

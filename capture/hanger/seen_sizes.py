@@ -1,9 +1,9 @@
-"""Measure a hanger's markers in one frame by depth, beside the sizes that its rig states: which of them is wrong?
+"""Compare the marker sizes that depth shows in one frame with the rig's, and name the rig's wrong value.
 
     size = side in pixels x depth / focal length
 
-Depth is that of the sensor, so that neither stated length is needed. Both lengths are off alike where the focal length
-is: then the rig's markers are right.
+Depth comes from the sensor, so this needs neither of the rig's lengths. If both lengths deviate alike, the focal length
+is wrong and the rig's marker sizes are right.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from capture.hanger.marker_detection import MarkerDetector
 from formats.arrays import Floats
 from formats.rig import Hanger, Rig, Sensor
 
-OFF = 0.1  # of a length: a side of 17 px is seen to a pixel, and a plate turned by 20 degrees is 6 % narrower
-NEAREST_DEPTH = 0.3  # m: what sensors give below is no distance
-ALIKE = 0.1  # of each other: so near are two lengths that are off because of the focal length
+OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate rotated by 20 degrees is 6 % narrower
+NEAREST_DEPTH = 0.3  # m: smaller values of a sensor are not distances
+ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
 
 def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> tuple[float, float] | None:
     """Return side and distance [m] of both markers in an RGB picture, (H, W, 3), with depth [mm], (H, W).
 
-    None where a marker or its depth is not seen, or where the hanger has dots: these have no side of their own.
+    None if a marker or its depth is missing, or if the hanger has dots, which have no side.
     """
     if rig.hanger is None or rig.sensor is None or rig.hanger.marker == "dot":
         return None
@@ -36,12 +36,12 @@ def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -
     if not np.isfinite(away).all():
         return None
     places = [_placed(quad, metres, rig.sensor) for quad, metres in zip(corners, away, strict=True)]
-    sides = [np.linalg.norm(place - np.roll(place, 1, axis=0), axis=1).max() for place in places]  # turned: narrower
+    sides = [np.linalg.norm(place - np.roll(place, 1, axis=0), axis=1).max() for place in places]  # rotated: narrower
     return float(np.mean(sides)), float(np.linalg.norm(places[1].mean(0) - places[0].mean(0)))
 
 
 def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str:
-    """Return which number of the rig contradicts the sizes that are seen [m], and nothing where none does."""
+    """Return the rig's value that contradicts the measured sizes [m], "" if none does."""
     size, distance = seen[0] / hanger.marker_size_m, seen[1] / hanger.marker_distance_m
     if max(abs(size - 1), abs(distance - 1)) <= OFF:
         return ""
@@ -53,7 +53,7 @@ def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str
 
 
 def _depth_within(quad: Floats, depth: NDArray[np.uint16]) -> float:
-    """Return the median depth [m] in the upright square round the corners [px], (4, 2); NaN where none is measured."""
+    """Return the median depth [m] in the bounding box of the corners [px], (4, 2); NaN without measurements."""
     (left, top), (right, bottom) = quad.min(0).astype(int), quad.max(0).astype(int) + 1
     part = depth[max(top, 0) : bottom, max(left, 0) : right]
     measured = part[part > 1e3 * NEAREST_DEPTH]
@@ -61,6 +61,6 @@ def _depth_within(quad: Floats, depth: NDArray[np.uint16]) -> float:
 
 
 def _placed(quad: Floats, away: float, sensor: Sensor) -> Floats:
-    """Return corners [px], (4, 2), as places [m], (4, 3), at one depth."""
+    """Return the 3D positions [m], (4, 3), of corners [px], (4, 2), at one depth."""
     rays = (quad - (sensor.cx, sensor.cy)) / (sensor.fx, sensor.fy)
     return np.asarray(away * np.column_stack([rays, np.ones(len(quad))]))

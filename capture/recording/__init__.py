@@ -1,1 +1,1 @@
-"""Record a take from a sensor: frames in order, tracking, gaps and faults, the state that the lamp shows."""
+"""Record a take from a sensor: frame order and gaps, tracking, faults, and the condition that the lamp shows."""

@@ -1,9 +1,9 @@
-"""The one thing to say about a recording right now: for the lamp, for the command line, for people.
+"""The current condition of a recording: the one message for the lamp and the command line.
 
-Frames have bits (`formats.take.FrameState`), several at once and changing thirty times a second. A frame's condition is
-the most basic of what is wrong. An announced condition stays until no frame has shown it for `HOLD` seconds, so that a
-lamp does not flicker. Then comes the condition that most frames have shown since. So faults that take turns are
-announced as well.
+The bits of a frame (`formats.take.FrameState`) may be set in any combination and change with every frame. A frame's
+condition is its most basic fault. An announced condition stays until no frame has shown it for `HOLD` seconds, so that
+a lamp does not flicker. The next condition is the most frequent one since then. So alternating faults are announced as
+well.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from enum import Enum
 
 from formats.take import FrameState
 
-HOLD = 0.4  # s without the condition that was announced: longer than markers are lost at the end of a hard swing
+HOLD = 0.4  # s without the announced condition: longer than markers are lost at the end of a hard swing
 
 
 class Lamp(Enum):
-    """A condition on the lamp; a lamp of one colour shows the rhythm."""
+    """The lamp's signal of a condition; a lamp of one colour shows the blinking only."""
 
     STEADY = "green, steady"
     SLOW = "yellow, one blink a second"
@@ -27,7 +27,7 @@ class Lamp(Enum):
 
 @dataclass(frozen=True)
 class Saying:
-    """A condition in words, its next action, and its look on the lamp."""
+    """A condition in words, the next action, and the lamp's signal."""
 
     words: str
     advice: str
@@ -76,16 +76,16 @@ CONDITIONS_BY_STATE = (
 
 
 def condition_of(state: int, *, are_read: bool = False) -> Condition:
-    """Return the most basic condition of a frame's bits; a clock that jumped once does not spoil what is seen.
+    """Return the most basic condition of a frame's bits; a single jump of the clock does not affect detection.
 
-    are_read: both markers are in the picture, whether they can be placed or not
+    are_read: both markers were decoded in the image, with or without a position
     """
     found = next((condition for bit, condition in CONDITIONS_BY_STATE if state & bit), Condition.GOOD)
     return Condition.MISFIT if found is Condition.NO_MARKERS and are_read else found
 
 
 class ConditionWatch:
-    """Follows the conditions of a recording frame by frame."""
+    """Derives the announced condition from the conditions of the frames."""
 
     def __init__(self) -> None:
         self.current: Condition | None = None
@@ -94,9 +94,9 @@ class ConditionWatch:
         self._since = 0.0
 
     def add(self, time: float, condition: Condition) -> Condition | None:
-        """Take in one frame at a time [s]; return the condition to announce, None where it is the same as before.
+        """Add a frame's condition at a time [s]; return the condition to announce, None if unchanged.
 
-        The first frame's is announced at once.
+        The first frame's condition is announced at once.
         """
         self.frames[condition] += 1
         if condition is self.current:
@@ -112,13 +112,13 @@ class ConditionWatch:
         return self.current
 
     def _most_seen(self) -> Condition:
-        """Return the fault of most frames lately, the most basic one of equals; all is well only in over half."""
+        """Return the most frequent recent fault, the most basic of equals; none if most frames have none."""
         if 2 * self._others[Condition.GOOD] > self._others.total():
             return Condition.GOOD
         return max((one for one in Condition if one is not Condition.GOOD), key=lambda one: self._others[one])
 
     @property
     def worst(self) -> Condition:
-        """Return what most frames suffered from."""
+        """Return the fault of most frames."""
         faults = [(condition, count) for condition, count in self.frames.most_common() if condition != Condition.GOOD]
         return faults[0][0] if faults else Condition.GOOD

@@ -1,13 +1,12 @@
-"""Time in a take from a sensor's clock, which may stumble, wrap around, or be set back or forward.
+"""Time in a take from a sensor's clock, which may repeat times, wrap around, or be set back or forward.
 
-A frame whose time does not increase cannot be placed and is left out. The same holds for a leap so far ahead that a
-live sensor would have counted as stalled: this one time may be wrong. After `SET` such frames in a row with consistent
-times, the clock has been set. Time then goes on from its last value, by one nominal interval for each frame that was
-left out or dropped. So a counter of 32 bits that begins anew costs two frames.
+A frame whose time does not increase has no valid time and is discarded. The same holds for a jump so far ahead that a
+live sensor would have counted as stalled: this single time may be wrong. After `SET` such frames in a row with
+consistent times, the clock counts as set. Time then continues from its last value, by one nominal interval for each
+frame that was discarded or dropped. So the overflow of a 32-bit counter costs two frames.
 
-A leap ahead is a pause, and kept, if something else explains it: dropped frames, or the host's clock. A frame is handed
-over some time after it was taken, never before. So the smallest difference of both clocks so far gives the latest
-possible time of a frame.
+A jump ahead is kept as a pause if dropped frames or the host's clock confirm it. A frame is delivered after its
+exposure, never before. So the smallest difference of both clocks so far gives the latest possible time of a frame.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from __future__ import annotations
 from firmware_host.depth_sensor import STALL_TIMEOUT
 from formats.take import LONGEST_GAP
 
-SET = 3  # frames in a row that agree with each other: one or two are late or damaged, three are a clock that was set
-AGREEMENT = 0.1  # of a leap: both clocks part by far less, and so do a device's rate and its nominal one
+SET = 3  # consistent frames in a row: one or two are late or damaged, three show that the clock was set
+AGREEMENT = 0.1  # of a jump: the two clocks, and a device's actual and nominal rates, differ by far less
 
 
 class FrameClock:
@@ -26,25 +25,25 @@ class FrameClock:
         self._interval = 1.0 / fps
         self._offset = 0.0
         self._left_out: list[float] = []
-        self._count = self._missing = 0  # frames left out, and dropped, since the last one that was placed
+        self._count = self._missing = 0  # frames discarded, and dropped, since the last one with a valid time
         self._last = -float("inf")
-        self._host_ahead = float("inf")  # s, the smallest seen
+        self._host_ahead = float("inf")  # s, smallest difference so far
         self.has_jumped = False
         self.dropped = 0
 
     @property
     def now(self) -> float:
-        """The last frame's time [s], and one interval for each frame left out or dropped since."""
+        """The last frame's time [s], plus one interval for each frame discarded or dropped since."""
         return self._last + self._interval * (self._count + self._missing)
 
     def place(self, sensor_time: float, *, dropped: int = 0, host_time: float | None = None) -> float | None:
-        """Return the time [s] of a frame in the take, None where it cannot be placed.
+        """Return the time [s] of a frame in the take, None if it has no valid time.
 
-        - `dropped`: frames that nobody received since the frame before
-        - `host_time` [s]: when a live sensor handed it over, None where that says nothing about when it was taken
+        - `dropped`: frames lost since the previous frame
+        - `host_time` [s]: the host's time of delivery, None if it is unrelated to the time of exposure
 
-        Afterwards `has_jumped` says whether frames were left out before this one, and `dropped` how many were dropped
-        since the last one that was placed.
+        Afterwards `has_jumped` states whether frames were discarded before this one, and `dropped` the number of lost
+        frames since the last frame with a valid time.
         """
         self._missing += dropped
         time = sensor_time + self._offset
@@ -78,7 +77,7 @@ class FrameClock:
         return is_counted or (host_time is not None and host_time - time >= self._host_ahead - AGREEMENT * leap)
 
     def _resumed(self, host_time: float | None) -> float:
-        """Return when a frame was taken whose clock was set; a pause meanwhile is seen by the host's clock alone."""
+        """Return the time of a frame after its clock was set; only the host's clock reveals a pause meanwhile."""
         if host_time is not None and host_time - self._host_ahead > self.now + LONGEST_GAP:
             return host_time - self._host_ahead
         return self.now

@@ -1,7 +1,7 @@
-"""The faults of a frame, as bits of `formats.take.FrameState`: judged from its pictures and its tracking.
+"""The faults of a frame, as bits of `formats.take.FrameState`, from its images and its tracking.
 
 Ranges are those of PrimeSense's long-range sensors and of the Kinect v1, which measure from 0.8 to 3.5 m (PrimeSense,
-"Carmine 1.08" data sheet). A marker's distance comes from its size in colour, so it is known where depth is not.
+"Carmine 1.08" data sheet). A marker's distance comes from its size in colour, so it is known without depth.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from formats.take import FrameState
 
 FEWEST_DEPTH = 0.01  # of the pixels that must have depth
 NEAREST, FARTHEST = 0.8, 3.5  # m, see above
-SMALLEST_MARKER = {"fiducial": 12.0, "dot": 5.0}  # px: two a bit of 4 x 4 and a border; 20 px of area for a depth
-IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand swings it between two sightings
+SMALLEST_MARKER = {"fiducial": 12.0, "dot": 5.0}  # px: two per bit of 4 x 4 and a border; 20 px of area for a depth
+IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand moves it between two detections
 IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a garment that swings up
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25  # share of the pixels there
-HANGER_MEMORY = 3.0  # s after which the hanger may be anywhere, unless something stands before it
-VIEW_STRIDE = 8  # pixels along both axes between samples of the whole view
+HANGER_MEMORY = 3.0  # s after which the hanger may be anywhere, unless an object covers it
+VIEW_STRIDE = 8  # px along both axes between samples of the whole image
 
 
 def picture_faults(frame: SensorFrame, camera: Sensor) -> int:
-    """Return what is wrong with a frame's pictures as such."""
+    """Return the faults of a frame's images themselves."""
     state = FrameState.FRAMES_DROPPED_BEFORE if frame.dropped_before else 0
     size = (camera.height, camera.width)
     if frame.depth.shape != size or (frame.colour is not None and frame.colour.shape != (*size, 3)):
@@ -41,14 +41,14 @@ def picture_faults(frame: SensorFrame, camera: Sensor) -> int:
 
 
 class HangerWatch:
-    """Remembers where the hanger was, and says why it cannot be seen."""
+    """Keeps the hanger's last position, and finds the reason why it is not detected."""
 
     def __init__(self, hanger: Hanger) -> None:
         self._smallest = SMALLEST_MARKER[hanger.marker]
         self._last: list[_Sighting | None] = [None, None]
 
     def faults(self, sight: HangerSight, depth: NDArray[np.uint16], time: float) -> int:
-        """Return what keeps the hanger from being seen well: distance, one marker only, something in front."""
+        """Return the faults that hinder detection of the hanger: distance, one marker only, an object in front."""
         state = 0
         is_read = np.isfinite(sight.centres[:, 0])
         for row in np.flatnonzero(sight.valid):
@@ -82,7 +82,7 @@ class HangerWatch:
 
 
 def view_faults(depth: NDArray[np.uint16]) -> int:
-    """Return whether most of a view without markers is too near, or nearly all of it too far."""
+    """Return whether most of an image without markers is too near, or nearly all of it too far."""
     seen = depth[::VIEW_STRIDE, ::VIEW_STRIDE]
     seen = seen[seen > 0]
     if seen.size == 0:
@@ -95,7 +95,7 @@ def view_faults(depth: NDArray[np.uint16]) -> int:
 
 
 def is_garment_covered(depth: NDArray[np.uint16], held: Floats, camera: Sensor) -> bool:
-    """Say whether something stands before the place below the held edge.
+    """Return whether an object covers the region below the held edge.
 
     depth [mm], (H, W); held [m], (2, 3): ends of the held edge.
     """
@@ -111,7 +111,7 @@ def is_garment_covered(depth: NDArray[np.uint16], held: Floats, camera: Sensor) 
 
 @dataclass(frozen=True)
 class _Sighting:
-    """The last placement of a marker: time [s], centre [px], distance [m], side [px]."""
+    """The last located position of a marker: time [s], centre [px], distance [m], side [px]."""
 
     time: float
     centre: Floats

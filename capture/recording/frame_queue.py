@@ -1,11 +1,11 @@
-"""Take frames from a live sensor in a thread of its own, so that a slow disk or a busy processor loses none.
+"""Read frames from a live sensor in a separate thread, so that a slow disk or a busy processor loses none.
 
-OpenNI2 keeps one frame per stream: a frame that is not read within a frame's time is gone. Writing a block waits for
-the disk, and another program may take the processor; the queue bridges more than a second of that. These pictures would
-take half of the recorder's memory. So pictures behind the first `UNPACKED` are packed without loss meanwhile. Depth in
-steps of disparity shrinks to about a sixth, and colour as far as its noise allows. Packing takes 3 to 4 ms a frame, in
-the fetching thread. They lie in pages of their own, which go back to the system one by one; malloc's heap would stay as
-large as it was.
+OpenNI2 keeps one frame per stream: a frame that is not read within a frame's time is lost. Writing a block waits for
+the disk, and another program may take the processor; the queue bridges more than a second of delay. Its images would
+take half of the recorder's memory. So images after the first `UNPACKED` frames are compressed without loss. Depth in
+steps of disparity shrinks to about a sixth, and colour as far as its noise allows. Compression takes 3 to 4 ms a frame,
+in the reading thread. Compressed images lie in separate pages, which return to the system one by one; malloc's heap
+would never shrink.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from numpy.typing import NDArray
 
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 
-ROOM = 30_000_000  # bytes that may wait: 40 frames of 640 x 480 with noise of 3 of 255 in colour, at least 27
-UNPACKED = 2  # frames; more wait only while something is wrong
-ZSTD_LEVEL = 1  # zstd's level: higher ones pack a depth picture no smaller
+ROOM = 30_000_000  # bytes in the queue: 40 frames of 640 x 480 with colour noise of 3 of 255, at least 27
+UNPACKED = 2  # frames; the queue is longer only in case of a fault
+ZSTD_LEVEL = 1  # zstd's level: higher ones do not compress a depth image further
 NO_DEPTH = np.zeros((0, 0), np.uint16)
 
 
 class QueuedSensor(DepthSensor):
-    """A live sensor whose frames wait until they are read; a context manager, the thread runs inside it.
+    """A live sensor with a queue of frames; a context manager, inside which the reading thread runs.
 
-    Frames that find no room are left out and counted in the next one's `dropped_before`. The inner sensor is not closed
-    by this one.
+    If the queue is full, frames are discarded and counted in the next frame's `dropped_before`. Closing the queue does
+    not close the inner sensor.
     """
 
     def __init__(
         self, inner: DepthSensor, room: int = ROOM, run: Callable[[Callable[[], None]], None] | None = None
     ) -> None:
-        """Prepare; run: lets a thread of the caller's fetch, None for a thread that begins and ends with this."""
+        """Prepare; run: runs the fetching loop in a thread of the caller, None for a thread of the queue's own."""
         self._inner, self._room = inner, room
         self._waiting: deque[_Waiting] = deque()
-        self._size = 0  # bytes that wait
+        self._size = 0  # bytes in the queue
         self._changed = threading.Condition()
         self._has_ended = False
         self._error: BaseException | None = None
@@ -53,11 +53,11 @@ class QueuedSensor(DepthSensor):
         self._thread = None if run else threading.Thread(target=self._fetch, name="frames", daemon=True)
         self._begin = run or (lambda fetch: None)
         self._is_begun, self._has_finished = False, threading.Event()
-        self.left_out = 0  # frames that found no room, in all
+        self.left_out = 0  # frames discarded because the queue was full
 
     @property
     def info(self) -> SensorInfo:
-        """Return what the inner sensor is."""
+        """Return the inner sensor's properties."""
         return self._inner.info
 
     def __enter__(self) -> Self:
@@ -74,16 +74,16 @@ class QueuedSensor(DepthSensor):
         self.close()
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
-        """Return the next frame, or None at the end and ever after.
+        """Return the next frame, or None from the end on.
 
         Raises:
-            SensorError: what the inner sensor raised, after the frames that came before it.
+            SensorError: the inner sensor's error, raised after the frames that precede it.
         """
         if self._stop.is_set():
             return None
         with self._changed:
             while not self._waiting and not self._has_ended:
-                self._changed.wait()  # the inner sensor keeps the time limit
+                self._changed.wait()  # the inner sensor enforces the time limit
             if self._waiting:
                 found = self._waiting.popleft()
                 self._size -= found.size
@@ -95,7 +95,7 @@ class QueuedSensor(DepthSensor):
         return found.unpacked(self._unpack)
 
     def rest(self, seconds: float) -> None:
-        """Fetch a frame only once in so many seconds and let the others go uncounted; 0: fetch every frame again."""
+        """Read one frame per interval [s] and discard the others uncounted; 0: read every frame again."""
         self._rest_s = seconds
         if seconds:
             self._awake.clear()
@@ -103,12 +103,12 @@ class QueuedSensor(DepthSensor):
             self._awake.set()
 
     def has_more(self, timeout_s: float) -> bool:
-        """Wait for so long [s] and return whether `read` would answer at once."""
+        """Wait up to a time [s], and return whether `read` would return at once."""
         with self._changed:
             return self._changed.wait_for(lambda: bool(self._waiting) or self._has_ended, timeout_s)
 
     def close(self) -> None:
-        """Stop fetching and wait for the thread; closing twice is allowed."""
+        """Stop reading and wait for the thread; closing twice is allowed."""
         self._stop.set()
         self._awake.set()
         if self._is_begun:
@@ -125,11 +125,11 @@ class QueuedSensor(DepthSensor):
                 if missing:
                     frame = dataclasses.replace(frame, dropped_before=frame.dropped_before + missing)
                 missing = 0 if self._add(frame) else missing + 1
-                del frame  # its pictures are 1.5 MB, which nobody needs while this rests
+                del frame  # its images are 1.5 MB, unused while the queue rests
                 self._has_rested = self._rest_s > 0
                 if self._has_rested:
                     self._awake.wait(self._rest_s)
-        except BaseException as error:  # handed to whoever reads
+        except BaseException as error:  # handed to the reader
             self._error = error
         with self._changed:
             self._has_ended = True
@@ -137,7 +137,7 @@ class QueuedSensor(DepthSensor):
         self._has_finished.set()
 
     def _add(self, frame: SensorFrame) -> bool:
-        """Let a frame wait; return False where there is no room for it."""
+        """Append a frame to the queue; return False if the queue is full."""
         is_late = len(self._waiting) >= UNPACKED
         entry = _packed(frame, self._pack) if is_late else _Waiting(frame)
         with self._changed:
@@ -151,7 +151,7 @@ class QueuedSensor(DepthSensor):
 
 
 class _Picture(NamedTuple):
-    """A packed picture, in memory of its own."""
+    """A compressed image, in separate memory pages."""
 
     content: mmap.mmap
     shape: tuple[int, ...]
@@ -159,7 +159,7 @@ class _Picture(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """A frame that waits; where pictures are packed, the frame is without them."""
+    """A frame in the queue; compressed images are stored beside the frame, not in it."""
 
     frame: SensorFrame
     depth: _Picture | None = None
@@ -167,13 +167,13 @@ class _Waiting(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes that its pictures take."""
+        """The bytes that its images occupy."""
         colour = self.frame.colour
         packed = sum(len(picture.content) for picture in (self.depth, self.colour) if picture is not None)
         return packed + self.frame.depth.nbytes + (0 if colour is None else colour.nbytes)
 
     def unpacked(self, unpack: zstandard.ZstdDecompressor) -> SensorFrame:
-        """Return the frame as it came."""
+        """Return the frame with decompressed images."""
         if self.depth is None:
             return self.frame
         colour = None if self.colour is None else _unpacked(self.colour, unpack)

@@ -1,4 +1,4 @@
-"""From a sensor's frames to what a take keeps of them: one after the other, for whoever records."""
+"""Turns a sensor's frames, one after the other, into the records of a take."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take import FrameState
 
-SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
+SCAN_TOLERANCE = 1e-3  # s: tolerance for frames that arrive a little early or late
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanPlan:
-    """The rate of surface scans [1/s], and the number of their places.
+    """The rate of surface scans [1/s], and the number of their points.
 
     grid: along each side of the grid; contour: around the silhouette
     """
@@ -35,9 +35,9 @@ class ScanPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """The part of a frame that a take keeps.
+    """The part of a frame that a take stores.
 
-    time [s]: in the take; dropped: frames that nobody received since the one before
+    time [s]: in the take; dropped: frames lost since the previous one
     """
 
     time: float
@@ -49,7 +49,7 @@ class Seen:
 
 
 class FrameReader:
-    """Tracks frame after frame; `now` is the last one's time [s], counting those that could not be placed."""
+    """Tracks frame after frame; `now` is the last frame's time [s], frames without a valid time included."""
 
     def __init__(
         self,
@@ -60,10 +60,10 @@ class FrameReader:
         picks: Floats | None = None,
         scans: ScanPlan | None = None,
     ) -> None:
-        """Prepare; picks [px], (2, 2): where the hanger's dots are in the first frame, left one first.
+        """Prepare; picks [px], (2, 2): the hanger's dots in the first frame, left one first.
 
         Raises:
-            UntrackableError: the rig lacks a section, or one of both cannot be followed.
+            UntrackableError: the rig lacks a section, or hanger or garment cannot be tracked.
         """
         self._tracker, self._clock = FrameTracker(rig, garment, picks), FrameClock(info.fps)
         self._is_live, self._scans, self._next_scan = info.is_live, scans, -np.inf
@@ -72,11 +72,11 @@ class FrameReader:
 
     @property
     def now(self) -> float:
-        """The time [s] that the sensor's clock has come to."""
+        """The current time [s] by the sensor's clock."""
         return self._clock.now
 
     def read(self, came: SensorFrame) -> Seen | None:
-        """Return what a frame shows, None where its time cannot be placed; `frame` and `sight` hold what it was."""
+        """Track a frame and return its record, None without a valid time; `frame` and `sight` keep frame and result."""
         host_time = came.host_time_s if self._is_live else None
         time = self._clock.place(came.time_s, dropped=came.dropped_before, host_time=host_time)
         if time is None:

@@ -1,13 +1,13 @@
-"""Let a recorder come before other programs where this user may: a frame that is not fetched in time is gone.
+"""Real-time priority for a recorder, if this user may have it: a frame that is not read in time is lost.
 
-A sensor gives a frame every 33 ms and keeps only the newest. An ordinary program that has to share the processor may
+A sensor delivers a frame every 33 ms and keeps only the newest. An ordinary process that has to share the processor may
 wait longer than that for its turn. Under SCHED_RR a thread runs as soon as it can, before all ordinary programs.
-Ordinary programs still have 5 % of the time (sched_rt_runtime_us). In practice they have far more, since tracking takes
-a fifth of one core. Fetching frames comes before tracking them.
+Ordinary processes still get 5 % of the time (sched_rt_runtime_us). In practice they get far more, since tracking takes
+a fifth of one core. Reading frames has a higher priority than tracking them.
 
 Source: Linux man pages, sched(7).
 
-It takes a right: root, or RLIMIT_RTPRIO (`systemd/limits.d`, LimitRTPRIO= in a unit).
+It requires a privilege: root, or RLIMIT_RTPRIO (`systemd/limits.d`, LimitRTPRIO= in a unit).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ FETCHING, TRACKING = 20, 10  # of 1 to 99; threads of the kernel that serve inte
 
 
 class Precedence:
-    """Comes before others while it is open; a context manager for the thread that starts all others.
+    """Holds real-time priority while it is open; a context manager for the thread that starts all others.
 
-    Threads that are started in it come first among ours, until `begin_tracking` puts the calling one behind them.
+    Threads that are started in it have the higher priority once `begin_tracking` has lowered the calling thread's.
     """
 
     def __init__(self) -> None:
-        self.is_granted = False  # else nothing is changed
+        self.is_granted = False  # otherwise nothing is changed
 
     def __enter__(self) -> Self:
         self._before = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -40,7 +40,7 @@ class Precedence:
             os.sched_setscheduler(0, *self._before)
 
     def begin_tracking(self) -> None:
-        """Put the calling thread behind those that it has started."""
+        """Lower the priority of the calling thread below the threads that it has started."""
         if self.is_granted:
             self._ask(TRACKING)
 

@@ -1,4 +1,4 @@
-"""Track a sensor's frames and keep what was seen as a take."""
+"""Track a sensor's frames and write the result as a take."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
 Announce = Callable[[float, Condition], None]
 
-LEAST_ROOM = 8_000_000  # bytes on the disk: below, a take is ended while there is room to end it whole
-LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scans grows by 20 kB in it
+LEAST_ROOM = 8_000_000  # bytes free on the disk: below, a take is ended while it can still be finished properly
+LOOK_FOR_ROOM = 1.0  # s between two checks of the disk; a take with scans grows by 20 kB meanwhile
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingReport:
-    """The recording in numbers: all frames, frames with the hanger and with each point, frames of each condition.
+    """The counts of a recording: all frames, frames with the hanger, with each point, and of each condition.
 
-    - `failure`: the fault that ended the recording, of the sensor or of a nearly full disk; None after a proper end
-    - `findings`: what a fitter would find wrong with the take
-    - `doubt`: why nothing can be fitted to it, and what to do; None where it can; the take was kept all the same
+    - `failure`: the fault of the sensor or of a nearly full disk that ended the recording; None after a normal end
+    - `findings`: the take's defects that matter to a fit
+    - `doubt`: the reason why no model can be fitted, and the remedy; None if it can; the take is kept in either case
     """
 
     path: Path
@@ -62,7 +62,7 @@ class RecordingReport:
 
 
 def check_sensor(info: SensorInfo, rig: Rig, where: object) -> None:
-    """Refuse a sensor whose picture is not the one that a rig describes, and a rig that describes none.
+    """Check that the sensor's image size is the rig's, and that the rig describes a sensor.
 
     Raises:
         UntrackableError: names both.
@@ -104,18 +104,18 @@ def record(
 
     Ctrl-C, a sensor that fails or a disk that is nearly full ends the take cleanly.
 
-    - `announce`: told the time [s] since the beginning and the condition, whenever it changes for good
-    - `picks` [px], (2, 2): where the hanger's dots are in the first frame, left one first
-    - `scans`: None for none of the surface
+    - `announce`: called with the time [s] since the beginning and the condition at every settled change
+    - `picks` [px], (2, 2): the hanger's dots in the first frame, left one first
+    - `scans`: rate and size of surface scans, None for no scans
     - `overwrite`, `tell_aside`: as of `formats.unfinished.UnfinishedFile`
-    - `stop`: who may end it, asked once a frame and while the sensor is waited for; None: the signals of
+    - `stop`: request to end, tested once a frame and while waiting for the sensor; None: the signals of
       `capture.recording.stop_signals`
 
     Raises:
-        UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
-        NoMarkersError: the hanger was hardly ever seen; no take is left behind.
-        SensorError: the sensor failed before the hanger was seen; no take is left behind.
-        OutputError: the take cannot be written, or no further; the part on the disk is kept and named.
+        UntrackableError: the sensor's image size is not the rig's, or the garment cannot be tracked.
+        NoMarkersError: the hanger was hardly ever detected; no take is left behind.
+        SensorError: the sensor failed before the hanger was detected; no take is left behind.
+        OutputError: the take cannot be written, or not completely; the part on the disk is kept and named.
     """
     if out.is_dir():
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
@@ -134,7 +134,7 @@ def record(
     with ExitStack() as opened:
         if stop is None:
             stop = opened.enter_context(stopped_like_ctrl_c())
-        opened.enter_context(stop.held())  # an interrupt in the middle of a write would spoil it
+        opened.enter_context(stop.held())  # an interrupt in the middle of a write would damage the take
         try:
             writer = TakeWriter(
                 out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri,
@@ -201,7 +201,7 @@ def record(
 
 
 def _frames(sensor: DepthSensor, stop: StopRequest) -> Iterator[SensorFrame]:
-    """Yield a sensor's frames; only while it is waited for may somebody end it at once."""
+    """Yield a sensor's frames; an interrupt takes effect only while waiting for one."""
     while True:
         with stop.released():
             frame = sensor.read()
@@ -222,7 +222,7 @@ def _finish(writer: TakeWriter, with_hanger: int) -> None:
 
 
 def _lack_of_room(out: Path) -> OutputError | None:
-    """Return the error of a disk that is nearly full or does not say, None where a take can go on."""
+    """Return the error of a disk that is nearly full or whose free space is unknown, None if the take can continue."""
     try:
         room = shutil.disk_usage(out.parent).free
     except OSError as error:
@@ -239,7 +239,7 @@ def _lack_of_room(out: Path) -> OutputError | None:
 
 
 def _broken_off(writer: TakeWriter, with_hanger: int, what: str, cause: BaseException) -> OutputError:
-    """Close a take that cannot go on; keep it if it shows the hanger and can be read."""
+    """Close a take that cannot be continued; keep it if it shows the hanger and is readable."""
     if with_hanger < FEWEST_HANGERS or not writer.is_readable:
         writer.discard()
         advice = step_to_write(cause) if isinstance(cause, OSError) else "record it again"
@@ -273,7 +273,7 @@ def _no_markers(
 
 
 def _doubt(where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...]) -> CaptureError | None:
-    """Return the error of the gravest finding, where that keeps anything from being fitted."""
+    """Return the error of the most serious finding if it makes a fit impossible, else None."""
     if not findings or not findings[0].is_grave:
         return None
     worst = findings[0]

@@ -1,4 +1,4 @@
-"""Ctrl-C and the signals that mean the same: a connection that drops, a service that is stopped, a shutdown."""
+"""Handle Ctrl-C, SIGTERM and SIGHUP alike: each asks the recording to end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopRequest:
-    """A request to end, which may raise KeyboardInterrupt at once, but not inside `held`."""
+    """A request to end, which raises KeyboardInterrupt at once, except inside `held`."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -26,7 +26,7 @@ class StopRequest:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Inside, nothing is interrupted: whoever asks waits for the next `released`."""
+        """Inside this context nothing is interrupted: a request takes effect at the next `released`."""
         self._is_held = True
         try:
             yield
@@ -35,10 +35,10 @@ class StopRequest:
 
     @contextmanager
     def released(self) -> Iterator[None]:
-        """Inside `held`, a place where nothing is in hand that an interrupt could spoil.
+        """A context inside `held` in which an interrupt does no harm.
 
         Raises:
-            KeyboardInterrupt: somebody asks, or has asked before.
+            KeyboardInterrupt: an end is or was requested.
         """
         self._is_held = False
         try:
@@ -51,10 +51,10 @@ class StopRequest:
 
 @contextmanager
 def stopped_like_ctrl_c() -> Iterator[StopRequest]:
-    """Let SIGINT, SIGTERM and SIGHUP ask to end; after the first of them, all further ones do nothing.
+    """Turn SIGINT, SIGTERM and SIGHUP into a request to end; signals after the first do nothing.
 
-    A user presses Ctrl-C twice, and the end of a login sends two signals. A signal that is ignored outside, as SIGHUP
-    under `nohup`, stays ignored. Only in the main thread are there signals; elsewhere nobody asks.
+    A user presses Ctrl-C twice, and the end of a login sends two signals. A signal that is already ignored, as SIGHUP
+    under `nohup`, stays ignored. Only the main thread receives signals; in other threads the context does nothing.
     """
     request = StopRequest()
 

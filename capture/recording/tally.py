@@ -1,4 +1,4 @@
-"""The counts of a recording so far: frames, sights of the hanger and of each point, losses, conditions."""
+"""The counts of a recording so far: frames, detections of the hanger and of each point, losses, conditions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Tally:
         self.first = self.last = 0.0
 
     def add(self, seen: Seen) -> Condition | None:
-        """Count a frame; return the condition to announce, None where it is the same as before."""
+        """Count a frame; return the condition to announce, None if unchanged."""
         self.first = seen.time if self.frames == 0 else self.first
         self.last = seen.time
         self.frames += 1
@@ -29,10 +29,10 @@ class Tally:
         return self.conditions.add(seen.time - self.first, seen.condition)
 
     def add_unplaced(self, now: float) -> Condition | None:
-        """Count a frame whose time could not be placed, at a time [s] of the sensor's clock."""
+        """Count a frame without a valid time, at a time [s] of the sensor's clock."""
         return self.conditions.add(now - self.first, Condition.CLOCK)
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last [s]."""
+        """The time from the first frame to the last [s]."""
         return self.last - self.first

@@ -1,4 +1,4 @@
-"""Find hanger and garment in one frame and say what kept them from being found."""
+"""Detect hanger and garment in one frame, and determine the faults that prevent their detection."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from formats.take import FrameState
 
 
 class Tracked(NamedTuple):
-    """The sight of hanger and garment in a frame, its state, and the ends of the held edge [m], (2, 3)."""
+    """Hanger and garment as detected in a frame, the frame's state, and the ends of the held edge [m], (2, 3)."""
 
     hanger: HangerSight
     cloth: GarmentSight
@@ -32,16 +32,16 @@ class Tracked(NamedTuple):
 
 
 class FrameTracker:
-    """Follows hanger and garment through a recording."""
+    """Tracks hanger and garment through a recording."""
 
     def __init__(self, rig: Rig, garment: Garment, picks: Floats | None = None, *, is_sparing: bool = False) -> None:
         """Prepare for a rig and a garment.
 
-        picks [px], (2, 2): where the hanger's dots are in the first frame
+        picks [px], (2, 2): the hanger's dots in the first frame
         is_sparing: as of `hanger_tracker`
 
         Raises:
-            UntrackableError: the rig lacks a section, or one of both cannot be followed.
+            UntrackableError: the rig lacks a section, or hanger or garment cannot be tracked.
         """
         hanger, self.camera = hanger_and_sensor(rig)
         self.rig, self.garment = rig, garment
@@ -51,7 +51,7 @@ class FrameTracker:
         self._watch = HangerWatch(hanger)
 
     def track(self, frame: SensorFrame, time: float) -> Tracked:
-        """Return what a frame shows at a time [s]."""
+        """Return hanger and garment of a frame at a time [s]."""
         hanger, cloth, held = nothing_seen(), nothing_found(len(self.garment.points)), np.full((2, 3), np.nan)
         lost = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
         state = picture_faults(frame, self.camera)
@@ -69,14 +69,14 @@ class FrameTracker:
         return Tracked(hanger, cloth, state, held)
 
     def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
-        """Scan the surface seen in the last frame; None where the garment was not found in it."""
+        """Scan the visible surface of the last frame; None if the garment was not found in it."""
         return self._cloth.scan(time, grid=grid, contour=contour)
 
     @staticmethod
     def as_frame(time: float, seen: Tracked) -> Frame:
-        """Return what a take keeps of a frame."""
+        """Return the record of a frame in a take."""
         hanger, cloth, state, held = seen
-        # The ends are a rigid step from both markers: between them interpolation, beyond them extrapolation of noise.
+        # The ends are rigidly attached to the markers: noise is interpolated between and extrapolated beyond them.
         sd = np.sqrt(np.mean(np.nan_to_num(hanger.sd) ** 2, axis=0))
         return Frame(
             time=time,

@@ -1,1 +1,1 @@
-"""Sync: a process of its own that brings kept takes to the server, verifies them there and proves it every week."""
+"""Sync: a separate process that uploads kept takes, verifies them on the server and proves one copy every week."""

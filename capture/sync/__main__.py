@@ -1,4 +1,4 @@
-"""`python -m capture.sync run`: what systemd starts. It needs no Typer and says its words to the journal."""
+"""`python -m capture.sync run`: the process that systemd starts; it logs to the journal and needs no Typer."""
 
 from __future__ import annotations
 

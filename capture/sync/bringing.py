@@ -1,6 +1,6 @@
-"""Bring one take to the server: look, send, verify, and only then write its receipt.
+"""Upload one take: look for it on the server, send it, verify it, and only then write its receipt.
 
-This order is safe against a kill at any moment. Without a receipt the next run looks at the server first. The key comes
+This order is safe against a kill at any moment. Without a receipt the next run checks the server first. The key comes
 from the take's content, so a repeated upload replaces itself. A receipt certifies that the content was read back with
 the SHA-256 that was sent. Keys may permit writing only. Then the store's own checksum of the received content stands
 in, and the receipt says so.
@@ -26,7 +26,7 @@ from formats.archive import read_take
 from formats.errors import HangtimeError
 from formats.store_address import without_secrets
 
-UNDATED = "undated"  # the day of a take that cannot be read
+UNDATED = "undated"  # stands for the day of a take that is unreadable
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ class Target:
 
 
 def key_of(take: KeptTake, device: str, sha256: str, *, is_encrypted: bool) -> str:
-    """Return the name of a take on the server from device, day, sequence and content, at any time the same."""
+    """Return the key of a take on the server, a function of its device, day, sequence and content alone."""
     ending = "mcap.age" if is_encrypted else "mcap"
     return f"{device}/{_day_of(take)}/{take.sequence:06d}-{sha256}.{ending}"
 
 
 def bring(take: KeptTake, spool: Path, target: Target, *, now: datetime) -> Receipt:
-    """Bring a take to the server and write its receipt.
+    """Upload a take and write its receipt.
 
     Raises:
-        ServerError: the server does not take or show it; nothing is lost, and the next try goes on.
-        SyncError: the take cannot be read here.
+        ServerError: the server does not accept or return it; nothing is lost, and the next attempt continues.
+        SyncError: the take cannot be read on this device.
         OSError: the receipt cannot be written.
     """
     try:
@@ -68,7 +68,7 @@ def bring(take: KeptTake, spool: Path, target: Target, *, now: datetime) -> Rece
         key = key_of(take, target.device, plain.sha256, is_encrypted=bool(target.recipients))
         with _as_sent(file, spool, target.recipients) as sent:
             sums = plain if sent is file else sums_of(sent)
-            # An encrypted copy is new each time: one that lies there already cannot be told from damage.
+            # Every encrypted copy differs, so an earlier copy on the server cannot be distinguished from a damaged one.
             verified = READ_BACK if sent is file and _is_there(target.server, key, sums) else None
             if verified is None:
                 tag = target.server.send(key, sent, sums.size)
@@ -83,12 +83,12 @@ def bring(take: KeptTake, spool: Path, target: Target, *, now: datetime) -> Rece
 
 
 def has_changed(take: KeptTake, sha256: str) -> bool:
-    """Return whether a take is no longer what was kept."""
+    """Return whether a take's content has changed since it was kept."""
     return bool(take.facts.get("sha256", sha256) != sha256)
 
 
 def read_back(server: Server, key: str) -> Sums | None:
-    """Fetch an object and return its checksums, None where there is none.
+    """Fetch an object and return its checksums, None if there is no object.
 
     Raises:
         ServerError: it cannot be fetched.
@@ -112,7 +112,7 @@ def _sums(file: IO[bytes], take: KeptTake) -> Sums:
 
 
 def _is_there(server: Server, key: str, sums: Sums) -> bool:
-    """Return whether an earlier run got as far as the receipt: the object is there, whole and right."""
+    """Return whether an earlier run has uploaded the object completely and with the right content."""
     try:
         if server.size(key) != sums.size:
             return False
@@ -147,7 +147,7 @@ def _verified(server: Server, key: str, sums: Sums, tag: str | None, stem: str) 
 
 @contextmanager
 def _as_sent(file: IO[bytes], spool: Path, recipients: Sequence[Any]) -> Iterator[IO[bytes]]:
-    """Yield what is sent of a take: itself, or an encrypted copy in a file without a name."""
+    """Yield the file to upload: the take itself, or an encrypted copy in an unnamed temporary file."""
     if not recipients:
         yield file
         return
@@ -157,7 +157,7 @@ def _as_sent(file: IO[bytes], spool: Path, recipients: Sequence[Any]) -> Iterato
 
 
 def _day_of(take: KeptTake) -> str:
-    """Return the day of a take as its header gives it; the clock was what it was, the sequence is right."""
+    """Return the day in a take's header; if the clock was wrong, the sequence still gives the order."""
     try:
         created = read_take(take.path).created
     except HangtimeError:

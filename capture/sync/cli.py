@@ -23,34 +23,34 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of sync to the `hangtime` command."""
     from formats.command_groups import RECORD, group_of
 
-    sync = group_of(app, "sync", "Bring kept takes to the server, and verify them there.", RECORD)
-    sync.command("run", short_help="Bring takes to the server until none waits.")(run_sync)
-    sync.command("now", short_help="Bring takes to the server once.")(sync_now)
+    sync = group_of(app, "sync", "Upload kept takes, and verify them on the server.", RECORD)
+    sync.command("run", short_help="Upload takes until none waits.")(run_sync)
+    sync.command("now", short_help="Upload the waiting takes once.")(sync_now)
     sync.command("prove", short_help="Fetch one take at random and check it.")(prove_sync)
-    sync.command("status", short_help="Say what waits and what is safe.")(show_sync)
+    sync.command("status", short_help="Show which takes wait for upload and which are safe.")(show_sync)
     group_of(app, "takes").command("prune")(prune_takes)
 
 
 def run_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
-    """Bring takes to the server until none waits; a server that fails is tried again, ever more rarely.
+    """Upload takes until none waits; after failures of the server, retry at growing intervals.
 
-    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: only a person can mend what is in the way.
+    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the fault needs a person.
     """
     _start("run", config, spool)
 
 
 def sync_now(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
-    """Bring takes to the server once, without waiting for a server that fails.
+    """Upload the waiting takes once, without retries after a failure of the server.
 
-    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them.
+    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not accept them.
     """
     _start("now", config, spool)
 
 
 def prove_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
-    """Fetch one take at random from the server, hash it and open it.
+    """Fetch a random take from the server, check its hash and open it.
 
-    Exit code 0: the fetched take is right; 2: it is damaged or missing; 75: the server cannot be asked.
+    Exit code 0: the fetched take is right; 2: it is damaged or missing; 75: the server is unreachable.
     """
     _start("prove", config, spool)
 
@@ -60,7 +60,7 @@ def show_sync(
     spool: SpoolFolder = None,
     json: Annotated[bool, typer.Option("--json", rich_help_panel=TOLD, help="Print JSON instead of words.")] = False,
 ) -> None:
-    """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
+    """Show the state of sync: waiting takes, safe takes, faults, and the last proof."""
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
     from capture.sync.rounds import now_here
     from capture.sync.settings import load_settings
@@ -83,7 +83,7 @@ def prune_takes(
     keep_days: Annotated[
         float | None,
         typer.Option(
-            "--keep-days", min=0.0, help="Verified takes older than this leave.", show_default="the configuration's"
+            "--keep-days", min=0.0, help="Remove verified takes older than this.", show_default="the configuration's"
         ),
     ] = None,
     quota_mb: Annotated[
@@ -91,7 +91,7 @@ def prune_takes(
         typer.Option("--quota-mb", min=0, help="Takes may fill so many MB.", show_default="the configuration's"),
     ] = None,
 ) -> None:  # fmt: skip
-    """Let verified takes leave this device, the oldest first. A take that is not safe on the server stays."""
+    """Remove verified takes from this device, the oldest first. A take that is not safe on the server stays."""
     import msgspec
 
     from capture.appliance.spool import Spool
@@ -135,7 +135,7 @@ def _start(command: str, config: Path, spool: Path | None) -> None:
 
 
 def _check_folder(folder: Path) -> None:
-    """Refuse what is no folder of takes."""
+    """Check that a path is a folder of takes."""
     from capture.errors import SyncError
     from formats.whole_files import loop_words
 

@@ -1,7 +1,7 @@
-"""Keys of the server: from systemd's credentials or a file of mode 0600, and out of sight everywhere else.
+"""Keys of the server: read from systemd's credentials or a file of mode 0600, and hidden everywhere else.
 
-They are handed to the store's library in memory: not through the environment, which children inherit, nor the command
-line, which everybody reads. The process leaves no core dump, and every text it says passes `Credentials.hide`.
+The store's library receives the keys in memory, not through the environment, which child processes inherit, nor the
+command line, which every user can read. The process leaves no core dump, and `Credentials.hide` filters all its output.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from pathlib import Path
 from capture.errors import SyncError
 from formats.toml_files import parse_toml
 
-PREFIX = "store_"  # systemd names the files of `LoadCredential=store:FOLDER` so
+PREFIX = "store_"  # systemd's file names for `LoadCredential=store:FOLDER`
 SHORTEST_SECRET = 6  # characters; a region or a user's name is no secret, and shorter words occur in texts
 PR_SET_DUMPABLE = 4  # linux/prctl.h
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """Keys by obstore's names (`access_key_id`, `secret_access_key`, ...); their values show nowhere."""
+    """Keys by obstore's names (`access_key_id`, `secret_access_key`, ...); their values are never printed."""
 
     values: dict[str, str] = field(default_factory=dict, repr=False)
 
     def hide(self, text: str) -> str:
-        """Return a text without any of the keys."""
+        """Return a text with all keys removed."""
         for value in sorted(self.values.values(), key=len, reverse=True):
             if len(value) >= SHORTEST_SECRET:
                 text = text.replace(value, "***")
@@ -40,7 +40,7 @@ def find_credentials(file: Path | None) -> Credentials:
     """Return the keys: those of systemd (`$CREDENTIALS_DIRECTORY/store_NAME`, one key a file), else those of a file.
 
     Raises:
-        SyncError: the file cannot be read, others may read it, or it does not hold.
+        SyncError: the file cannot be read, other users may read it, or it is invalid.
     """
     if folder := os.environ.get("CREDENTIALS_DIRECTORY"):
         found = {}
@@ -70,7 +70,7 @@ def _of_file(file: Path) -> Credentials:
     try:
         found = parse_toml(raw, file, SyncError)
     except SyncError:
-        # The parser's own words may quote the line, and with it a key.
+        # The parser's message may quote the line, and with it a key.
         raise SyncError(
             "the credentials are not valid TOML", where=file, advice='write one key a line: secret_access_key = "..."'
         ) from None
@@ -82,7 +82,7 @@ def _of_file(file: Path) -> Credentials:
 
 
 def leave_no_core_dump() -> None:
-    """Keep this process out of core dumps and away from debuggers of the same user."""
+    """Disable core dumps of this process, and debugging by the same user."""
     with contextlib.suppress(OSError, ValueError):  # a sandbox that forbids the call has set the limit itself
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with contextlib.suppress(OSError, AttributeError):

@@ -1,4 +1,4 @@
-"""Encryption before upload with age: the device holds recipients only, and cannot read what it sent.
+"""Encryption before upload with age: the device holds public keys only, and cannot decrypt its uploads.
 
 Format: age-encryption.org/v1, by the library pyrage (rage's Python binding). `age -d -i KEY FILE` opens an object.
 """
@@ -12,10 +12,10 @@ from capture.errors import SyncError
 
 
 def recipients_of(texts: Sequence[str]) -> list[Any]:
-    """Return the recipients that these texts name (`age1...`, or an SSH public key).
+    """Return the age recipients of these texts (`age1...`, or an SSH public key).
 
     Raises:
-        SyncError: the library is missing, or a text names no recipient.
+        SyncError: the library is missing, or a text is not a recipient.
     """
     if not texts:
         return []
@@ -47,7 +47,7 @@ def recipients_of(texts: Sequence[str]) -> list[Any]:
 
 
 def encrypt(plain: IO[bytes], to: IO[bytes], recipients: Sequence[Any]) -> None:
-    """Write what a file holds to another, encrypted for every recipient; memory stays flat."""
+    """Encrypt a file into another for every recipient, in constant memory."""
     import pyrage
 
     pyrage.encrypt_io(plain, to, list(recipients))

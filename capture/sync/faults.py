@@ -1,4 +1,4 @@
-"""The obstacle between takes and the server: the server's own reason in one sentence, and the next action."""
+"""Faults that stop uploads: the server's own reason in one sentence, and the next action."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ KEY_CODES = {
     "AuthorizationHeaderMalformed", "AuthorizationFailure", "UnknownAccessKeyId",
 }  # fmt: skip
 CLOCK_CODES = {"RequestTimeTooSkewed", "RequestExpired"}
-LONGEST_WORDS = 120  # characters of the server's own words
+LONGEST_WORDS = 120  # characters of the server's message
 
 Kind = Literal["passing", "person", "take"]
 
 
 class ServerError(SyncError):
-    """Something between a take and the server.
+    """A fault that stops an upload or a download.
 
-    kind: "passing" may be over at the next try; "person" lasts until somebody does what the advice says; "take"
-        concerns this take and not the next
+    kind: "passing" may be over at the next attempt; "person" lasts until somebody follows the advice; "take"
+        concerns this take only
     """
 
     def __init__(self, what: str, *, where: object, advice: str, kind: Kind) -> None:
@@ -41,12 +41,12 @@ class ServerError(SyncError):
 
 
 class ReadRefusedError(ServerError):
-    """The server refused to show what it holds: these credentials may only write, or not even that."""
+    """The server refused to list or return an object: these credentials may at most write."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A server's words: status, code and message of its answer, if any."""
+    """A server's answer: status, code and message, if any."""
 
     status: int
     code: str
@@ -54,15 +54,15 @@ class Answer:
 
     @property
     def words(self) -> str:
-        """Return the answer as the server gave it, short."""
+        """Return the server's answer, shortened."""
         said = ": ".join(part for part in (self.code, self.message) if part)
         return f"{self.status} {said}".strip()[:LONGEST_WORDS]
 
 
 def fault_of(error: Exception, where: str, *, writing: bool = True) -> ServerError:
-    """Return the fault that an error of the store's library or of a server folder stands for.
+    """Return the fault for an error of the store's library or of a server folder.
 
-    where: the bucket with its server, or the file that was asked for
+    where: the bucket with its server, or the requested file
     """
     if isinstance(error, ServerError):
         return error
@@ -77,7 +77,7 @@ def fault_of(error: Exception, where: str, *, writing: bool = True) -> ServerErr
 
 
 def _unsent(error: Exception, where: str) -> ServerError:
-    """Return the fault of a request that this device's own settings kept back."""
+    """Return the fault of a request that this device's own settings prevented."""
     advice = "put the keys into the credentials of sync"
     if is_without_tls(error):
         advice = "set allow_http = true in [sync] if the server has no TLS, else write https:// in endpoint"
@@ -99,7 +99,7 @@ def _answer(text: str) -> Answer | None:
 
 
 def _first_sentence(message: str) -> str:
-    """Return the message up to its first end; Azure goes on with numbers of its own, and the library escapes lines."""
+    """Return a message's first sentence; Azure appends request numbers, and the library escapes line ends."""
     return without_secrets(re.split(r"\n|\\n|\.(?: |$)", message)[0]).rstrip(".")
 
 
@@ -199,7 +199,7 @@ def _no_answer(error: Exception, text: str, where: str) -> ServerError:
 
 
 def _innermost(text: str) -> str:
-    """Return the last reason in the library's nested error that is a word of its own."""
+    """Return the innermost reason in the library's nested error."""
     for word in ("ConnectionReset", "BrokenPipe", "IncompleteMessage", "UnexpectedEof", "ConnectionAborted"):
         if word in text:
             return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word).lower()

@@ -1,4 +1,4 @@
-"""When to try again and how fast to send: exponential backoff with jitter, and an average rate."""
+"""The delay before a retry, exponential backoff with jitter, and the limit of the average upload rate."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ FIRST_WAIT, LONGEST_WAIT = 2.0, 300.0  # s; a network that comes back is noticed
 
 
 def wait_after(tries: int, chance: random.Random) -> float:
-    """Return how long to wait after so many failed tries [s]: half of it is certain, half by chance.
+    """Return the delay after a number of failed attempts [s]: one half is fixed, the other random.
 
-    Devices that lost one server together then do not come back together ("equal jitter": Brooker, "Exponential Backoff
+    So devices that lost one server together do not retry together ("equal jitter": Brooker, "Exponential Backoff
     And Jitter", AWS Architecture Blog, 2015).
     """
     whole = min(LONGEST_WAIT, FIRST_WAIT * 2.0 ** min(tries - 1, 30))
@@ -20,7 +20,7 @@ def wait_after(tries: int, chance: random.Random) -> float:
 
 
 class Rate:
-    """An average rate of sending: whoever sends waits first until what was sent before is paid for."""
+    """Limits the average upload rate: a sender waits until the earlier bytes fit the rate."""
 
     def __init__(
         self,
@@ -29,12 +29,12 @@ class Rate:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Limit to a rate [bytes/s]; None is no limit."""
+        """Set the limit [bytes/s]; None: no limit."""
         self._rate, self._clock, self._sleep = bytes_per_second, clock, sleep
         self._free_at = clock()
 
     def wait_for(self, count: int) -> None:
-        """Wait until so many bytes may be sent."""
+        """Wait until this number of bytes may be sent."""
         if self._rate is None:
             return
         if (owed := self._free_at - self._clock()) > 0:

@@ -1,4 +1,4 @@
-"""A process of sync: settings and credentials in, words to stderr, an exit code out."""
+"""The process of sync: reads settings and credentials, logs to stderr and returns an exit code."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from formats.errors import HangtimeError
 from formats.telling import know
 from formats.terminal import say
 
-SAFE, REFUSED, LATER = 0, 2, 75  # 75: EX_TEMPFAIL of sysexits.h, what starts the command may try again
-EXIT_CODES = "Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them."
+SAFE, REFUSED, LATER = 0, 2, 75  # 75: EX_TEMPFAIL of sysexits.h: the caller may retry
+EXIT_CODES = "Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not accept them."
 LEVELS = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of sd-daemon(3)
 
 
 class _Journal(logging.Handler):
-    """Says each line with its level as journald reads it where it listens, without keys."""
+    """Writes log lines without keys, with journald's priorities if journald reads them."""
 
     def __init__(self, credentials: Credentials) -> None:
         super().__init__()
@@ -62,7 +62,7 @@ def start(command: str, config: Path, spool: Path | None) -> int:
 
 
 def note_refusal(spool: Path | None, error: HangtimeError, credentials: Credentials) -> None:
-    """Let the appliance's `status` say why nothing is sent: settings or credentials that do not hold."""
+    """Report invalid settings or credentials in the appliance's `status` as the reason why nothing is sent."""
     if spool is None or not spool.is_dir():
         return
     now = now_here().isoformat(timespec="seconds")
@@ -85,13 +85,13 @@ def note_refusal(spool: Path | None, error: HangtimeError, credentials: Credenti
 
 
 def _spool_of(config: Path) -> Path | None:
-    """Return the spool of a file that does not hold; the usual one is of the usual file alone."""
+    """Return the spool of an invalid configuration file; the default spool belongs to the default file alone."""
     usual = SpoolPart().folder
     return next((one for one in told_spools(config) if one != usual or config == DEFAULT_FILE), None)
 
 
 def listen(credentials: Credentials) -> None:
-    """Say what happens on stderr."""
+    """Log to stderr."""
     log = logging.getLogger("hangtime.sync")
     log.handlers[:] = [_Journal(credentials)]
     log.setLevel(logging.INFO)
@@ -102,7 +102,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
     """Run one command; returns its exit code.
 
     Raises:
-        HangtimeError: settings, credentials or another process are in the way.
+        HangtimeError: settings or credentials are invalid, or another process syncs.
         OSError: this device's disk fails.
     """
     if command == "prove":
@@ -115,7 +115,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
             say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
             return SAFE
         if proof.is_bad:
-            # A line of the journal has said it.
+            # The journal already has this line.
             know(error=f"take-{proof.sequence:06d} was fetched from the server: {proof.outcome}")
             return REFUSED
         return SAFE
@@ -127,7 +127,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
 
 
 def _refuse(credentials: Credentials, sentence: str) -> None:
-    """Say why the command fails, without keys, on stderr and to `--json`."""
+    """Report the command's error, without keys, on stderr and to `--json`."""
     told = credentials.hide(sentence)
     know(error=told)
     say(f"hangtime sync: {told}", is_error=True)

@@ -1,6 +1,6 @@
-"""The proof: one take at random is fetched from the server, hashed and opened, as whoever needs it would.
+"""The proof: a random take is fetched from the server, hashed and opened, as in a recovery.
 
-Drawn from all receipts, those of takes that left this device first of all: their only copy is the server's.
+Takes that were removed from this device come first, because their only copy is on the server.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from formats.errors import HangtimeError
 
 
 def is_due(last: Proof | None, days: float, now: datetime) -> bool:
-    """Return whether a proof is due; one from the future says that the clock was wrong, and counts for nothing."""
+    """Return whether a proof is due; a proof dated in the future is ignored, since the clock was wrong then."""
     if last is None:
         return True
     try:
@@ -31,10 +31,10 @@ def is_due(last: Proof | None, days: float, now: datetime) -> bool:
 
 
 def prove(server: Server, candidates: Sequence[Receipt], *, now: datetime, chance: random.Random) -> Proof | None:
-    """Fetch one of the takes that these receipts are of, hash it and open it; None where there is none.
+    """Fetch one take of these receipts, check its hash and open it; None without receipts.
 
     Raises:
-        ServerError: the server cannot be asked now.
+        ServerError: the server is unreachable.
     """
     if not candidates:
         return None
@@ -60,7 +60,7 @@ def prove(server: Server, candidates: Sequence[Receipt], *, now: datetime, chanc
 
 
 def _opens(file: Path) -> bool:
-    """Return whether a take can be read and is as sound as it was recorded."""
+    """Return whether a take can be read and has no more faults than when it was recorded."""
     try:
         return verify_take(file).damaged_blocks == 0
     except HangtimeError:

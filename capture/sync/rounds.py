@@ -1,4 +1,4 @@
-"""Rounds of sync: bring what waits in the order of its numbers, prove one take a week, let verified takes leave."""
+"""Rounds of sync: upload waiting takes in order of sequence, prove one take a week, remove verified takes."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from formats.whole_files import make_folders
 
 LOG = logging.getLogger("hangtime.sync")
 SAME_DISK = "The server's folder is on the same disk as the takes: a broken disk loses both."
-STATUS_SECONDS = 5.0  # so often the status is written while takes are sent
-PASSES_IN_A_ROW = 1000  # takes that are recorded meanwhile are brought too; this ends a loop that would never end
+STATUS_SECONDS = 5.0  # s between two writes of the status during uploads
+PASSES_IN_A_ROW = 1000  # takes recorded meanwhile are uploaded too; this bound ends the loop
 
 
 def now_here() -> datetime:
-    """Return the wall clock with its offset."""
+    """Return the wall-clock time with its UTC offset."""
     return datetime.now(UTC).astimezone()
 
 
 @dataclass
 class Standing:
-    """The memory of a process of sync from one round to the next."""
+    """The state of a sync process between rounds."""
 
     last_sync: str | None = None
     verified: str | None = None
@@ -50,7 +50,7 @@ class Standing:
 
 @dataclass
 class Sync:
-    """The takes of one spool folder and the server that they go to."""
+    """The takes of one spool folder and their server."""
 
     told: Told
     credentials: Credentials
@@ -62,7 +62,7 @@ class Sync:
         """Open the spool and the server that the settings name.
 
         Raises:
-            HangtimeError: the settings or the credentials do not hold.
+            HangtimeError: the settings or the credentials are invalid.
         """
         settings, self.folder = self.told.settings, self.told.spool
         self.spool = Spool(self.folder)
@@ -79,7 +79,7 @@ class Sync:
             )  # fmt: skip
 
     def run(self) -> SyncError | None:
-        """Go on until nothing waits; returns what only a person can mend, None where everything is safe.
+        """Run rounds until no take waits; return a fault that needs a person, None if every take is safe.
 
         Raises:
             SyncError: another process syncs these takes.
@@ -97,7 +97,7 @@ class Sync:
         return fault
 
     def once(self) -> SyncError | None:
-        """Bring all that waits, prove if it is time, let takes leave; returns what is in the way, if anything is.
+        """Upload all waiting takes, prove if due, remove verified takes; return the fault that stopped it, if any.
 
         Raises:
             SyncError: another process syncs these takes.
@@ -117,10 +117,10 @@ class Sync:
             return fault
 
     def prove(self) -> Proof | None:
-        """Prove a take now; None where nothing was synced yet.
+        """Prove a take now; None if no take was uploaded yet.
 
         Raises:
-            ServerError: the server cannot be asked.
+            ServerError: the server is unreachable.
             SyncError: another process syncs these takes.
         """
         make_folders(self.folder)
@@ -173,9 +173,9 @@ class Sync:
         return proof
 
     def _doubt_all(self) -> None:
-        """Look at the server for every take that is still here, and take the receipt from each that it does not have.
+        """Check the server for every take still on this device, and withdraw the receipt of each missing one.
 
-        A server that lost one take may have lost others. Without a receipt none leaves, and the next round sends it.
+        A server that lost one take may have lost others. Without a receipt a take stays, and the next round sends it.
         """
         is_asked = True
         for take in self.spool.takes(self.target.url):
@@ -196,11 +196,11 @@ class Sync:
             LOG.warning("%s: stays; it differs from the file that the server verified: replace the disk", stem)
 
     def _tidy(self) -> None:
-        """Remove what an earlier process of sync was writing when it was ended."""
+        """Remove partial files of an earlier sync process that was killed."""
         for litter in [*self.folder.glob("sync-status.json*.partial"), *(self.folder / "receipts").glob("*.partial")]:
             litter.unlink(missing_ok=True)
 
-    # --- what is told -------------------------------------------------------------------------------
+    # --- status -------------------------------------------------------------------------------------
 
     def _note(self, fault: SyncError | None) -> None:
         now = self.clock().isoformat(timespec="seconds")
@@ -249,7 +249,7 @@ class Sync:
 
 
 def _own_disk(error: OSError, folder: Path) -> SyncError:
-    """Return the fault of this device's own disk, where receipts are written."""
+    """Return the fault of this device's disk, on which receipts are written."""
     return SyncError(
         f"this device cannot write receipts ({(error.strerror or 'its disk fails').lower()})",
         where=error.filename or folder,

@@ -1,7 +1,7 @@
-"""The server that takes go to: a folder or a bucket, behind one small set of questions.
+"""The server that stores takes: a folder or a bucket behind one small interface.
 
-Objects appear whole or not at all: a folder's files are written beside, synced and renamed; a bucket shows an upload
-when it is complete. Keys come from content, so that writing a key twice writes the same object twice.
+Uploads are atomic: in a folder, a temporary file is written, synced and renamed; a bucket shows an upload when it is
+complete. An object's key depends on its content, so that a repeated upload writes the same object.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ CONNECT_TIMEOUT = "10s"
 
 
 class Server(Protocol):
-    """Objects by key; every method raises ServerError."""
+    """A store of objects by key; every method raises ServerError."""
 
     def size(self, key: str) -> int | None:
-        """Return an object's bytes, None where there is none; ReadRefusedError where the keys forbid to ask."""
+        """Return an object's size [bytes], None if there is none; ReadRefusedError if the keys forbid the query."""
         ...
 
     def send(self, key: str, content: IO[bytes], size: int) -> str | None:
-        """Put an object in place; returns the store's own checksum of what it received, where it has one."""
+        """Upload an object; return the store's own checksum of the received content, if it gives one."""
         ...
 
     def fetch(self, key: str) -> Iterator[bytes]:
-        """Yield an object's content; ReadRefusedError where the keys forbid it, FileNotFoundError where it is not."""
+        """Yield an object's content; ReadRefusedError if the keys forbid it, FileNotFoundError if it is missing."""
         ...
 
 
 def open_server(told: Told, credentials: Credentials) -> Server:
-    """Open the server that the settings name. Nothing is sent before its first use.
+    """Open the server of the settings. No request is sent before its first use.
 
     Raises:
         AddressError: the address or a setting is refused.
@@ -56,7 +56,7 @@ def open_server(told: Told, credentials: Credentials) -> Server:
     config = dict(credentials.values)
     client: dict[str, Any] = {"connect_timeout": CONNECT_TIMEOUT, "timeout": f"{settings.timeout_s * 1000:.0f}ms"}
     if settings.url.startswith("s3"):
-        config["checksum_algorithm"] = "sha256"  # a store that knows it refuses what was damaged on the way
+        config["checksum_algorithm"] = "sha256"  # a store that supports it rejects content that was damaged in transit
         for name in ("endpoint", "region"):
             if value := getattr(settings, name):
                 config[name] = value
@@ -83,15 +83,15 @@ def _certificate(file: Path) -> bytes:
 
 
 class FolderServer:
-    """A folder: of another disk, of a server that is mounted, or of this device."""
+    """A folder: on another disk, on a mounted server, or on this device."""
 
     def __init__(self, root: Path, rate: Rate) -> None:
-        """Use a folder; it is made by the first upload."""
+        """Use a folder; the first upload creates it."""
         self.root = root.absolute()
         self._rate = rate
 
     def size(self, key: str) -> int | None:
-        """Return a file's bytes, None where there is none."""
+        """Return a file's size [bytes], None if there is none."""
         try:
             return (self.root / key).stat().st_size
         except FileNotFoundError:
@@ -100,9 +100,9 @@ class FolderServer:
             raise fault_of(error, str(self.root / key)) from error
 
     def send(self, key: str, content: IO[bytes], size: int) -> None:
-        """Write beside, sync, rename, sync the folder."""
+        """Write a temporary file, sync it, rename it, sync the folder."""
         path = self.root / key
-        beside = path.with_name(f".{path.name}.partial")  # one name: what a kill left is written over
+        beside = path.with_name(f".{path.name}.partial")  # a fixed name: the rest of a killed process is overwritten
         try:
             make_folders(path.parent)
             with beside.open("wb") as file:
@@ -119,7 +119,7 @@ class FolderServer:
             raise fault_of(error, str(self.root / key)) from error
 
     def fetch(self, key: str) -> Iterator[bytes]:
-        """Yield a file's content, from the disk rather than from memory where the kernel lets go of it."""
+        """Yield a file's content, read from the disk if the kernel drops its cache."""
         try:
             with (self.root / key).open("rb") as file:
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
@@ -132,10 +132,10 @@ class FolderServer:
 
 
 class BucketServer:
-    """A bucket below a prefix."""
+    """A bucket, below a prefix of its keys."""
 
     def __init__(self, store: Any, rate: Rate, where: str) -> None:
-        """Use obstore's store; where: its address, for messages."""
+        """Use obstore's store; where: its address in messages."""
         import obstore
 
         self._library: Any = obstore
@@ -143,7 +143,7 @@ class BucketServer:
         self._store, self._rate, self._where = store, rate, where
 
     def size(self, key: str) -> int | None:
-        """Return an object's bytes, None where there is none."""
+        """Return an object's size [bytes], None if there is none."""
         try:
             return int(self._library.head(self._store, key)["size"])
         except FileNotFoundError:
@@ -152,7 +152,7 @@ class BucketServer:
             raise fault_of(error, self._where, writing=False) from error
 
     def send(self, key: str, content: IO[bytes], size: int) -> str | None:
-        """Put an object in one request, or in parts where it is large: one part at a time is in memory."""
+        """Upload an object in one request, or a large one in parts, with one part in memory at a time."""
         try:
             if size <= PART:
                 self._rate.wait_for(size)
@@ -182,20 +182,20 @@ class BucketServer:
 
 
 class Sums:
-    """Checksums of what passes by: SHA-256, and the MD5 with which S3 and Google answer an upload.
+    """Running checksums of a stream: SHA-256, and the MD5 with which S3 and Google answer an upload.
 
     An upload in parts is answered with the MD5 of the parts' MD5s and their number; the S3 API names it an ETag.
     """
 
     def __init__(self) -> None:
-        """Start the sums of an object of no bytes."""
+        """Start the checksums of an empty object."""
         self._sha256, self._whole = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
         self._part, self._in_part = hashlib.md5(usedforsecurity=False), 0
         self._parts: list[bytes] = []
         self.size = 0
 
     def add(self, content: bytes) -> None:
-        """Add the object's next bytes to all sums."""
+        """Add the object's next bytes to all checksums."""
         self._sha256.update(content)
         self._whole.update(content)
         self.size += len(content)
@@ -226,7 +226,7 @@ class Sums:
 
 
 def sums_of(content: IO[bytes]) -> Sums:
-    """Return the checksums of a file from its beginning, and go back there."""
+    """Return the checksums of a file from its beginning, and rewind the file."""
     content.seek(0)
     sums = Sums()
     while piece := content.read(PIECE):

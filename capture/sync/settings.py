@@ -33,13 +33,13 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     - `url`: the server's folder or bucket
     - `device`: the name of this device on the server; its host name and a part of its machine id where left out
     - `endpoint`, `region`: of an S3-compatible server
-    - `ca`: certificate of the authority that signed the server's, PEM, added to the system's
+    - `ca`: certificate of the authority that signed the server's certificate, PEM; the system's also stay valid
     - `allow_http`: whether a server without TLS is accepted
-    - `credentials`: file of keys (TOML, mode 0600); systemd's credentials come first
-    - `encrypt_to`: age recipients (`age1...`); takes are encrypted before upload for whoever holds one of their keys
-    - `bytes_per_second`: upload at most so fast on average over a take or 5 MiB; None: as fast as the line is
-    - `timeout_s`: one request may take so long; at 17 kB/s a part of 5 MiB takes 300 s
-    - `proof_days`: so often a take is fetched from the server, hashed and opened
+    - `credentials`: file of keys (TOML, mode 0600); systemd's credentials take precedence
+    - `encrypt_to`: age recipients (`age1...`) for which takes are encrypted before upload
+    - `bytes_per_second`: limit of the upload rate, averaged over a take or 5 MiB; None: no limit
+    - `timeout_s`: time limit of one request; at 17 kB/s a part of 5 MiB takes 300 s
+    - `proof_days`: days between two proofs, which fetch, hash and open a take
     - `retention`: how long takes stay on the device
     """
 
@@ -69,7 +69,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 @dataclass(frozen=True)
 class Told:
-    """The whole setup of sync: its settings, the folder of takes and the folder for relative paths."""
+    """The whole configuration of sync: its settings, the folder of takes and the folder for relative paths."""
 
     settings: SyncSettings
     spool: Path
@@ -84,10 +84,10 @@ class Told:
 def load_settings(file: Path, spool: Path | None = None) -> Told:
     """Read `[sync]` and the spool's folder from the appliance's configuration file.
 
-    spool: folder of takes that is used instead of the file's
+    spool: folder of takes that replaces the file's
 
     Raises:
-        SyncError: the file or the table does not hold.
+        SyncError: the file or the table is invalid.
     """
     plain = read_toml(file, SyncError)
     _refuse_another_file(plain, file)
@@ -97,12 +97,12 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
 
 
 def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:
-    """Refuse a file of another kind, and one with a key that the appliance's configuration does not know.
+    """Check that a file is a configuration of the appliance, without unknown keys.
 
-    The daemon needs more tables than sync: those that are not there are not asked for.
+    The daemon needs more tables than sync, so missing tables are no error here.
 
     Raises:
-        SyncError: names the key and its line.
+        SyncError: the file is of another kind or has an unknown key; the message names the key and its line.
     """
     parts = {field.name: field.type for field in msgspec.structs.fields(Config) if field.name != "sync"}
     try:
@@ -129,16 +129,16 @@ def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:
 
 
 class _Spool(msgspec.Struct, frozen=True, kw_only=True):
-    """The one table of the daemon's that sync reads."""
+    """The daemon's table that sync also reads."""
 
     spool: SpoolPart
 
 
 def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = None) -> SyncSettings:
-    """Return the settings that a table holds; plain: the whole file, which says the line of what does not hold.
+    """Return the settings of a table; plain: the text of the file, in which an invalid key's line is found.
 
     Raises:
-        SyncError: the table does not hold.
+        SyncError: the table is invalid.
     """
     try:
         settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
@@ -146,20 +146,20 @@ def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = Non
     except msgspec.ValidationError as error:
         words = wrong_field(error, (SyncSettings, Retention))
         place = where if plain is None else place_in(where, plain, words, table="sync")
-        raise SyncError(f"[sync] does not hold: {words}", where=place, advice=SETTINGS_ADVICE) from error
+        raise SyncError(f"[sync] is invalid: {words}", where=place, advice=SETTINGS_ADVICE) from error
     except AddressError as error:
         raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
     return settings
 
 
 def own_name() -> str:
-    """Return a name for this device that no other has: host name and eight digits made from the machine's id."""
+    """Return a unique name for this device: host name and eight digits derived from the machine id."""
     host = re.sub(r"[^A-Za-z0-9._-]", "-", socket.gethostname())[:50].lstrip("._-") or "device"
     try:
         machine = Path("/etc/machine-id").read_text().strip()
     except OSError:
         return host
-    # The id itself is not to be shown (machine-id(5)).
+    # The id itself is confidential (machine-id(5)).
     return f"{host}-{hashlib.sha256(f'hangtime {machine}'.encode()).hexdigest()[:8]}"
 
 

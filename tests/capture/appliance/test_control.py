@@ -184,7 +184,7 @@ def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_the
     waiting = [socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) for _ in range(300)]
     refused = [one.connect_ex(str(path)) == errno.EAGAIN for one in waiting]
     assert refused.index(True) > MOST_CALLERS
-    with pytest.raises(ControlError, match=r"the daemon has let nobody in for 0\.3 s"):
+    with pytest.raises(ControlError, match=r"the daemon has accepted no connection for 0\.3 s"):
         ask(path, "status")
     monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", STILL)
     told = []

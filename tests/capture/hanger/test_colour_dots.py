@@ -1,4 +1,4 @@
-"""Coloured dots: found by themselves or where they are picked, placed against drawn scenes of known truth."""
+"""Coloured dots: found automatically or from picks; their positions agree with drawn scenes of known truth."""
 
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ def test_the_rig_file_says_which_markers_a_hanger_has(tmp_path):
     assert isinstance(hanger_tracker(load_rig(path)), DotTracker)
     fiducials = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, marker="fiducial"))
     assert isinstance(hanger_tracker(fiducials), MarkerTracker)
-    with pytest.raises(UntrackableError, match="found by themselves"):
+    with pytest.raises(UntrackableError, match="found automatically"):
         hanger_tracker(fiducials, np.zeros((2, 2)))
     path.write_text(dump_description(rig).replace("190", "290"))
     with pytest.raises(DescriptionError, match="dot_colours must be three numbers from 0 to 255"):

@@ -21,7 +21,7 @@ KNOWN = '[sensor]\nrig = "rig.toml"\n\n[spool]\nfolder = "spool"\n\n[sync]\nurl 
         (KNOWN.replace("folder", "# the disk\nfolderr"), "c.toml, line 6: unknown field `folderr` in spool"),
         (KNOWN.replace('"spool"', "3"), "c.toml, line 5: spool.folder: a path must be a text that is not empty"),
         (KNOWN.replace("rig =", "rigg ="), "c.toml, line 2: unknown field `rigg` in sensor"),
-        (KNOWN.replace("url", "urll"), "c.toml, line 8: [sync] does not hold: unknown field `urll`"),
+        (KNOWN.replace("url", "urll"), "c.toml, line 8: [sync] is invalid: unknown field `urll`"),
         ("spool = 3\n", "c.toml, line 1: spool must be a table"),
     ],
 )  # fmt: skip

@@ -79,7 +79,7 @@ def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_
     ("content", "words"),
     [
         (None, "cannot be read (No such file or directory)"), ("[sync", "is not valid TOML"),
-        ("[sync]\nurl = 1\n", "does not hold"),
+        ("[sync]\nurl = 1\n", "is invalid"),
     ],
     ids=["missing", "no-toml", "wrong-type"],
 )  # fmt: skip
@@ -95,7 +95,7 @@ def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[sync", "appliance.toml: is not valid TOML"), ("[sync]\nurl = 1\n", "[sync] does not hold"),
+        ("[sync", "appliance.toml: is not valid TOML"), ("[sync]\nurl = 1\n", "[sync] is invalid"),
         ('[sync]\ncredentials = "gone.toml"\n', "gone.toml: the credentials cannot be read"),
         ('[sync]\nurl = "ftp://x"\n', "neither a folder nor a bucket"),
     ],

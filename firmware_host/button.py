@@ -1,6 +1,6 @@
-"""The appliance's button: the source of its changes, and the presses among them.
+"""The appliance's button: reads its changes of state and detects presses among them.
 
-The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev.
+The kernel presents a GPIO button as an input device (device tree overlay `gpio-key`), which is read through evdev.
 Without this overlay, gpiod reads the line itself. A named pipe that carries `struct input_event` can replace the
 button.
 
@@ -23,28 +23,28 @@ EVENT = struct.Struct("llHHi")  # struct input_event: seconds, microseconds, typ
 KEY_EVENT = 1  # EV_KEY
 UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
 SETTLE = 0.03  # s after a change in which contacts bounce
-AGAIN = 0.5  # s after a press in which a further one is the same person's impatience
-STUCK = 10.0  # s that nobody holds a button for
-AT_ONCE = 64  # events of one reading
-KEYS = 96  # bytes of a bit for each of KEY_CNT = 768 keys
+AGAIN = 0.5  # s after a press in which a further press counts as an accidental repetition
+STUCK = 10.0  # s; a button held longer counts as stuck
+AT_ONCE = 64  # events per read
+KEYS = 96  # bytes: one bit for each of KEY_CNT = 768 keys
 EVIOCGKEY = 0x80604518  # _IOR('E', 0x18, KEYS bytes): which keys are down
 INPUTS, DEVICES = Path("/sys/class/input"), Path("/dev/input")
 
 
 class ButtonContact(ABC):
-    """The source of a button's changes."""
+    """A source of a button's changes of state."""
 
     @abstractmethod
     def changes(self) -> list[bool]:
-        """Return the changes since the last call, True where it went down; never wait.
+        """Return the changes since the last call, True for a press; never block.
 
         Raises:
-            ButtonError: the button is gone.
+            ButtonError: the button was removed.
         """
 
     @abstractmethod
     def is_down(self) -> bool:
-        """Return whether it is down right now, as far as can be asked."""
+        """Return whether it is down now; False if the device cannot report this."""
 
     @abstractmethod
     def close(self) -> None:
@@ -54,15 +54,15 @@ class ButtonContact(ABC):
 class EventContact(ButtonContact):
     """Changes of any key of a Linux input device, or from a named pipe whose writer may come and go.
 
-    Read without a library: PyPI's library for it comes with asyncio, which costs the appliance 7 MB, and is compiled
-    where it is installed.
+    This reads the events without PyPI's evdev library, which loads asyncio, 7 MB of the appliance's memory, and has to
+    be compiled at installation.
     """
 
     def __init__(self, path: Path) -> None:
         """Open an input device or a named pipe.
 
         Raises:
-            ButtonError: there is none, or this user may not read it.
+            ButtonError: there is no such device, or this user may not read it.
         """
         self._path = path
         try:
@@ -87,7 +87,7 @@ class EventContact(ButtonContact):
         return [value == DOWN for _, _, kind, _, value in events if kind == KEY_EVENT and value in (UP, DOWN)]
 
     def is_down(self) -> bool:
-        """Return whether any key of the device is down; a pipe does not say."""
+        """Return whether any key of the device is down; False for a pipe, which cannot report it."""
         keys = bytearray(KEYS)
         try:
             fcntl.ioctl(self._handle, EVIOCGKEY, keys)
@@ -101,13 +101,13 @@ class EventContact(ButtonContact):
 
 
 class LineContact(ButtonContact):
-    """Changes of a GPIO line whose button leads it to ground. Tried on no hardware."""
+    """Changes of a GPIO line that a button connects to ground; not tested on hardware."""
 
     def __init__(self, chip: str, line: int) -> None:
-        """Ask the kernel for the line.
+        """Request the line from the kernel.
 
         Raises:
-            ButtonError: there is no such line, another program holds it, or this user may not have it.
+            ButtonError: there is no such line, another program holds it, or this user may not use it.
         """
         import gpiod
         from gpiod.line import Bias, Direction, Edge, Value
@@ -158,14 +158,14 @@ def open_contact(name: str) -> ButtonContact:
 
 
 class Presses:
-    """Find the presses among changes: contacts bounce, people press twice, and a button may be stuck.
+    """Detects presses among changes: ignores bounce and accidental double presses, and reports a stuck button.
 
-    A press counts when the button goes down, at once. A change within `SETTLE` is bounce. A press within `AGAIN` of the
-    one before does not count.
+    A press counts as soon as the button goes down. A change within `SETTLE` is bounce. A press within `AGAIN` of the
+    previous one does not count.
     """
 
     def __init__(self, *, is_down: bool = False) -> None:
-        """Begin; is_down: it is held already, which is no press."""
+        """Begin; is_down: the button is held already, which does not count as a press."""
         self._level = self._raw = is_down
         self._changed_at = -float("inf")
         self._pressed_at = -float("inf")
@@ -174,7 +174,7 @@ class Presses:
         self.is_stuck = False
 
     def take(self, changes: list[bool], now: float) -> int:
-        """Take in the changes since the last call and return how many presses there were; now [s], monotonic."""
+        """Process the changes since the last call and return the number of presses; now [s], monotonic."""
         if self._is_new:
             self._down_since, self._is_new = now, False
         presses = 0
@@ -197,7 +197,7 @@ class Presses:
 
 
 def _named(name: str) -> Path:
-    """Return the input device that the kernel calls so."""
+    """Return the input device of this name."""
     there = {}
     for file in sorted(INPUTS.glob("event*/device/name")):
         with contextlib.suppress(OSError):

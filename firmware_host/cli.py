@@ -1,4 +1,4 @@
-"""`hangtime sensor`: list, play, three kinds of synthesis, and what `usb_control` and `doctor` add."""
+"""`hangtime sensor`: list, play, three kinds of synthesis, and the commands of `usb_control` and `doctor`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def play(
     source: Annotated[str, typer.Argument(metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")],
     max_frames: Annotated[int | None, typer.Option("--max-frames", min=1, help="Stop after so many frames.")] = None,
 ) -> None:
-    """Play a recording or sensor to its end and say what came: frames, rate, resolution, depth coverage, drops."""
+    """Play a recording or sensor to its end; report frames, rate, resolution, depth coverage and drops."""
     import numpy as np
 
     from firmware_host.opening import open_sensor
@@ -115,11 +115,9 @@ def synthesise(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
     fabric: Annotated[
-        str, typer.Option("--fabric", help="Fabric: plain, or felt, which is far from where fits begin.")
+        str, typer.Option("--fabric", help="Fabric: plain, or felt, which is far from the starting values of fits.")
     ] = "plain",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
-    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files of these names.")] = False,
 ) -> None:
     """Make a sensor recording without a sensor: a garment on a swung hanger, seen by a depth camera with real faults.
 
@@ -143,9 +141,7 @@ def synthesise_swatch(
     motion: Annotated[str, typer.Option("--motion", help="Motion: swing, other or slow.")] = "swing",
     air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the markers' noise and gaps.")] = 1,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
-    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files of these names.")] = False,
 ) -> None:
     """Make motion capture without cameras: a 50 cm swatch with 81 markers, swung by its corners, 500 frames at 120 Hz.
 
@@ -162,37 +158,37 @@ def synthesise_swatch(
 def synthesise_silhouette(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "silhouette",
-    latency: Annotated[float, typer.Option("--latency", metavar="SECONDS", help="Lateness of every stamp.")] = 0.0,
+    latency: Annotated[float, typer.Option("--latency", metavar="SECONDS", help="Latency of every timestamp.")] = 0.0,
     publish_share: Annotated[
-        float, typer.Option("--publish-share", help="Share of the interval before by which a stamp is late.")
+        float, typer.Option("--publish-share", help="Latency per excess of the previous frame interval.")
     ] = 0.0,
     jitter: Annotated[
-        float, typer.Option("--jitter", metavar="SECONDS", help="Deviation of each stamp's own shift.")
+        float, typer.Option("--jitter", metavar="SECONDS", help="Standard deviation of the timestamps' jitter.")
     ] = 0.0,
     path_below: Annotated[
-        float, typer.Option("--path-below", metavar="METRES", help="How far the hanger's path lies below the edge.")
+        float, typer.Option("--path-below", metavar="METRES", help="Offset of the hanger's path below the held edge.")
     ] = 0.0,
-    depth_scale: Annotated[float, typer.Option("--depth-scale", help="Share by which depths are read too long.")] = 0.0,
+    depth_scale: Annotated[
+        float, typer.Option("--depth-scale", help="Relative error of depth; above 0: too long.")
+    ] = 0.0,
     skewed: Annotated[float, typer.Option("--skewed", help="Share of the frames with a skewed grid.")] = 0.0,
-    eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Border that is not seen.")] = 0.0,
+    eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Width of the invisible border.")] = 0.0,
     eaten: Annotated[
         float,
         typer.Option(
             "--eaten-by-pose",
             metavar="METRES",
-            help="Loss of the bottom border per unit of lean; at 0 the points stay on the cloth, as markers do.",
+            help="Loss of the bottom border per unit of lean; at 0 the points are material points.",
         ),
     ] = 0.03,
     noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
     seconds: Seconds = 12.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
-    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files of these names.")] = False,
 ) -> None:
     """Make a re-gridded silhouette of swung cloth, with a camera's faults switched on one by one.
 
-    Its outline depends on pose, unless you ask otherwise, so that the grid slides over the cloth as real ones do.
+    By default its outline depends on the pose, so that the grid slides over the cloth as in real recordings.
 
     Writes DIR/NAME.npz, which `hangtime import` reads, and its truth DIR/NAME.truth.npz.
     """

@@ -1,4 +1,4 @@
-"""The contract of every depth sensor, live, recorded or synthetic: a stream of stamped frames with a clear end."""
+"""The interface of every depth sensor, live, recorded or synthetic: a stream of timestamped frames."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from formats.rig import Sensor
 
-# Of the frames that are due in some time: after so many the clock does not run, and its end is waited for no longer.
+# Multiple of the frames due in a time: after so many frames the device's clock counts as stopped, and waiting ends.
 MOST_FRAMES = 2.0
 STALL_TIMEOUT = 5.0  # s without a frame before a live sensor counts as stalled; a USB reset takes about 2 s
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorInfo:
-    """The facts of a sensor before its first frame.
+    """The properties of a sensor that are known before its first frame.
 
     `frame_count` is the number of depth frames to come, None if unknown (live sensors). `notes` are sentences about
     assumptions, such as a default focal length.
@@ -43,11 +43,11 @@ class SensorFrame:
 
     - `index`: number of the depth frame from 0, counting dropped ones
     - `time_s` [s]: the device's clock when the depth was taken; strictly increasing, any origin
-    - `host_time_s` [s]: the host's monotonic clock when the frame was handed over, of a recording when it was played
+    - `host_time_s` [s]: the host's monotonic time of delivery; for a recording, of playback
     - `depth` [mm], (height, width), uint16, 0 where nothing was measured
     - `colour`, RGB, (height, width, 3), uint8, registered to depth; None where no colour frame is near in time
-    - `colour_late_s` [s]: the device took the colour so much later than the depth, up to half a frame either way
-    - `dropped_before`: frames that the device counted and nobody received since the frame before
+    - `colour_late_s` [s]: delay of the colour after the depth, at most half a frame, of either sign
+    - `dropped_before`: frames that the device counted but that were lost since the previous frame
     """
 
     index: int
@@ -60,7 +60,7 @@ class SensorFrame:
 
 
 class DepthSensor(ABC):
-    """A source of frames; use it as a context manager, it is open from construction to `close`."""
+    """A source of frames, open from construction to `close`; a context manager."""
 
     @property
     @abstractmethod
@@ -69,7 +69,7 @@ class DepthSensor(ABC):
 
     @abstractmethod
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
-        """Return the next frame, or None at the end of a recording and ever after.
+        """Return the next frame, or None from the end of a recording on.
 
         Raises:
             SensorStalledError: a live sensor sent nothing for `timeout_s` seconds.

@@ -2,20 +2,20 @@
 
 HangtimeError
   +-- SensorError
-        +-- SensorUnavailableError   no native library, no device, or a stream that cannot be had
+        +-- SensorUnavailableError   no native library, no device, or a stream that cannot be opened
         +-- SensorStalledError       the device stopped sending frames
         +-- RecordingError           an .oni file that is missing, damaged or without depth
         +-- SensorAddressError       an address of a sensor that cannot be understood
-        +-- FirmwareError            the sensor's own computer, asked over USB
+        +-- FirmwareError            the sensor's firmware, queried over USB
               +-- UsbAccessError           the device may not be opened, or another program holds it
-              +-- UsbStallError            it refused a transfer, as USB devices do with what they do not know
+              +-- UsbStallError            the device refused a transfer, as USB devices do with unknown requests
               +-- UsbTimeoutError          no answer in time
-              +-- UsbUnpluggedError        it went away, also in the middle of a transfer
-              +-- FirmwareReplyError       an answer that is short or not an answer to this request
-              +-- FirmwareRefusalError     an answer that says no
-              +-- FirmwareUnsupportedError this device or firmware has no such thing
-  +-- LampError   this machine's status lamp is not there or may not be changed
-  +-- ButtonError   this machine's button is not there or cannot be read
+              +-- UsbUnpluggedError        the device was unplugged, perhaps in the middle of a transfer
+              +-- FirmwareReplyError       a reply that is too short or belongs to another request
+              +-- FirmwareRefusalError     a reply with an error code
+              +-- FirmwareUnsupportedError this device or firmware lacks the function
+  +-- LampError   this machine's status lamp is missing or may not be set
+  +-- ButtonError   this machine's button is missing or cannot be read
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from formats.errors import HangtimeError
 
 
 class LampError(HangtimeError):
-    """A LED that is not there, cannot blink or may not be changed."""
+    """An LED that is missing, cannot blink or may not be set."""
 
 
 class ButtonError(HangtimeError):
-    """A button that is not there, was unplugged or may not be read."""
+    """A button that is missing, was unplugged or may not be read."""
 
 
 class SensorError(HangtimeError):
-    """An error of a depth sensor or of a recording that stands in for one."""
+    """An error of a depth sensor, or of a recording that replaces one."""
 
 
 class SensorUnavailableError(SensorError):
-    """The native library, the device or one of its streams is not there."""
+    """The native library, the device or one of its streams is missing."""
 
 
 class SensorStalledError(SensorError):
@@ -48,11 +48,11 @@ class RecordingError(SensorError):
 
 
 class SensorAddressError(SensorError):
-    """A sensor address, motion or effect that does not exist, or a number in one that cannot be."""
+    """A sensor address, motion or effect that does not exist, or an invalid number in it."""
 
 
 class FirmwareError(SensorError):
-    """The sensor's firmware could not be asked, or did not answer as it should."""
+    """The sensor's firmware could not be queried, or gave an invalid answer."""
 
 
 class UsbAccessError(FirmwareError):
@@ -68,11 +68,11 @@ class UsbTimeoutError(FirmwareError):
 
 
 class UsbUnpluggedError(FirmwareError):
-    """The device went away, before or in the middle of a transfer."""
+    """The device was unplugged, before or during a transfer."""
 
 
 class FirmwareReplyError(FirmwareError):
-    """An answer that is short, foreign or belongs to another request."""
+    """A reply that is too short, of another protocol, or to another request."""
 
 
 class FirmwareRefusalError(FirmwareError):

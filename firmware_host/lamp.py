@@ -1,7 +1,7 @@
-"""The status lamp: a LED of this machine, driven through Linux's LED class.
+"""The status lamp: an LED of this machine, driven through Linux's LED class.
 
-The kernel shows every LED as a folder `/sys/class/leds/NAME`. Steady light is `brightness` without a trigger. Blinking
-is the kernel's own `timer` trigger with `delay_on` and `delay_off` in milliseconds. So the rhythm holds while this
+The kernel presents every LED as a folder `/sys/class/leds/NAME`. Steady light is `brightness` without a trigger.
+Blinking is the kernel's `timer` trigger with `delay_on` and `delay_off` in milliseconds. So the rhythm holds while this
 program is busy. An appliance's udev rule may give the LED this trigger already. Then the LED keeps the trigger: no dark
 time is steady light, no light time is dark.
 
@@ -20,18 +20,18 @@ from typing import Self
 from firmware_host.errors import LampError
 
 LEDS = Path("/sys/class/leds")
-LONGEST_MS = 60_000  # of light or dark; more is no blinking
-SOME_MS = "1000"  # of light beside no dark, or of dark beside no light: any length but 0
+LONGEST_MS = 60_000  # ms on or off; a longer time does not count as blinking
+SOME_MS = "1000"  # ms of light without dark, or of dark without light: any value but 0
 
 
 class StatusLamp:
-    """One LED, lit, blinking or dark; a context manager that leaves it with the trigger that it had."""
+    """One LED, on, blinking or off; a context manager that restores its trigger at the end."""
 
     def __init__(self, name: str, leds: Path = LEDS) -> None:
         """Open the LED of this name, and remember its trigger.
 
         Raises:
-            LampError: there is none of this name, or this user may not change it.
+            LampError: there is no LED of this name, or this user may not set it.
         """
         self._folder = leds / name
         if not name or "/" in name or not (self._folder / "brightness").is_file():
@@ -46,8 +46,8 @@ class StatusLamp:
         active = re.search(r"\[(.+?)\]", triggers)
         self._before = active.group(1) if active else "none"
         self._brightness_before = self._read("brightness") or "0"
-        # The kernel makes the timer's files anew, for root alone, whenever the trigger changes. A LED that blinks
-        # already keeps its trigger, so that a user who may write these files goes on being one.
+        # At each change of the trigger the kernel recreates the timer's files, writable by root alone. So an LED that
+        # already blinks keeps its trigger, and with it the user's permission to write these files.
         self._keeps_timer = self._before == "timer"
         self.dark()
 
@@ -57,20 +57,20 @@ class StatusLamp:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with contextlib.suppress(LampError):  # a lamp that is gone cannot be given back
+        with contextlib.suppress(LampError):  # a removed LED cannot be restored
             self.close()
 
     def dark(self) -> None:
         """Switch the LED off."""
         if self._keeps_timer:
-            self._write("delay_off", SOME_MS)  # never both 0: the kernel takes that for its own rhythm
+            self._write("delay_off", SOME_MS)  # never both 0: the kernel would use its default rhythm
             self._write("delay_on", "0")
             return
         self._write("trigger", "none")
         self._write("brightness", "0")
 
     def steady(self) -> None:
-        """Light it without a pause."""
+        """Switch the LED on."""
         if self._keeps_timer:
             self._write("delay_on", SOME_MS)
             self._write("delay_off", "0")
@@ -79,11 +79,11 @@ class StatusLamp:
         self._write("brightness", self._brightest)
 
     def blink(self, light_ms: int, dark_ms: int) -> None:
-        """Light it for so long, then leave it dark for so long, and so on.
+        """Let the LED blink with these times on and off [ms].
 
         Raises:
-            LampError: the kernel has no timer for LEDs, or the LED is gone.
-            ValueError: a time that is no blinking.
+            LampError: the kernel has no timer trigger, or the LED was removed.
+            ValueError: a time is outside the range of blinking.
         """
         if not (0 < light_ms <= LONGEST_MS and 0 < dark_ms <= LONGEST_MS):
             raise ValueError(f"{light_ms} and {dark_ms} ms are no blinking")
@@ -100,7 +100,7 @@ class StatusLamp:
         self._write("delay_off", str(dark_ms))
 
     def close(self) -> None:
-        """Give the LED back as it was."""
+        """Restore the LED's trigger and release it."""
         self.dark()
         if self._keeps_timer:
             return

@@ -1,10 +1,10 @@
-"""The lossless "16zT" depth codec of .oni recordings: a table of values, then differences of table places in nibbles.
+"""The lossless "16zT" depth codec of .oni recordings: a table of values, then differences of table indices in nibbles.
 
-    byte hl < 0xE0        two differences, h - 6 and l - 6 (l = 13: no second pixel, l = 15: a full place follows)
+    byte hl < 0xE0        two differences, h - 6 and l - 6 (l = 13: no second pixel, l = 15: a full index follows)
     byte 0xE1 ... 0xEF    1 to 15 pairs of pixels without a change
-    byte 0xFF             a full place follows: one byte 192 + d for |d| < 64, else two bytes, high first, below 0x8000
+    byte 0xFF             a full index follows: one byte 192 + d for |d| < 64, else two bytes, high first, below 0x8000
 
-A difference d is the place before minus this place. Source: OpenNI2 2.2, Source/Drivers/OniFile/Formats/
+A difference d is the previous index minus this index. Source: OpenNI2 2.2, Source/Drivers/OniFile/Formats/
 XnStreamCompression.cpp, XnStreamUncompressDepth16ZWithEmbTable.
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from formats.arrays import Indices, Integers
 
-LONGEST_TABLE = 0x8000  # distinct values: a full place has 15 bits
+LONGEST_TABLE = 0x8000  # distinct values: a full index has 15 bits
 
 
 def encode_depth(image: NDArray[np.uint16]) -> bytes:
@@ -42,7 +42,7 @@ def _encode_steps(places: Indices) -> bytes:
     n = step.size
     at = np.arange(n, dtype=np.int32)
     is_small = np.abs(step) <= 6
-    # Small steps go in pairs from the start of each run; a step left over shares its byte with what follows.
+    # Small steps are paired from the start of each run; an unpaired step shares its byte with the next code.
     run_start = np.maximum.accumulate(np.where(is_small, np.int32(-1), at))
     opens = is_small & ((at - run_start) & 1 == 1)
     next_small = np.append(is_small[1:], False)
@@ -76,7 +76,7 @@ def _encode_steps(places: Indices) -> bytes:
 
 
 def _merge_still_pairs(is_still: NDArray[np.bool_], size: Integers, first: Indices) -> tuple[Integers, Indices]:
-    """Write each run of up to 15 unchanged pairs as one byte, at the place of its last pair."""
+    """Encode each run of up to 15 unchanged pairs as one byte, at the position of its last pair."""
     k = np.arange(is_still.size)
     rank = (k - np.maximum.accumulate(np.where(is_still, -1, k)) - 1) % 15
     ends = is_still & (np.append(~is_still[1:], True) | (rank == 14))

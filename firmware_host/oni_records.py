@@ -1,4 +1,4 @@
-"""The layout of .oni recordings: record headers, and a walk over them that finds damage before a player does.
+"""The layout of .oni recordings: reads all record headers, to detect damage before a player does.
 
 All numbers are little-endian and packed:
 
@@ -29,9 +29,9 @@ RECORD_HEADER = struct.Struct("<IIIIIQ")
 RECORD_MAGIC = int.from_bytes(b"NIR\0", "little")
 STAMP = struct.Struct("<QI")  # of a frame: time stamp, number
 SEEK_ENTRY = struct.Struct("<QIQ")  # time stamp, configuration id, position in the file
-MOST_ONI_NODES = 255  # devices and streams; real recordings have up to 5, and the player makes room for all at once
+MOST_ONI_NODES = 255  # devices and streams; real recordings have up to 5, and the player allocates all at once
 LARGEST_RECORD = 1 << 28  # bytes; a 4K colour frame has 25 MB, so anything larger is damage
-PROPERTY_SIZES = {  # bytes of a value that the player copies into a place of just that size
+PROPERTY_SIZES = {  # bytes of a value that the player copies into a buffer of exactly this size
     "xnFOV": 16,  # XnFieldOfView, two doubles
     "xnMapOutputMode": 12,  # XnMapOutputMode: width, height, frames a second
     "xnCropping": 12,  # XnCropping: is it on, padded to 4; x, y, width, height of 2 bytes each
@@ -39,7 +39,7 @@ PROPERTY_SIZES = {  # bytes of a value that the player copies into a place of ju
 
 
 class RecordType(IntEnum):
-    """Kinds of records that Hangtime writes or looks at."""
+    """The record types that Hangtime reads or writes."""
 
     INT_PROPERTY = 0x03
     REAL_PROPERTY = 0x04
@@ -64,7 +64,7 @@ class NodeType(IntEnum):
 
 
 class PixelFormat(IntEnum):
-    """The format of a picture's bytes (OniPixelFormat)."""
+    """The pixel format of an image (OniPixelFormat)."""
 
     DEPTH_1_MM = 100
     DEPTH_100_UM = 101
@@ -80,7 +80,7 @@ class PixelFormat(IntEnum):
 
 @dataclass(frozen=True)
 class Record:
-    """One record's place and header; `fields` are the bytes between header and payload."""
+    """One record's position and header; `fields` are the bytes between header and payload."""
 
     position: int
     type: int
@@ -91,11 +91,11 @@ class Record:
 
 @dataclass(frozen=True)
 class OniSummary:
-    """The result of a walk over a recording: frames per stream, and a mark for proper closing.
+    """The summary of a recording's records: frames per stream, and whether the file was closed properly.
 
-    - `interval_us`: between depth frames that follow each other by their numbers, the median; None of a single frame
-    - `beyond`: depth frames whose number is above the count of depth frames, which the player leaves out
-    - `mirrored`: streams that the recording says are seen as in a mirror
+    - `interval_us`: median interval between depth frames of consecutive numbers; None for a single frame
+    - `beyond`: depth frames whose number exceeds the count of depth frames; the player skips them
+    - `mirrored`: streams that the recording declares as mirrored
     """
 
     depth_frames: int
@@ -107,10 +107,10 @@ class OniSummary:
 
 
 def read_records(path: Path) -> Iterator[Record]:
-    """Yield every whole record up to the END record or the point where the file was cut off.
+    """Yield every complete record up to the END record or the end of a truncated file.
 
     Raises:
-        RecordingError: the file is missing, is no .oni recording, or its chain of records is broken.
+        RecordingError: the file is missing, is not an .oni recording, or its chain of records is broken.
     """
     try:
         size = path.stat().st_size
@@ -149,10 +149,10 @@ def read_records(path: Path) -> Iterator[Record]:
 
 
 def is_sound(record: Record) -> bool:
-    """Say whether a property has a name and a value as long as it says, so that the player does not read beside them.
+    """Return whether a property's name and value have the stated lengths, so that the player reads no other memory.
 
-    The player trusts both lengths, and looks names up in a table that non-ASCII letters lead out of. Records of other
-    kinds count as sound.
+    The player trusts both lengths. It looks names up in a table, beyond which non-ASCII letters point. Records of other
+    types count as sound.
     """
     kinds = {RecordType.INT_PROPERTY: 8, RecordType.REAL_PROPERTY: 8}
     if record.type not in {*kinds, RecordType.STRING_PROPERTY, RecordType.GENERAL_PROPERTY}:
@@ -168,9 +168,9 @@ def is_sound(record: Record) -> bool:
 
 
 def summarise(path: Path) -> OniSummary:
-    """Count the frames of a recording by its record headers alone (about a millisecond per hundred frames).
+    """Count the frames of a recording from its record headers alone (about a millisecond per hundred frames).
 
-    Properties are looked at, too; the content of frames is not.
+    Properties are checked as well; the content of frames is not.
 
     Raises:
         RecordingError: the file is missing, damaged, cut off before its first depth frame, no .oni recording, or holds
@@ -214,7 +214,7 @@ def summarise(path: Path) -> OniSummary:
 
 
 def _cut_off(path: Path, before: str) -> RecordingError:
-    """Return the error of a file without the record that ends each, and of which too little is there."""
+    """Return the error of a truncated file, which lacks its END record and a necessary part."""
     return RecordingError(
         f"the recording is cut off at byte {path.stat().st_size}, before {before}", where=path,
         advice="copy it again from its source, or record again",

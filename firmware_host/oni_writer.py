@@ -1,4 +1,4 @@
-"""Write .oni recordings that OpenNI2 plays, so that a synthetic or repaired take goes the way of a real one.
+"""Write .oni recordings that OpenNI2 plays, so that synthetic recordings pass through the same code as real ones.
 
 The order of writes lets a file cut off at any moment open and play to its last whole frame:
 
@@ -67,7 +67,7 @@ class _Stream:
 
 
 class OniWriter:
-    """Writes one recording of depth and, if wanted, colour.
+    """Writes one recording of depth and, optionally, colour.
 
     `intrinsics` set the size and the field of view; `depth_codec` "16zT" is lossless and about four times smaller.
 
@@ -133,7 +133,7 @@ class OniWriter:
         except OSError as error:
             raise self._write_error(error) from error
         finally:
-            with contextlib.suppress(OSError):  # closed already, or told above
+            with contextlib.suppress(OSError):  # already closed, or reported above
                 self._file.close()
 
     def __enter__(self) -> Self:
@@ -149,7 +149,7 @@ class OniWriter:
         return [self._depth] if self._colour is None else [self._depth, self._colour]
 
     def _append(self, stream: _Stream, time_us: int, payload: bytes) -> None:
-        # The player drops a frame with time 0 without a word.
+        # The player silently drops a frame with time 0.
         if time_us <= stream.last_time_us:
             raise ValueError(f"time stamps must be above 0 and increase: {time_us} after {stream.last_time_us}")
         try:

@@ -1,4 +1,4 @@
-"""From the name of a sensor to the sensor."""
+"""Open a sensor from its address."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from firmware_host.errors import SensorUnavailableError
 
 ADVICE = "give FILE.oni, openni2:, synthetic:MOTION or live:FILE.oni"
 PLAYED = "live:"
-CORD = "?cord="  # after a recording that is played live: a file that may say "silent" or "unplugged"
+CORD = "?cord="  # option of `live:`: a file whose content "silent" or "unplugged" simulates a fault
 
 LIVE = ("openni2:", "openni2")
 
 
 def names_live_sensor(uri: str) -> bool:
-    """Say whether a name is that of a connected device."""
+    """Return whether an address names a connected device."""
     return uri in LIVE or uri.startswith(PLAYED)
 
 
@@ -23,7 +23,7 @@ def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
     """Open a sensor by its address; anyway: accept a recording's stamps at any rate.
 
     An address is a path to an .oni file, openni2: for the connected device, or synthetic:MOTION?effect=NAME&seconds=8.
-    Before a path, live: plays the recording as a live sensor, again and again.
+    The prefix live: before a path plays the recording as a live sensor, in an endless loop.
 
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.
@@ -38,7 +38,7 @@ def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
         from firmware_host.paced import PacedSensor
 
         recording, _, cord = uri.removeprefix(PLAYED).partition(CORD)
-        # In this process: a player in a process of its own takes half a second to begin each round.
+        # In this process: a separate player process would take half a second to start each round.
         return PacedSensor(lambda: OpenNI2Sensor(Path(recording)), uri, Path(cord) if cord else None)
     if names_live_sensor(uri):
         return OpenNI2Sensor()

@@ -1,4 +1,4 @@
-"""Load OpenNI2's Python binding and the native library behind it, once per process.
+"""Load OpenNI2's Python binding and its native library, once per process.
 
 The module makes two repairs. On Python 3.13 ctypes builds classes in `__init__`, so the binding's enum metaclass must
 finish its classes there. The native library is loaded by its versioned name, the only one that distributions install
@@ -18,8 +18,8 @@ from firmware_host.errors import SensorUnavailableError
 
 LIBRARY_NAME = "libOpenNI2.so.0"
 INSTALL_ADVICE = "install it: apt-get install libopenni2-0"
-SETTINGS_FILE = Path("/etc/openni2/OpenNI.ini")  # Debian's place; [Drivers] Repository= names the folder of drivers
-DRIVER_FOLDERS = (  # beside the library, where no setting says otherwise
+SETTINGS_FILE = Path("/etc/openni2/OpenNI.ini")  # Debian's path; [Drivers] Repository= names the folder of drivers
+DRIVER_FOLDERS = (  # beside the library, unless a setting names another folder
     "/usr/lib/*/OpenNI2/Drivers", "/usr/lib/OpenNI2/Drivers", "/usr/lib64/OpenNI2/Drivers",
     "/usr/local/lib/OpenNI2/Drivers", "/usr/local/lib/*/OpenNI2/Drivers",
 )  # fmt: skip
@@ -65,10 +65,10 @@ def load() -> Any:
 def live_uris() -> list[str]:
     """Return OpenNI2's names of the connected devices; a PS1080's is like `1d27/0600@1/4`, bus and address at its end.
 
-    Recordings that this process has played are listed as devices too, even after they were closed, and left out here.
+    OpenNI2 also lists recordings that this process has played, even closed ones; they are omitted here.
 
     Raises:
-        SensorUnavailableError: the library is not there or cannot list them.
+        SensorUnavailableError: the library is missing or cannot list devices.
     """
     binding = load()
     try:
@@ -83,7 +83,7 @@ def live_uris() -> list[str]:
 
 
 def reason(error: BaseException) -> str:
-    """Return what the library says of an error of the binding, which keeps it as bytes among a code and a file."""
+    """Return the library's message in an error of the binding, which stores it as bytes with a code and a file name."""
     for part in error.args:
         if isinstance(part, bytes) and part.strip():
             return part.decode(errors="replace").strip().rstrip("!.")
@@ -91,7 +91,7 @@ def reason(error: BaseException) -> str:
 
 
 def find_driver(name: str) -> Path | None:
-    """Return the file of OpenNI2's driver of this name, as `PS1080`, or None where it is not installed."""
+    """Return the file of OpenNI2's driver of this name, such as `PS1080`, or None if it is not installed."""
     folders = [folder for pattern in DRIVER_FOLDERS for folder in sorted(Path("/").glob(pattern.lstrip("/")))]
     settings = configparser.ConfigParser(interpolation=None, strict=False)
     try:

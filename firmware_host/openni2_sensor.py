@@ -1,6 +1,6 @@
 """Live devices and `.oni` recordings through OpenNI2.
 
-Recordings play in manual mode (speed -1): each read brings the next frame, nothing is skipped. Every read is preceded
+Recordings play in manual mode (speed -1): each read returns the next frame and skips none. Every read is preceded
 by a wait with a time limit, because reading past the end blocks for ever. The library's seek is broken and never
 called.
 """
@@ -22,24 +22,24 @@ from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summari
 from formats.plain_text import plain
 from formats.rig import Sensor
 
-LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
+LIVE_MODE = (640, 480, 30)  # px, px, frames a second: the best mode of PS1080 devices in both depth and colour
 REPLUG = "unplug and replug it"
 COPY_AGAIN = "copy the recording again from its source"
 BOTH = "record depth and colour"
 OTHER = "use a sensor that does, as PS1080 devices do, or play a recording in which depth is registered"
 CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
-MOST_COLOURS = 4  # colour frames that are read for one depth frame, while they are too old for it
-FAR_AHEAD = 1_000_000  # us between a depth and a colour frame that are not of one clock, or of its beginning
-COLOUR_PATIENCE = 30  # depth frames that a colour frame so far ahead is kept for
-ROUND, AROUND = 1 << 32, 10_000_000  # us: what a stamp of 32 bits counts to, and how near to it one begins anew
-FASTER_AT_MOST, SLOWER_AT_MOST = 1.25, 10.0  # times its frame rate: sensors slow down in the dark, none is hasty
-RATE_WITHIN = 0.2  # of the stated rate, without a word
+MOST_COLOURS = 4  # colour frames read per depth frame while they are too old for it
+FAR_AHEAD = 1_000_000  # us between a depth and a colour frame: above, they are of different clocks or a restarted clock
+COLOUR_PATIENCE = 30  # depth frames for which a colour frame so far ahead is kept
+ROUND, AROUND = 1 << 32, 10_000_000  # us: range of a 32-bit timestamp, and the margin in which it may wrap around
+FASTER_AT_MOST, SLOWER_AT_MOST = 1.25, 10.0  # times the stated rate: sensors slow down in the dark, none is faster
+RATE_WITHIN = 0.2  # of the stated rate, deviation without a note
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
 
 class OpenNI2Sensor(DepthSensor):
-    """One OpenNI2 device or recording with a depth and, where there is one, a colour stream."""
+    """One OpenNI2 device or recording with a depth stream and, if present, a colour stream."""
 
     def __init__(self, target: Path | None = None, *, device: str | None = None, anyway: bool = False) -> None:
         """Open a recording, or a live device by OpenNI2's name for it; without either, the first live device.
@@ -47,7 +47,7 @@ class OpenNI2Sensor(DepthSensor):
         anyway: accept a recording's stamps at any stated rate
 
         Raises:
-            SensorUnavailableError: no library, no device, or one that does not give what is needed.
+            SensorUnavailableError: no library, no device, or a device without the needed streams.
             RecordingError: the file is missing or not a recording.
         """
         self._path, self._accepts_stamps = target, anyway
@@ -79,7 +79,7 @@ class OpenNI2Sensor(DepthSensor):
             ) from error
 
     def _refused(self, what: str, advice: str = "") -> SensorError:
-        """Return the error of a device or a recording that does not give what is needed."""
+        """Return the error of a device or recording without the needed streams."""
         if self._path is None:
             return SensorUnavailableError(what, where=self._uri, advice=advice or REPLUG)
         return RecordingError(what, where=self._path, advice=advice or COPY_AGAIN)
@@ -102,14 +102,14 @@ class OpenNI2Sensor(DepthSensor):
         return depth, colour
 
     def _set_up_live(self, depth: Any, colour: Any) -> None:
-        """Ask for the largest common picture, unmirrored: PS1080 devices begin with 320 x 240, seen as in a mirror."""
+        """Set the largest common image size, unmirrored: PS1080 devices start with mirrored images of 320 x 240."""
         for stream, pixels in ((depth, PixelFormat.DEPTH_1_MM), (colour, PixelFormat.RGB888)):
             if stream is None:
                 continue
             mode = stream.get_video_mode()
             mode.resolutionX, mode.resolutionY, mode.fps = LIVE_MODE
             mode.pixelFormat = int(pixels)
-            with contextlib.suppress(self._openni2.OpenNIError):  # a device without it keeps its own
+            with contextlib.suppress(self._openni2.OpenNIError):  # a device without this setting keeps its own
                 stream.set_video_mode(mode)
             with contextlib.suppress(self._openni2.OpenNIError):
                 stream.set_mirroring_enabled(False)
@@ -121,7 +121,7 @@ class OpenNI2Sensor(DepthSensor):
             self._device.set_depth_color_sync_enabled(True)
 
     def _check_formats(self, depth: Any, colour: Any) -> None:
-        """Refuse pictures whose bytes mean something else than `SensorFrame` says, but for depth in tenths of it."""
+        """Refuse pixel formats other than those of `SensorFrame`, except depth in tenths of a millimetre."""
         self._is_fine = depth.get_video_mode().pixelFormat.value == PixelFormat.DEPTH_100_UM
         readable = {PixelFormat.DEPTH_1_MM, PixelFormat.DEPTH_100_UM, PixelFormat.RGB888}
         for name, stream in (("depth", depth), ("colour", colour)):
@@ -134,7 +134,7 @@ class OpenNI2Sensor(DepthSensor):
             )
 
     def _check_clock(self) -> None:
-        """Refuse a recording whose stamps cannot be microseconds, as its frame rate shows."""
+        """Refuse a recording whose frame rate shows that its timestamps are not in microseconds."""
         interval = None if self._summary is None or self._accepts_stamps else self._summary.interval_us
         if interval is None:
             return
@@ -159,7 +159,7 @@ class OpenNI2Sensor(DepthSensor):
             views = 0.0, 0.0
         if all(0.0 < view < np.pi for view in views):
             fx, fy = (0.5 * size / np.tan(0.5 * view) for size, view in zip((width, height), views, strict=True))
-        else:  # not said, or no angle
+        else:  # missing, or not an angle
             fx = fy = FOCAL_SHARE * width
             notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
         if self._summary is not None and not self._summary.is_complete:
@@ -190,7 +190,7 @@ class OpenNI2Sensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """Return what the sensor is."""
+        """Return the sensor's properties."""
         return self._info
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
@@ -206,7 +206,7 @@ class OpenNI2Sensor(DepthSensor):
         try:
             return next(self._pairs, None)
         except SensorStalledError:
-            self._pairs = self._paired()  # a generator that raised is at its end; the device may come back
+            self._pairs = self._paired()  # a generator that raised has ended; the device may return
             raise
         except self._openni2.OpenNIError as error:
             what = f"it does not give the next frame: {openni2_library.reason(error)}"
@@ -218,14 +218,14 @@ class OpenNI2Sensor(DepthSensor):
     def _paired(self) -> Iterator[SensorFrame]:
         """Pair each depth frame with the colour frame nearest in time, within half a frame.
 
-        A clock may be set back. A colour frame that is far ahead when depth steps back is from before that moment. A
-        colour frame that stays far ahead has a wrong stamp. Depth waits for neither. If colour steps back first, it
-        waits for depth to follow, for a few frames in any case. Reading on would miss depth frames meanwhile.
+        A clock may be set back. If depth steps back first, a colour frame far ahead is older than the step. A colour
+        frame that stays far ahead has a wrong timestamp. Depth waits for neither. If colour steps back first, it waits
+        a few frames for depth to follow, since reading further colour frames would lose depth frames.
         """
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
         last_stamp = last_colour = waited = skipped = 0
-        broken = whole = 0  # depth frames: since the last whole one, and in all
+        broken = whole = 0  # depth frames: since the last intact one, and in total
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         read: tuple[int, int, np.ndarray[Any, Any] | None] | None = None
@@ -238,8 +238,8 @@ class OpenNI2Sensor(DepthSensor):
             index, stamp, depth = found
             if self._summary is not None and index + skipped <= last_index:
                 if stamp <= last_stamp:
-                    break  # the player skipped a frame and has begun its next round
-                skipped = last_index - index + 1  # the numbers begin anew, the clock goes on
+                    break  # the player skipped a frame and has started again from the beginning
+                skipped = last_index - index + 1  # the numbers restart, the clock continues
             index += skipped
             if depth is None:
                 broken, given = broken + 1, given + 1
@@ -248,7 +248,7 @@ class OpenNI2Sensor(DepthSensor):
             for _ in range(MOST_COLOURS if self._colour is not None else 0):
                 if held is None:
                     if colours_left == 0:
-                        break  # the next one would be the first of the next round
+                        break  # the next frame would be the first of the next loop
                     read = self._read(self._colour, np.uint8)
                     if read is None:
                         break
@@ -261,7 +261,7 @@ class OpenNI2Sensor(DepthSensor):
                         break
                 waited = waited + 1 if held[0] > stamp + FAR_AHEAD else 0
                 if held[0] < stamp - half or (waited and (stamp < last_stamp or waited > COLOUR_PATIENCE)):
-                    held = None  # of no use for this frame and all that follow
+                    held = None  # useless for this frame and all later ones
                     continue
                 if held[0] <= stamp + half:
                     late, colour, held = held[0] - stamp, held[1], None
@@ -270,7 +270,7 @@ class OpenNI2Sensor(DepthSensor):
             last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
             depth = _millimetres(depth) if self._is_fine else depth
             colours, depths = [colour], [depth]
-            found = depth = read = colour = None  # the frame that waits here for the next call holds no pictures
+            found = depth = read = colour = None  # while waiting for the next call, the frame holds no images
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depths.pop(),
                 colour=colours.pop(), dropped_before=dropped, colour_late_s=late * 1e-6,
@@ -281,7 +281,7 @@ class OpenNI2Sensor(DepthSensor):
     def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any] | None] | None:
         """Read one frame as (index, time stamp [us], image), or None at the end of a recording.
 
-        The image is None where it has fewer bytes than pixels, as a damaged one that was unpacked has.
+        The image is None if its data are shorter than its pixels, as for a damaged frame after decompression.
         """
         limit = self._timeout if self._info.is_live else END_WAIT
         if self._openni2.wait_for_any_stream([stream], limit) is None:
@@ -293,14 +293,14 @@ class OpenNI2Sensor(DepthSensor):
             shape = (frame.height, frame.width) if kind is np.uint16 else (frame.height, frame.width, 3)
             size = int(np.prod(shape)) * np.dtype(kind).itemsize
             raw = np.frombuffer(frame.get_buffer_as_uint8(), np.uint8)[:size]
-            # Copied: the memory is the library's and goes back to it with close().
+            # Copied: the memory belongs to the library, which frees it at close().
             image = raw.view(kind).reshape(shape).copy() if 0 < size == len(raw) else None
             stream_kind = NodeType.DEPTH if kind is np.uint16 else NodeType.IMAGE
             if image is not None and self._summary is not None and stream_kind in self._summary.mirrored:
                 image = np.ascontiguousarray(image[:, ::-1])
             stamp = int(frame.timestamp)
             last, rounds = self._rounds.get(stream_kind, (0, 0))
-            if last > ROUND - AROUND and stamp < AROUND:  # stamps of 32 bits begin anew after 71 minutes
+            if last > ROUND - AROUND and stamp < AROUND:  # 32-bit timestamps wrap around after 71 minutes
                 rounds += 1
             self._rounds[stream_kind] = stamp, rounds
             return int(frame.frameIndex), stamp + rounds * ROUND, image
@@ -341,5 +341,5 @@ def _millimetres(tenths: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 def _playable(summary: OniSummary) -> int:
-    """Frames to give out: of an interrupted recording all but the last, see the top of this module."""
+    """Return the number of frames to deliver: all but the last if the recording was interrupted."""
     return summary.depth_frames if summary.is_complete else summary.depth_frames - 1

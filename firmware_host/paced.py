@@ -1,8 +1,8 @@
-"""A recording played as a live sensor: in real time, again and again, for trying an appliance without hardware.
+"""A recording played as a live sensor, in real time and in a loop, to test an appliance without hardware.
 
-As with a sensor, a frame that is not fetched in its time is gone, and is counted in the next one's `dropped_before`.
-After a third of a second in which nobody fetched, the recording goes on from where it was.
-A file that stands for the cord can make it silent or unplug it.
+As with a sensor, a frame that is not read in time is lost, and is counted in the next frame's `dropped_before`.
+If no frame is read for a third of a second, the recording pauses, and later continues from there.
+A file in place of the cable can make the sensor silent or unplug it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import SensorStalledError, SensorUnavailableError
 
-SILENT, UNPLUGGED = "silent", "unplugged"  # what the file may say
-POLL_INTERVAL = 0.01  # s from one look at the file to the next
-LONGEST_LEAD = 0.3  # s that the recording keeps up with the clock while nobody fetches
+SILENT, UNPLUGGED = "silent", "unplugged"  # valid contents of the file
+POLL_INTERVAL = 0.01  # s between two reads of the file
+LONGEST_LEAD = 0.3  # s for which the recording follows the clock while no frame is read
 
 
 class PacedSensor(DepthSensor):
-    """A finite sensor's frames as they would come from a live one."""
+    """Delivers the frames of a recording as a live sensor would."""
 
     def __init__(
         self, reopen: Callable[[], DepthSensor], uri: str, cord: Path | None = None, *,
@@ -29,7 +29,7 @@ class PacedSensor(DepthSensor):
     ) -> None:  # fmt: skip
         """Open the recording, and start its clock.
 
-        reopen: opens the recording at its beginning; cord: a file that may say "silent" or "unplugged"
+        reopen: opens the recording at its beginning; cord: a file that may contain "silent" or "unplugged"
 
         Raises:
             SensorUnavailableError: the cord is unplugged.
@@ -41,15 +41,15 @@ class PacedSensor(DepthSensor):
             raise SensorUnavailableError("no depth sensor is connected", where=uri, advice="plug it in")
         self._inner = reopen()
         self._began = self._clock()
-        self._number = 0  # of the next frame, from 0
+        self._number = 0  # index of the next frame, from 0
 
     @property
     def info(self) -> SensorInfo:
-        """Return what the recording says, as a live sensor."""
+        """Return the recording's properties, marked as those of a live sensor."""
         return dataclasses.replace(self._inner.info, is_live=True, frame_count=None, uri=self._uri)
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
-        """Return the next frame when its time has come.
+        """Return the next frame at its time.
 
         Raises:
             SensorStalledError: the cord has been silent for `timeout_s` seconds, or is unplugged.
@@ -66,7 +66,7 @@ class PacedSensor(DepthSensor):
                     raise SensorStalledError(f"no frame for {timeout_s:g} s", where=self._uri, advice="replug it")
                 self._sleep(POLL_INTERVAL)
                 continue
-            due = int((now - self._began) / interval)  # frames that have come by now
+            due = int((now - self._began) / interval)  # frames that are due by now
             if due < self._number:
                 self._sleep(
                     min(self._began + self._number * interval - now, POLL_INTERVAL)
@@ -83,7 +83,7 @@ class PacedSensor(DepthSensor):
         return None
 
     def _advance(self, steps: int) -> SensorFrame:
-        """Return the frame so many steps on; the recording begins again at its end."""
+        """Return the frame this number of steps ahead; at its end the recording restarts."""
         frame = None
         for _ in range(steps):
             frame = self._inner.read()

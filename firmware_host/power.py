@@ -1,9 +1,9 @@
-"""Detect a weak power supply of the board: a Raspberry Pi's firmware tells the kernel when its 5 V sink.
+"""Detect undervoltage of the board: a Raspberry Pi's firmware reports a low 5 V supply to the kernel.
 
-USB devices drop out then, and people see a sensor that vanishes.
+USB devices drop out at undervoltage, and the sensor seems to disappear.
 
 Source: Linux, drivers/hwmon/raspberrypi-hwmon.c: `in0_lcrit_alarm` of the device `rpi_volt` is 1 when the voltage was
-below 4.63 V since the last look.
+below 4.63 V since the last read.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pathlib import Path
 
 HWMON = Path("/sys/class/hwmon")
 NAME, ALARM = "rpi_volt", "in0_lcrit_alarm"
-BLAMED = 60.0  # s for which a sensor that vanishes is put down to a voltage that was low
+BLAMED = 60.0  # s after an undervoltage for which a lost sensor is attributed to it
 
 
 class PowerSupply:
-    """The under-voltage flag, looked at now and then; a board without one is never blamed."""
+    """Polls the undervoltage flag; a board without the flag is never reported."""
 
     def __init__(self, alarm: Path | None = None, hwmon: Path = HWMON) -> None:
-        """Find the flag; alarm: the file that bears it, None to look for it."""
+        """Find the flag; alarm: its file, None to search for it."""
         self._alarm = alarm or _found(hwmon)
         self._low_at = -float("inf")
 
@@ -29,12 +29,12 @@ class PowerSupply:
         return self._alarm is not None
 
     def was_low(self, now: float) -> bool:
-        """Look at the flag and say whether it was set within the last minute; now [s], monotonic."""
+        """Read the flag and return whether it was set within the last minute; now [s], monotonic."""
         try:
             if self._alarm is not None and self._alarm.read_text().strip() == "1":
                 self._low_at = now
         except OSError:
-            pass  # a flag that cannot be read blames nobody
+            pass  # an unreadable flag counts as not set
         return now - self._low_at < BLAMED
 
 

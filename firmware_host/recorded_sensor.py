@@ -1,4 +1,4 @@
-"""Recordings that OpenNI2 plays in a process of its own: a damaged file may crash the library, not the command.
+"""Play recordings with OpenNI2 in a separate process, so that a damaged file may crash the library but not the command.
 
 The process opens the recording through a link of an ASCII name, since the library crashes on other names. It sends the
 output of `OpenNI2Sensor`: `SensorInfo` first, then every frame, then None. An error may replace any of them. It ends
@@ -26,12 +26,12 @@ from firmware_host.errors import RecordingError, SensorError, SensorUnavailableE
 from firmware_host.oni_records import summarise
 from firmware_host.openni2_sensor import CLOCK, COPY_AGAIN, OpenNI2Sensor
 
-LONGEST_SILENCE = 60.0  # s: OpenNI2 gives a frame of a recording in milliseconds, a busy computer in a second
+LONGEST_SILENCE = 60.0  # s: OpenNI2 reads a recorded frame in milliseconds, on a busy computer in a second
 LARGEST_MESSAGE = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 MB
 
 
 class RecordedSensor(DepthSensor):
-    """An `.oni` recording, played in a process of its own."""
+    """An `.oni` recording, played in a separate process."""
 
     def __init__(self, path: Path, *, anyway: bool = False) -> None:
         """Open a recording; anyway: accept its stamps at any stated rate.
@@ -41,7 +41,7 @@ class RecordedSensor(DepthSensor):
             RecordingError: the file is missing, not a recording, or one that crashes the library.
         """
         self._path = path
-        summarise(path)  # refuses with the cause what is no recording
+        summarise(path)  # raises an error with the cause if the file is not a recording
         self._folder = tempfile.TemporaryDirectory(prefix="hangtime-")
         link = Path(self._folder.name) / "recording.oni"
         link.symlink_to(path.resolve())
@@ -50,7 +50,7 @@ class RecordedSensor(DepthSensor):
         words = [sys.executable, "-m", "firmware_host.recorded_sensor", os.fspath(link), str(writing)]
         words += ["--anyway"] if anyway else []
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-        # A session of its own: Ctrl-C is for the command, which ends this process by closing the pipe.
+        # A new session: Ctrl-C reaches only the command, which ends this process by closing the pipe.
         self._process = subprocess.Popen(
             words, pass_fds=[writing], env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL, start_new_session=True,
@@ -65,11 +65,11 @@ class RecordedSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """Return what the recording is."""
+        """Return the recording's properties."""
         return self._info
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
-        """Return the next frame, or None at the end of the recording and ever after.
+        """Return the next frame, or None from the end of the recording on.
 
         Raises:
             RecordingError: the recording cannot be played any further.
@@ -83,7 +83,7 @@ class RecordedSensor(DepthSensor):
         return replace(frame, host_time_s=time.clock_gettime(CLOCK))
 
     def _receive(self) -> Any:
-        """Return the next message; an error in it, and a process that crashed, are raised."""
+        """Return the next message; raise the error that it contains, or an error if the process crashed."""
         try:
             (size,) = struct.unpack("<Q", self._bytes(8))
             content = pickle.loads(self._bytes(min(size, LARGEST_MESSAGE)))

@@ -1,1 +1,1 @@
-"""`hangtime sensor doctor`: go through everything that a recording needs, and say what to do where it fails."""
+"""`hangtime sensor doctor`: check each requirement of a recording, and advise on each failure."""

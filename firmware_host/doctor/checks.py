@@ -1,4 +1,4 @@
-"""A check of the sensor doctor, its finding, and the examination that all checks share."""
+"""The checks of the sensor doctor, their findings, and the state that all checks share."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """The end of a check: its status, and one sentence on its finding or the next action."""
+    """The result of a check: its status, and one sentence on the observation or the next action."""
 
     verdict: Verdict
     text: str
 
 
 def ok(text: str) -> Finding:
-    """Return the finding that all is well; `text` says what was seen."""
+    """Return the finding of a passed check; `text` states the observation."""
     return Finding(Verdict.OK, text)
 
 
 def problem(what: str, advice: str) -> Finding:
-    """Return the finding of a fault: `what` is wrong, and the advice that mends it."""
+    """Return the finding of a failed check: `what` states the fault, and the advice its remedy."""
     return Finding(Verdict.PROBLEM, f"{what}; {advice}")
 
 
@@ -50,10 +50,10 @@ def skipped(reason: str) -> Finding:
 
 @dataclass
 class StreamSample:
-    """The frames that came while the streams were watched.
+    """Statistics of the frames that arrived during the check.
 
     - `times` [s]: of each frame, by the device's clock
-    - `dropped`: frames that the device counted and nobody received
+    - `dropped`: frames that the device counted but that were lost
     - `coverage`: share of the pixels with a depth, one number for each frame
     - `frames`: some of the frames, evenly spread
     """
@@ -80,11 +80,11 @@ class StreamSample:
 
 @dataclass
 class Examination:
-    """The subject of the examination, and the findings that earlier checks left for later ones.
+    """The subject of the checks, and results of earlier checks that later ones use.
 
     - `source`: a recording or another sensor's name; None is the live sensor
-    - `rig`: whose markers must be visible; None stands for the usual ones
-    - `place`: which device to look at, BUS:ADDRESS; None is the first camera
+    - `rig`: the rig whose markers must be visible; None: the default rig
+    - `place`: the device to check, BUS:ADDRESS; None: the first camera
     """
 
     source: str | None = None
@@ -109,8 +109,8 @@ class Examination:
 class Check:
     """One line of the doctor.
 
-    - `needs`: names of the checks that must be ok for this one to make sense
-    - `is_for_recordings`: whether it also looks at a recording; the others look at the device
+    - `needs`: names of the checks that must pass before this one runs
+    - `is_for_recordings`: whether it also applies to a recording; the others need the device
     """
 
     name: str

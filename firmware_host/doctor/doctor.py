@@ -24,7 +24,7 @@ def all_checks(is_recording: bool) -> list[Check]:
 
 
 def contributed() -> list[Check]:
-    """Return the checks of other packages; one whose libraries are absent becomes a line that says so."""
+    """Return the checks of other packages; a check with a missing library becomes a finding that names the library."""
     checks = []
     for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
         try:
@@ -39,7 +39,7 @@ def contributed() -> list[Check]:
 def examine(checks: Sequence[Check], examination: Examination) -> Iterator[tuple[Check, Finding]]:
     """Run the checks one by one and yield each with its finding.
 
-    An error of ours inside a check is its finding; any other error is a fault of the program and passes through.
+    A `HangtimeError` inside a check becomes its finding; any other error is a defect and propagates.
     """
     failed: set[str] = set()
     for check in checks:

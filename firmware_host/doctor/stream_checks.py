@@ -1,4 +1,4 @@
-"""Do frames come, as many as they should, and is there depth in them? Of a live sensor or of a recording."""
+"""Checks of the streams of a live sensor or recording: frames arrive, at the nominal rate, with depth."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from firmware_host.openni2_sensor import OpenNI2Sensor
 from firmware_host.usb_control.devices import UsbDevice
 
 LIVE_SENSOR = "openni2:"
-WATCHED_SECONDS = 5.0  # s of frames that are looked at
-WARM_UP = 10  # frames of a live sensor left out: exposure settles, and the first ones may come late
-HIGHEST_RATE = 1.5  # of the nominal rate; more frames than that never come, so it is the clock that lags
+WATCHED_SECONDS = 5.0  # s of frames that are checked
+WARM_UP = 10  # first frames of a live sensor that are ignored: exposure settles, and they may be late
+HIGHEST_RATE = 1.5  # of the nominal rate; a higher measured rate means that the device's clock lags
 LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames
 MOST_DROPPED = 0.01  # of the frames: one in five seconds at 30 a second, which tracking bridges
 LEAST_COVERAGE = 0.3  # of the pixels, on average; a real room measured 60 to 95 %, a garment before a far wall has less
@@ -48,7 +48,7 @@ def streams_start(examination: Examination) -> Finding:
 
 
 def rate_and_drops(examination: Examination) -> Finding:
-    """Watch the streams for some seconds."""
+    """Measure the rate and the drops of the streams over some seconds."""
     sensor, sample = examination.sensor, _sample(examination)
     if sensor is None:
         raise SensorUnavailableError("no sensor is open", where="streams", advice="see the checks above")
@@ -63,7 +63,7 @@ def rate_and_drops(examination: Examination) -> Finding:
 
 
 def judge_rate(sample: StreamSample) -> Finding:
-    """Compare what came with what should have come."""
+    """Compare the received frames with the nominal rate."""
     if len(sample.times) < 2:
         return problem("a second frame never came", "record longer")
     if HIGHEST_RATE * sample.duration < (len(sample.times) - 1) / sample.info.fps:
@@ -95,9 +95,9 @@ def depth_coverage(examination: Examination) -> Finding:
 
 
 def _uri_of(camera: UsbDevice, devices: Sequence[UsbDevice], uris: Sequence[str]) -> str | None:
-    """Return OpenNI2's name of a camera on the bus, None where it has none.
+    """Return OpenNI2's name of a camera on the bus, or None.
 
-    A name that says no place is the camera's where there is only one of both.
+    If a name contains no bus address, it is the camera's only if there is one name and one camera.
     """
     for uri in uris:
         if uri.endswith(f"@{camera.bus}/{camera.address}"):

@@ -1,4 +1,4 @@
-"""Is the sensor on the bus, may it be opened, is it fast enough, does its firmware answer, is there a driver?"""
+"""Checks of the USB device: presence, permission, speed and power, firmware, driver."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ USUAL_DRIVER = "PS1080"
 
 
 def on_the_bus(examination: Examination) -> Finding:
-    """Find a device that gives depth."""
+    """Find a depth camera on the bus."""
     found = devices.find_devices()
     examination.devices = found
     if examination.place is not None:
@@ -35,13 +35,13 @@ def on_the_bus(examination: Examination) -> Finding:
 
 
 def may_be_opened(examination: Examination) -> Finding:
-    """Open it as this user."""
+    """Check that this user may open the device."""
     _camera(examination).check_access()
     return ok("this user may open it")
 
 
 def fast_and_powered(examination: Examination) -> Finding:
-    """Compare speed and current with what the streams need."""
+    """Compare the connection's speed and current with the streams' needs."""
     camera = _camera(examination)
     speed = SPEEDS.get(camera.speed, SPEEDS[0])[0]
     if 0 < camera.megabits < NEEDED_SPEED:
@@ -59,7 +59,7 @@ def fast_and_powered(examination: Examination) -> Finding:
 
 
 def firmware_answers(examination: Examination) -> Finding:
-    """Ask for version and serial number."""
+    """Query the firmware's version and serial number."""
     camera = _camera(examination)
     if camera.model.protocol is not Protocol.PS1080:
         return ok("none of its own to ask: this sensor's camera has no request for it")
@@ -73,7 +73,7 @@ def firmware_answers(examination: Examination) -> Finding:
 
 
 def driver_is_there(examination: Examination) -> Finding:
-    """Load OpenNI2 and look for the sensor's driver; without a sensor, for that of a PS1080."""
+    """Load OpenNI2 and find the sensor's driver; without a sensor, the PS1080's driver."""
     openni2_library.load()
     camera = examination.camera
     name = USUAL_DRIVER if camera is None else camera.model.openni2_driver

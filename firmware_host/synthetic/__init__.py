@@ -1,1 +1,1 @@
-"""A synthetic world with known truth: a swung hanger, a cloth with physics of its own, and a depth camera's faults."""
+"""A synthetic world with known truth: a swung hanger, an independent cloth simulation, and a depth camera's faults."""

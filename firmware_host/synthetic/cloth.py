@@ -1,6 +1,6 @@
-"""The synthetic world's own cloth: masses and springs on a grid, Verlet's leapfrog, double precision.
+"""The cloth simulation of the synthetic world: masses and springs on a grid, Verlet's leapfrog, double precision.
 
-On purpose another discretisation than the fitter's, from which nothing is imported:
+The discretisation deliberately differs from the fitter's, from which it imports nothing:
     threads    along rows and columns, k = E w / l (E membrane stiffness [N/m], w the width it stands for, l its length)
     shear      both diagonals of every cell. Sheared by gamma, a diagonal of length d of an h_x x h_y cell changes by
                gamma h_x h_y / d, so k_d = G d^2 / (2 h_x h_y) per diagonal gives 1/2 G gamma^2 per area. Stretched,
@@ -32,7 +32,7 @@ ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step
 MOST_DRAG = 100.0  # 1: a plate across the air has 1.2; up to here the hardest motion and silk stay finite
-HEM_SHARE = 0.8  # of the weight at most: the lighter the rest, the shorter the stable step
+HEM_SHARE = 0.8  # of the weight at most: the lighter the remaining cloth, the shorter the stable step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ def simulate(
 
     `rows` and `columns` count the nodes of a panel or of a T-shirt's body, whose sleeves have columns of their own.
     - `held_ends`: maps times [s], (n,), to left and right end of the top edge [m], (n, 2, 3); the cloth rests at time 0
-    - `unevenness`: depth [m], (rows, columns), from which the cloth settles, so that slack cloth finds its folds
+    - `unevenness`: initial depth [m], (rows, columns), from which the cloth settles, so that slack cloth can fold
 
     Raises:
         SensorAddressError: an unknown effect, an amplitude that no cloth can have, or times that are not numbers.
@@ -151,7 +151,7 @@ class _Cloth:
         corners = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]])
         self.corners = corners[:, self.pattern.is_cloth]
         pulled = [self.threads[0], self.bends[0], *([self.corners] if self.drag else [])]
-        self._pulled = np.concatenate([nodes.ravel() for nodes in pulled])  # the node of each force of a step
+        self._pulled = np.concatenate([nodes.ravel() for nodes in pulled])  # the node of each force in a step
         places = np.arange(columns)[self.pattern.held]
         self.held_share = np.linspace(0, 1, len(places))
         if garment.held == "corners":
@@ -172,7 +172,7 @@ class _Cloth:
 
         for a, b, across in (((whole, low), (whole, high), 0), ((low, whole), (high, whole), 1)):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
-            # The area on both sides of a thread, half each, over its length is the width it stands for.
+            # A thread's width is half of the area on both its sides, over its length.
             share = np.zeros(length.shape)
             if across == 0:
                 share[:-1] += cell / 2
@@ -208,7 +208,7 @@ class _Cloth:
         return float(STEP_SHARE * 2 / np.sqrt((2 * total / self.mass.ravel()).max()))
 
     def hang(self, ends: Floats) -> None:
-        """Hang flat and straight down from the ends, (2, 3)."""
+        """Place the cloth flat and straight down from the held ends, (2, 3)."""
         held = self.rest[0, self.pattern.held, 0]
         along = (self.rest[..., 0] - held[0]) / np.ptp(held)
         place = ends[0] + along[..., None] * (ends[1] - ends[0])
@@ -218,7 +218,7 @@ class _Cloth:
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
-        """One kick and drift; the held edge goes to the ends, (2, 3)."""
+        """Advance by one kick and drift; move the held edge to the ends, (2, 3)."""
         x, v = self.x, self.v
         (begin, end), length, stiffness = self.threads
         both = self._all.take(end, axis=1) - self._all.take(begin, axis=1)

@@ -1,7 +1,7 @@
-"""The measurement of true depth by a structured-light camera.
+"""The noise model of a structured-light depth camera.
 
-    lateral     every pixel looks sigma_L = 0.8 px aside (normal)
-    axial       sigma_z = 0.0012 + 0.0019 (z - 0.4)^2  [m], alike over about three pixels
+    lateral     every pixel measures at a normal offset of sigma_L = 0.8 px
+    axial       sigma_z = 0.0012 + 0.0019 (z - 0.4)^2  [m], correlated over about three pixels
     disparity   d = f b / z rounded to 1/8 px, baseline b = 75 mm
     shadow      the projector, b aside, does not reach f b (1/z_near - 1/z_far) px of the background beside an edge
     edges       pixels beside a jump in depth are missing in a third of all cases
@@ -66,7 +66,7 @@ def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np
 
 
 def _beside(places: Floats, count: int, aside: Floats) -> Floats:
-    """Return the whole places within 0 to `count` - 1 that lie aside [px] of these; in the array of `aside`."""
+    """Return the integer positions, clipped to 0 to `count` - 1, at offsets `aside` [px]; overwrites `aside`."""
     np.rint(aside, out=aside)
     aside += places
     return np.asarray(np.clip(aside, 0, count - 1, out=aside))
@@ -86,7 +86,7 @@ def _alike_over_three_pixels(noise: Floats) -> Floats:
 def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:
     """Return which pixels of true depth [m], (height, width), the projector does not reach: they have no depth.
 
-    It stands to the right of the camera, so they are behind something to their right.
+    The projector stands to the right of the camera, so an object to their right casts the shadow.
     """
     height, width = truth.shape
     scale = camera.fx * BASELINE

@@ -15,7 +15,7 @@ from formats.arrays import Floats
 
 START, RAMP = 1.0, 0.5  # s
 STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s
-HAND_JITTER = 1e-3  # m, root mean square
+HAND_JITTER = 1e-3  # m, root mean square of the jitter
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from formats.garment import Garment
 
 SHIRT_CORNERS = 10  # shoulder, shoulder, sleeve hem (2), underarm, body hem (2), underarm, sleeve hem (2)
 SLEEVE_COLUMNS = 7  # cells across a sleeve
-SLEEVE_BULGE = 0.03  # m, how far a hanging sleeve's hem starts out of plane: real cloth never buckles by itself
+SLEEVE_BULGE = 0.03  # m, initial distance of a hanging sleeve's hem from the plane, so that it can buckle
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Pattern:
 
     @property
     def bulge(self) -> Floats:
-        """Return how far nodes start out of plane [m], (rows, columns): 0 on a panel."""
+        """Return the nodes' initial distance from the plane [m], (rows, columns): 0 on a panel."""
         out = np.zeros(self.rest.shape[:2])
         left, right = self.held.start or 0, self.rest.shape[1] - 1 - (self.held.stop or self.rest.shape[1]) + 1
         if left:
@@ -54,7 +54,7 @@ class Pattern:
         return out
 
     def material(self, place: tuple[float, float]) -> tuple[Integers, Floats]:
-        """Return the four nodes, (4, 2) rows and columns, and their weights, (4,), at a place [m] of the flat garment.
+        """Return the four nodes, (4, 2) rows and columns, and their weights, (4,), at a point [m] of the flat garment.
 
         The nearest cell's bilinear weights, found by Newton's iteration from its middle.
         """
@@ -69,7 +69,7 @@ class Pattern:
 
 
 def _bilinear_weights(corners: Floats, target: Floats) -> Floats:
-    """Return weights, (cells, 4), of corners, (cells, 4, 2), for a place, (2,), kept inside each cell.
+    """Return weights, (cells, 4), of corners, (cells, 4, 2), for a point, (2,), clipped to each cell.
 
     Corners are top left, top right, bottom left and bottom right.
     """
@@ -122,7 +122,7 @@ def _shirt(outline: Floats, rows: int, columns: int) -> Pattern:
     rest = np.concatenate([np.zeros((rows, SLEEVE_COLUMNS, 2)), body, np.zeros((rows, SLEEVE_COLUMNS, 2))], axis=1)
     rest[: under + 1, :SLEEVE_COLUMNS] = left_sleeve
     rest[: under + 1, -SLEEVE_COLUMNS:] = right_sleeve
-    # Nodes that are not cloth only keep the arrays rectangular; they must not fall together.
+    # Nodes off the cloth only keep the arrays rectangular; they must not coincide.
     drop = body[under + 1 :, :1] - body[under, :1]
     rest[under + 1 :, :SLEEVE_COLUMNS] = left_sleeve[-1] + drop
     rest[under + 1 :, -SLEEVE_COLUMNS:] = right_sleeve[-1] + drop

@@ -1,4 +1,4 @@
-"""Make a sensor recording without a sensor, with its truth beside it."""
+"""Write a synthetic sensor recording and its true positions."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def make_recording(
 
     Raises:
         RecordingError: the recording cannot be written; SensorAddressError: no such motion, effect, garment or fabric.
-        OutputError: no name that files can have; the folder or another file cannot be written, or one of them is there
-            with something else in it and they are not to be overwritten.
+        OutputError: the name is invalid for files; the folder or a file cannot be written; or a file exists with other
+            content and must not be overwritten.
     """
     check_stem(name)
     if garment not in GARMENTS:

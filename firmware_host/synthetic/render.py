@@ -32,7 +32,7 @@ class View:
 
 
 class Renderer:
-    """Draws one pose after the other; keeps what does not change."""
+    """Renders poses; caches the parts that do not change."""
 
     def __init__(
         self, pattern: Pattern, surroundings: Surroundings | None = None, spacing: float = DRAWN_SPACING
@@ -58,7 +58,7 @@ class Renderer:
         self._behind = View(depth, colour)
 
     def cloth(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> View:
-        """Draw the cloth's nodes, (rows, columns, 3), before the surroundings and behind what is in front."""
+        """Draw the cloth's nodes, (rows, columns, 3), between the surroundings and the objects in front."""
         depth, colour = self._behind.depth.copy(), self._behind.colour.copy()
         self._draw_cloth(nodes, depth, colour)
         for panel in in_front:
@@ -77,9 +77,9 @@ class Renderer:
         return View(depth, colour)
 
     def shown(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> tuple[Floats, Floats]:
-        """Return true depth [m], (height, width), without the hanger, and the place of the flat garment in each pixel.
+        """Return true depth [m], (height, width), without the hanger, and each pixel's point on the flat garment.
 
-        Places [m], (height, width, 2), NaN where a pixel shows no cloth; nodes, in_front: see `cloth`.
+        Points [m], (height, width, 2), NaN where a pixel shows no cloth; nodes, in_front: see `cloth`.
         """
         depth = self._behind.depth.copy()
         places = np.full((*depth.shape, 2), np.nan)
@@ -93,7 +93,7 @@ class Renderer:
         return depth, places
 
     def area_near(self, place: Floats, radius: float) -> float:
-        """Return how much [m^2] of the flat garment lies within a radius [m] of a place [m], (2,)."""
+        """Return the area [m^2] of the flat garment within a radius [m] of a point [m], (2,)."""
         middles, areas = self._pieces
         return float(areas[((middles - place) ** 2).sum(1) < radius**2].sum())
 
@@ -176,7 +176,7 @@ def _draw_rectangle(
 
 
 def _marker_pattern(local: Floats, marker: int) -> Floats:
-    """Brightness of a marker plate at places in its plane [m], (..., 3)."""
+    """Return the brightness of a marker plate at points of its plane [m], (..., 3)."""
     bits = np.zeros((6, 6))
     bits[1:5, 1:5] = MARKER_BITS[marker]
     cell = HANGER.marker_size_m / 6

@@ -1,4 +1,4 @@
-"""The scene of the synthetic world: camera, hanger, markers, skirt and where they are.
+"""The scene of the synthetic world: camera, hanger, markers and skirt, with their positions.
 
 Sensor frame: x right, y down, z away from the sensor, metres; gravity along +y.
 """
@@ -43,7 +43,7 @@ TOP, BOTTOM, HEIGHT = 0.40, 0.50, 0.45  # m, the skirt's front panel
 
 
 def central_place() -> tuple[float, float]:
-    """Place of the skirt's centre: largest smallest distance to the four corners (flat, so distances are straight)."""
+    """Return the skirt's centre: the point that maximises the least straight distance to the four corners."""
     # By symmetry on the middle line at depth d: (TOP/2)^2 + d^2 = (BOTTOM/2)^2 + (HEIGHT - d)^2.
     depth = ((BOTTOM / 2) ** 2 - (TOP / 2) ** 2 + HEIGHT**2) / (2 * HEIGHT)
     return 0.0, -depth
@@ -69,7 +69,7 @@ class Placement:
     rotation: Floats
 
     def to_sensor(self, offsets: Floats) -> Floats:
-        """Move offsets in the hanger's frame, (k, 3), to the sensor's, (n, k, 3)."""
+        """Transform points of the hanger's frame, (k, 3), to the sensor's, (n, k, 3)."""
         return np.asarray(self.origin[:, None] + np.einsum("nij,kj->nki", self.rotation, offsets))
 
     @property
@@ -85,7 +85,7 @@ class Placement:
 
 
 def place(displacement: Floats, yaw: Floats, roll: Floats) -> Placement:
-    """Place the hanger: displaced, (n, 3), turned about the vertical and rolled about its own depth axis, (n,) each."""
+    """Return hanger poses: displaced, (n, 3), rotated about the vertical and about the depth axis, (n,) each."""
     cy, sy, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(roll), np.sin(roll)
     zero = np.zeros_like(yaw)
     rotation = np.stack(

@@ -1,4 +1,4 @@
-"""The synthetic sensor: the synthetic world behind the contract of every depth sensor."""
+"""The synthetic sensor: the synthetic world behind the common interface of depth sensors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NUMBERS = {"amplitude": "a number", "seconds": "a number", "seed": "a whole numb
 
 
 class SyntheticSensor(DepthSensor):
-    """Frames of a synthetic world, as fast as they are asked for."""
+    """Renders frames of a synthetic world on demand."""
 
     def __init__(self, world: World, uri: str) -> None:
         self.world, self._uri = world, uri
@@ -56,7 +56,7 @@ class SyntheticSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """Return what the sensor is."""
+        """Return the sensor's properties."""
         return SensorInfo(
             name="synthetic sensor",
             width=CAMERA.width,
@@ -65,7 +65,7 @@ class SyntheticSensor(DepthSensor):
         )  # fmt: skip
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
-        """Return the next frame, or None at the end and ever after."""
+        """Return the next frame, or None from the end on."""
         if self._is_closed or self._number >= len(self.world.time):
             return None
         number = self._number

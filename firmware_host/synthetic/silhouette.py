@@ -1,21 +1,21 @@
-"""Make a re-gridded silhouette of swung cloth: a camera's faults, each switchable and with its truth.
+"""Synthesise a re-gridded silhouette of swung cloth with a camera's faults, each adjustable and with known truth.
 
 A cloth of 0.3 m is clamped along its top edge and swung through its plane. A camera with uneven frames lays a grid of 8
-x 8 points evenly over what it sees of the cloth. The faults are those that public recordings of swung cloth have
+x 8 points evenly over the visible cloth. The faults are those of public recordings of swung cloth
 (github Alados5/tfm_matlab):
 
-- latency: a stamp is late by a constant
-- publish share: it is late, on top, by a share of the excess of the interval to the frame before over the usual one
-- jitter: each stamp is off by a normal shift of its own, half an interval at most
+- latency: a timestamp is late by a constant
+- publish share: it is also late by a share of the excess of the previous frame interval over the usual one
+- jitter: each timestamp has an independent normal error of at most half an interval
 - path below: the hanger's path lies below the true held edge
-- depth scale: distances from a camera 1.5 m before the cloth are read too long by a share
-- skew: in a share of the frames the grid lies askew
-- eroded border: the left, right and bottom border is not seen
+- depth scale: distances from a camera 1.5 m in front of the cloth are measured too long by a share
+- skew: in a share of the frames the grid is skewed
+- eroded border: the left, right and bottom borders are invisible
 - eaten by pose: the bottom border is lost, or gained, in proportion to the cloth's lean g:
 
       length seen = l - border - loss g,   g = mean of (down the cloth) . n,   n = up x bar
 
-The hanger's path is measured by other means, on the stamps' clock. The file is an `.npz` that `hangtime import` reads.
+The hanger's path is measured separately, on the timestamps' clock. The file is an `.npz` that `hangtime import` reads.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asi
 SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
 RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
 AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
-EYE = np.array([0.0, -1.5, 0.0])  # m, where depths begin
-TRUTH_RATE = 100.0  # instants a second at which the true cloth is kept
+EYE = np.array([0.0, -1.5, 0.0])  # m, origin of depth
+TRUTH_RATE = 100.0  # samples a second of the true cloth
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFaults:
-    """A camera's faults: late and shifted stamps [s], shares, skew [degrees], offsets, losses and noise [m].
+    """A camera's faults: latency and jitter of timestamps [s], shares, skew [degrees], offsets, losses and noise [m].
 
     At 0 the camera is perfect.
     """
@@ -69,10 +69,10 @@ class CameraFaults:
 class Silhouette:
     """A recording and its truth.
 
-    - `stamps` [s], (frames,), and `exposures` [s], (frames,): when each frame was stamped and when it was seen
+    - `stamps` [s], (frames,), and `exposures` [s], (frames,): timestamp and true exposure time of each frame
     - `points` [m], (frames, 64, 3), z up, and `valid`, (frames, 64)
-    - `ends` [m], (frames, 2, 3): of the held edge, at the stamps
-    - `places` [m], (frames, 64, 2): where on the flat cloth each point was
+    - `ends` [m], (frames, 2, 3): of the held edge, at the timestamps
+    - `places` [m], (frames, 64, 2): each point's position on the flat cloth
     - `lean`, (frames,); `is_skewed`, (frames,)
     """
 
@@ -87,7 +87,7 @@ class Silhouette:
 
 
 def held_path(instants: Floats) -> Floats:
-    """Return the held edge's ends [m], (n, 2, 3), z up, of a hanger that rests, swings and goes on swinging."""
+    """Return the held edge's ends [m], (n, 2, 3), z up, of a hanger that rests, and then swings until the end."""
     ramp = np.clip((instants - REST) / 0.6, 0, 1)
     ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
     place = np.zeros((len(instants), 2, 3))
@@ -119,10 +119,10 @@ def seen_silhouette(
     seed: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Silhouette:
-    """Return a recording of so many seconds with these faults.
+    """Return a recording of this length [s] with these faults.
 
     Raises:
-        SensorAddressError: a fault or a length that no recording has.
+        SensorAddressError: an invalid fault or length.
     """
     _check(faults, seconds, seed)
     random = np.random.default_rng([seed, 64])
@@ -147,7 +147,7 @@ def make_silhouette_take(
     """Write NAME.npz and NAME.truth.npz into `out`; return the paths.
 
     Raises:
-        SensorAddressError: a fault or a length that no recording has.
+        SensorAddressError: an invalid fault or length.
         OutputError: no name that files can have; the folder cannot be made or written to, or a file is there and is not
             to be overwritten.
     """
@@ -183,7 +183,7 @@ def _laid(
     faults: CameraFaults, cloth: tuple[Floats, Floats], times: tuple[Floats, Floats], angles: Floats,
     random: np.random.Generator,
 ) -> Silhouette:  # fmt: skip
-    """Lay the grid over what is seen of the cloth in every frame."""
+    """Lay the grid over the visible cloth in every frame."""
     stamps, exposures = times
     shapes = _at(*cloth, exposures)
     down = np.diff(shapes, axis=1)
@@ -205,14 +205,14 @@ def _laid(
 
 
 def _at(fine: Floats, nodes: Floats, instants: Floats) -> Floats:
-    """The cloth at some instants, linearly between those at which it is known."""
+    """Return the cloth at some instants, interpolated linearly between its samples."""
     after = np.clip(np.searchsorted(fine, instants), 1, len(fine) - 1)
     share = ((instants - fine[after - 1]) / (fine[after] - fine[after - 1]))[:, None, None, None]
     return np.asarray(nodes[after - 1] * (1 - share) + nodes[after] * share)
 
 
 def _on(shape: Floats, down: Floats, across: Floats) -> Floats:
-    """Places on a cloth, (n, 3), at shares of its length and width, (n,), or straight on beyond its border."""
+    """Return points of a cloth, (n, 3), at shares of its length and width, (n,), extrapolated beyond its border."""
     rows, columns = shape.shape[:2]
     row = np.clip((down * (rows - 1)).astype(int), 0, rows - 2)
     column = np.clip((across * (columns - 1)).astype(int), 0, columns - 2)

@@ -1,10 +1,10 @@
-"""The surroundings of the synthetic garment: a bare wall, furniture behind and beside it, and things in front of it.
+"""The surroundings of the synthetic garment: a bare wall, furniture behind and beside it, and objects in front of it.
 
 Everything is a flat, upright rectangle that faces the sensor, and a floor,
 
     z_floor(v) = fy h / (v - cy),     h the floor below the sensor
 
-This suffices for a depth image, which shows the place, size and near side of each jump in depth.
+This suffices for a depth image, which shows the position, size and near side of each jump in depth.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from formats.arrays import Floats
 WALL_BEHIND = 1.0  # m behind the hanger, as in the plain scene
 FLOOR_BELOW = 1.1  # m below the sensor
 ARM_BEFORE, ARM_WIDTH = 0.35, 0.12  # m
-SIDE_CLEARANCE = 0.62  # m from the hanger's middle to the nearest thing beside it: no swing of the set reaches it
+SIDE_CLEARANCE = 0.62  # m from the hanger's middle to the nearest object beside it, out of reach of every motion
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Surroundings:
 
 
 def draw_panel(panel: Panel, depth: Floats, colour: Floats) -> None:
-    """Draw one rectangle where it is nearer than what is there."""
+    """Draw one rectangle where it is nearer than the existing depth."""
     columns = CAMERA.fx * np.array([panel.left, panel.right]) / panel.z + CAMERA.cx
     rows = CAMERA.fy * np.array([panel.top, panel.bottom]) / panel.z + CAMERA.cy
     left, right = np.clip(np.rint(columns), 0, CAMERA.width).astype(int)
@@ -89,9 +89,9 @@ def cluttered(distance: float, seed: int) -> Surroundings:
 
 
 def arm(distance: float, level: float, share: float, side: float) -> tuple[Panel, ...]:
-    """A forearm that reaches in front of the garment and away again; share 0 to 1 of its way.
+    """Return a forearm that reaches in front of the garment and back; share: 0 to 1 of its motion.
 
-    level: what it hides, y [m] at the garment's distance; side: -1 from the left, 1 from the right.
+    level: height that it hides, y [m] at the garment's distance; side: -1 from the left, 1 from the right.
     """
     z = distance - ARM_BEFORE
     reach = 0.75 - 0.62 * float(np.sin(np.pi * np.clip(share, 0.0, 1.0)))  # m from the middle to the fingertips

@@ -2,9 +2,9 @@
 
 The set-up is that of "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section
 2. A swatch of 50 cm square with 81 markers is driven at the two top corners and swung back and forth. The system takes
-500 frames at 120 frames a second, of four fabrics. The fabrics' true properties are this file's own, away from every
-table value that a fit may start from. The cloth is `firmware_host.synthetic.cloth`. So a fit meets foreign equations
-and numerics.
+500 frames at 120 frames a second, of four fabrics. The fabrics' true properties are set here and differ from every
+table value that a fit may start from. `firmware_host.synthetic.cloth` simulates the cloth, with other equations and
+numerics than a fit.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 
 SWATCH_FPS, FRAMES = 120.0, 500  # section 2
 CELLS_BETWEEN_MARKERS = 3  # of the cloth's grid between two markers
-HELD_APART = 0.92  # of the swatch's width: fingers do not stretch it
+HELD_APART = 0.92  # of the swatch's width, distance of the held corners: fingers do not stretch it
 UNEVENNESS = 5e-3  # m: no cloth hangs perfectly flat, and a flat one would never fold
-MARKER_NOISE = 2e-4  # m per axis; optical systems keep 0.1 to 0.5 mm
-LOST_SHARE, LOST_FRAMES = 0.01, 12  # of all frames of a marker, and for how long at a time
+MARKER_NOISE = 2e-4  # m per axis; optical systems have 0.1 to 0.5 mm
+LOST_SHARE, LOST_FRAMES = 0.01, 12  # share of a marker's frames, and s of each gap
 TO_SENSOR = np.array(
     [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
 )  # x right, y into the room, z up -> x, y down, z
@@ -38,7 +38,7 @@ TO_SENSOR = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class TrueFabric:
-    """The truth of a synthetic fabric: density [kg/m^2] and its cloth."""
+    """The true properties of a synthetic fabric: density [kg/m^2] and cloth physics."""
 
     density: float
     physics: ClothPhysics
@@ -82,7 +82,7 @@ def make_swatch_take(
     """Write FABRIC-MOTION.csv, its .truth.npz and FABRIC.toml into `out`; return the paths.
 
     Raises:
-        SensorAddressError: there is no such fabric or motion, or a number that no swatch has.
+        SensorAddressError: there is no such fabric or motion, or a number is invalid.
         OutputError: the folder cannot be made or written to, or one of the files is there with something else in it and
             they are not to be overwritten.
     """
@@ -124,7 +124,7 @@ def swung_markers(
     cells: int = CELLS_BETWEEN_MARKERS,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Floats:  # fmt: skip
-    """Return the markers' true places [m], (frames, 81, 3), z up, of a swatch swung back and forth by its corners.
+    """Return the true marker positions [m], (frames, 81, 3), z up, of a swatch swung back and forth by its corners.
 
     Raises:
         SensorAddressError: there is no such motion.
@@ -155,7 +155,7 @@ def swung_markers(
 
 
 def measured(markers: Floats, generator: np.random.Generator) -> Floats:
-    """Return markers, (frames, markers, 3), as a motion capture system gives them: with noise, and NaN where lost."""
+    """Return markers, (frames, markers, 3), as a motion capture system measures them: with noise, and NaN in gaps."""
     seen = markers + MARKER_NOISE * generator.standard_normal(markers.shape)
     frames, count = markers.shape[:2]
     begins = generator.random((frames, count)) < LOST_SHARE / LOST_FRAMES

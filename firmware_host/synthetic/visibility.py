@@ -1,19 +1,19 @@
-"""The visibility of a tracked point's surroundings to the depth camera: clearly visible, clearly hidden, or neither.
+"""The true visibility of a tracked point's neighbourhood to the depth camera: visible, hidden or ambiguous.
 
-A point has no extent; a camera shows the cloth around the point. Pixel q of the noise-free picture shows the place X(q)
-of the flat garment, and X_p is the point's place. The mark lit(q) holds if the projector reaches the place too. A
+A point has no extent; a camera shows the cloth around the point. Pixel q of the noise-free image shows the point X(q)
+of the flat garment, and X_p is the tracked point. The flag lit(q) is true if the projector also reaches X(q). A
 structured-light camera has no depth in the projector's shadow.
 
     near(q) = 1 where |X(q) - X_p| < r and lit(q), else 0
     share   = z^2 / (f^2 A_p) #{q : (G near)(q) >= 1/2}        G: normal of the camera's lateral noise, 0.8 px
 
 The cloth's area within r of the point is A_p. So share is about 1 for unhidden cloth that faces the camera, and
-cos(theta) for cloth turned by theta. A pixel counts if it shows this cloth in at least half of its noisy looks. A strip
-one pixel wide does not count (0.499), one of two pixels does (0.73).
+cos(theta) for cloth rotated by theta. A pixel counts if it shows this cloth in at least half of its noisy samples. A
+strip one pixel wide does not count (0.499), one of two pixels does (0.73).
 
     hidden      no pixel at all is near
     visible     the camera's ray meets the point, and share >= 1/4
-    ambiguous   all between: seen through a gap, at a rim or edge-on. A tracker can be blamed for neither answer.
+    ambiguous   all others: seen through a gap, at an edge or edge-on. Neither answer of a tracker counts as an error.
 
 With r = 20 mm, the quarter disc of a right-angled corner that faces the camera has 17 pixels at 2.5 m. A plane needs 12
 pixels; half of this radius would give 4. Share 1/4 is a turn of 75 degrees. The noise of these cameras is known up to
@@ -45,7 +45,7 @@ _WEIGHTS = np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2) / np.exp(-0.5 * (_STEPS / L
 
 @dataclass(frozen=True)
 class PointSight:
-    """The sensor's view of tracked points, (points,) each or (frames, points).
+    """The true visibility of tracked points, (points,) each or (frames, points).
 
     - `in_view`: the camera's ray meets the point
     - `pixels`: number of pixels that show its neighbourhood
@@ -58,16 +58,16 @@ class PointSight:
 
     @property
     def hidden(self) -> NDArray[np.bool_]:
-        """Not one pixel shows the neighbourhood."""
+        """Return whether no pixel shows the neighbourhood."""
         return np.asarray(self.pixels == 0)
 
     @property
     def visible(self) -> NDArray[np.bool_]:
-        """The point is in view and so is its neighbourhood, or enough of it."""
+        """Return whether the point and enough of its neighbourhood are in view."""
         return self.visible_from(CLEAR_SHARE)
 
     def visible_from(self, share: float) -> NDArray[np.bool_]:
-        """Return which points would be visible if another share were enough."""
+        """Return which points would be visible with another threshold of the share."""
         return self.in_view & (self.share >= share) & ~self.hidden
 
 
@@ -75,11 +75,11 @@ def point_sight(
     nodes: Floats, points: Floats, flat: Floats, in_view: NDArray[np.bool_], renderer: Renderer,
     in_front: tuple[Panel, ...] = (),
 ) -> PointSight:  # fmt: skip
-    """Return what the sensor sees of points in one pose of the cloth.
+    """Return the visibility of points in one pose of the cloth.
 
     - `nodes`, `in_front`: see `Renderer.cloth`
     - `points` [m], (points, 3), sensor frame
-    - `flat` [m], (points, 2): their places on the flat garment
+    - `flat` [m], (points, 2): their positions on the flat garment
     - `in_view`, (points,): which of them the camera's ray meets.
     """
     depth, places = renderer.shown(nodes, in_front)
@@ -95,7 +95,7 @@ def point_sight(
 
 
 def _as_noise_shows(is_near: NDArray[np.bool_]) -> Floats:
-    """Return in what share of its looks each pixel around the marked ones shows one of these."""
+    """Return the share of noisy samples in which each pixel shows one of the marked pixels."""
     rows, columns = np.nonzero(is_near)
     part = is_near[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     seen = np.pad(part.astype(float), NOISE_MARGIN)

@@ -1,10 +1,10 @@
-"""One swung garment with all its truth, ready to be seen frame by frame.
+"""One swung garment with its true positions, from which the synthetic sensor renders frames.
 
 A tracked point is visible where it falls into the image and nothing is nearer on its ray:
 
     z_point < max of true depth over the 3 x 3 pixels around it + 6 mm
 
-The neighbours count because a corner lies on the rim of its cloth, which does not hide the corner.
+The neighbours count because a corner lies on the edge of its cloth, which does not hide the corner.
 `firmware_host.synthetic.visibility` computes the visible share of its surroundings.
 """
 
@@ -32,27 +32,27 @@ from formats.garment import Garment
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
-LARGEST_OFFSET = 0.5  # s either way of a planted time offset: a silhouette's latency has as much
+LARGEST_OFFSET = 0.5  # s, bound on a planted time offset of either sign: a silhouette's latency has this size
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
-BODY = {"t-shirt": (24, 17)}  # nodes down and across, of what is not a panel
-# A sleeve is a tube of two layers and a hem, unlike a flat sheet. So it stands out by a stiffness of its own.
-# The fabrics of a skirt. Felt is far from the values that fits begin with.
+BODY = {"t-shirt": (24, 17)}  # nodes down and across, of a garment that is not a panel
+# A sleeve is a tube of two layers with a hem, so it is stiffer than a flat sheet.
+# The fabrics of a skirt. Felt is far from the starting values of fits.
 FABRICS = {
     "plain": ClothPhysics(),
     "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),
 }
 GARMENT_PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
 HIDING_STEP = 6e-3  # m by which a surface must be nearer to hide a point: a folded corner lies 10 mm behind
-NEAREST_SWING = 0.35  # m towards the sensor, for how densely the cloth must be drawn
+NEAREST_SWING = 0.35  # m towards the sensor, an allowance in the density of drawn points
 
 
 @dataclass(frozen=True)
 class World:
     """Truth in the sensor frame: time [s], (n,); hanger; nodes [m], (n, rows, columns, 3); points [m], (n, 5, 3).
 
-    in_front: what passes between sensor and garment, per frame; empty where nothing does
+    in_front: objects between sensor and garment, per frame; empty if there are none
     surroundings: None for the bare wall of the demo
     """
 
@@ -66,7 +66,7 @@ class World:
     in_front: tuple[tuple[Panel, ...], ...] = ()
 
     def at(self, distance: float, *, seed: int, surroundings: Surroundings) -> World:
-        """Return the same motion at another distance of the hanger's rest [m], among other things, in other noise."""
+        """Return the same motion with another rest distance of the hanger [m], other surroundings and other noise."""
         shift = np.array([0.0, 0.0, distance - HANGER_REST[2]])
         hanger = Placement(self.hanger.origin + shift, self.hanger.rotation)
         return replace(
@@ -75,7 +75,7 @@ class World:
         )  # fmt: skip
 
     def visible(self, number: int, renderer: Renderer) -> NDArray[np.bool_]:
-        """Return which tracked points the camera can see in this frame, (points,); the clamp bar hides none."""
+        """Return which tracked points are visible to the camera in this frame, (points,); the clamp bar hides none."""
         scene = self._without_hanger(number, renderer)
         seen = np.zeros(len(self.points[number]), bool)
         for k, (x, y, z) in enumerate(self.points[number]):
@@ -86,7 +86,7 @@ class World:
         return seen
 
     def sight(self, number: int, renderer: Renderer) -> PointSight:
-        """Return how much the sensor sees of the tracked points and of the cloth around them in this frame."""
+        """Return the visibility of the tracked points and of the cloth around them in this frame."""
         flat = np.array([point.at_m for point in self.garment.points])
         in_front = self.in_front[number] if self.in_front else ()
         in_view = self.visible(number, renderer)
@@ -136,7 +136,7 @@ def make_world(
     the plain fabric alone.
 
     Raises:
-        SensorAddressError: there is no such effect, motion or fabric, or a number that no world has.
+        SensorAddressError: there is no such effect, motion or fabric, or a number is invalid.
     """
     if fabric not in FABRICS:
         raise SensorAddressError(

@@ -1,1 +1,1 @@
-"""Asking the sensor itself over USB: which devices are there, what their firmware says, lamps and resets."""
+"""Query and control sensors over USB: list devices, read their firmware's data, set lamps, reset."""

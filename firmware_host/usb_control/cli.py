@@ -1,4 +1,4 @@
-"""`hangtime sensor info|log|reset|led`: what is asked of the sensor itself."""
+"""`hangtime sensor info|log|reset|led`: queries and commands to the sensor's firmware."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add_commands(sensor: typer.Typer) -> None:
 
 
 def info(device: Place = None) -> None:
-    """Ask the sensor for firmware, serial number, platform; a Kinect for tilt, acceleration and gravity."""
+    """Query firmware, serial number and platform of the sensor; of a Kinect, tilt, acceleration and gravity."""
     from firmware_host.usb_control import devices
     from firmware_host.usb_control.models import Protocol
     from firmware_host.usb_control.report import information, place_lines, tell_sensor
@@ -35,7 +35,7 @@ def info(device: Place = None) -> None:
 
 
 def log(device: Place = None) -> None:
-    """Print what the firmware logged since the last time; it forgets what was read."""
+    """Print the firmware's log since the last reading; reading clears the log."""
     from firmware_host.usb_control import devices
     from firmware_host.usb_control.models import Protocol
     from firmware_host.usb_control.ps1080 import Ps1080
@@ -47,10 +47,10 @@ def log(device: Place = None) -> None:
 
 
 def reset(
-    reboot: Annotated[bool, typer.Option("--reboot", help="Boot it anew: it leaves the bus and comes back.")] = False,
+    reboot: Annotated[bool, typer.Option("--reboot", help="Reboot: the sensor leaves the bus and returns.")] = False,
     device: Place = None,
 ) -> None:
-    """Set the firmware back to its start, or reboot the sensor, and wait until it answers again."""
+    """Reset the firmware, or reboot the sensor, and wait until it answers again."""
     from firmware_host.errors import UsbTimeoutError
     from firmware_host.usb_control import devices
     from firmware_host.usb_control.link import PyusbLink

@@ -1,4 +1,4 @@
-"""Find depth sensors on the USB bus and say what is known of each before it is asked anything."""
+"""Find depth sensors on the USB bus, with the properties that need no query to the device."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ PLUG_IN = "plug it in, with its own power supply if it has one"
 class UsbDevice:
     """One device on the bus that Hangtime knows.
 
-    - `serial`: what the USB descriptor says, None where it has none or may not be read
-    - `milliamperes`: what the device may draw, 0 where unknown
-    - `on_unpowered_hub`: whether the hub before it has no supply of its own
-    - `kernel_driver`: whether a driver of the kernel holds its first interface, None where unknown
+    - `serial`: serial number in the USB descriptor, None if it is missing or unreadable
+    - `milliamperes`: largest current of the device, 0 if unknown
+    - `on_unpowered_hub`: whether its hub has no power supply
+    - `kernel_driver`: whether a kernel driver has claimed its first interface, None if unknown
     """
 
     model: Model
@@ -51,7 +51,7 @@ class UsbDevice:
 
     @property
     def where(self) -> str:
-        """Name and place, for messages."""
+        """Return name and bus address, for messages."""
         return f"{self.model.name} at USB {self.bus}:{self.address}"
 
     @property
@@ -68,7 +68,7 @@ class UsbDevice:
 
         Raises:
             UsbAccessError: not permitted, or held by another program.
-            UsbUnpluggedError: it is gone.
+            UsbUnpluggedError: the device was unplugged.
         """
         import usb.core
 
@@ -122,14 +122,14 @@ def find_devices() -> list[UsbDevice]:
 def choose(
     devices: Sequence[UsbDevice], protocols: Sequence[Protocol], what: str, place: str | None = None
 ) -> list[UsbDevice]:
-    """Return the devices that speak one of these protocols; `place` (BUS:ADDRESS) narrows it to one.
+    """Return the devices that support one of these protocols; `place` (BUS:ADDRESS) selects one.
 
-    what: what shall be asked of it, for the message: "a log", "a lamp"
+    what: the requested function, for the message: "a log", "a lamp"
 
     Raises:
         SensorUnavailableError: no such device.
-        FirmwareUnsupportedError: there are devices, but none that speaks one of the protocols.
-        SensorAddressError: `place` is no place.
+        FirmwareUnsupportedError: there are devices, but none supports one of the protocols.
+        SensorAddressError: `place` is not BUS:ADDRESS.
     """
     if place is not None:
         wanted = parse_place(place)

@@ -1,4 +1,4 @@
-"""The Kinect v1's foot: lamp, tilt motor and accelerometer, a USB device of its own (045e:02b0).
+"""The Kinect v1's base: lamp, tilt motor and accelerometer, a separate USB device (045e:02b0).
 
     a = 9.80665 counts / 819        [m/s^2], three signed 16-bit numbers, big-endian
     tilt = number / 2               [degrees], signed 8 bits, -128 while the motor moves
@@ -27,9 +27,9 @@ SET_LED = 0x06  # freenect_set_led
 GET_STATE = 0x32  # freenect_update_tilt_state
 STATE = struct.Struct(">xxhhhbB")  # ten bytes: two unused, x, y, z, twice the tilt, motor state
 COUNTS_PER_G = 819.0  # FREENECT_COUNTS_PER_G
-UNKNOWN_TILT = -128  # what the tilt reads while the motor moves
+UNKNOWN_TILT = -128  # reading of the tilt while the motor moves
 STILL_TOLERANCE = (
-    0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)
+    0.15  # of g; at larger deviations from 1 g, the sensor moves or a zero point is wrong (data sheet: 0.25 g at most)
 )
 
 
@@ -71,14 +71,14 @@ class MotorState:
 
     @property
     def is_still(self) -> bool:
-        """Return whether what is measured can be gravity alone."""
+        """Return whether the reading is compatible with gravity alone."""
         return abs(self.size_g - 1) <= STILL_TOLERANCE
 
     def gravity(self) -> tuple[float, float, float]:
-        """Return the unit vector of gravity in the sensor frame (x right, y down, z away), as a rig.toml wants it.
+        """Return the unit vector of gravity in the sensor frame (x right, y down, z away), as in rig.toml.
 
         Raises:
-            FirmwareReplyError: nothing is measured in any direction.
+            FirmwareReplyError: the acceleration is zero in every direction.
         """
         x, y, z = self.acceleration
         size = math.hypot(x, y, z)
@@ -90,13 +90,13 @@ class MotorState:
 
 
 class KinectMotor:
-    """Asks the foot of a Kinect v1."""
+    """Queries the base of a Kinect v1."""
 
     def __init__(self, link: UsbLink, where: str = "Kinect v1 motor") -> None:
         self._link, self._where = link, where
 
     def state(self) -> MotorState:
-        """Return accelerometer and tilt as they are now.
+        """Return the current readings of accelerometer and tilt.
 
         Raises:
             FirmwareReplyError: the answer is short.

@@ -1,6 +1,6 @@
-"""The seam to USB: control transfers to one device, with every failure turned into an error that says what to do.
+"""The USB link: control transfers to one device; every failure becomes an error with advice.
 
-`PyusbLink` is the real one. Anything else that has the three methods of `UsbLink` can stand in for it.
+`PyusbLink` is the real link. Any object with the three methods of `UsbLink` can replace it.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ class UsbLink(Protocol):
         """
 
     def receive(self, length: int, request: int = 0) -> bytes:
-        """Return what the device has to say, at most `length` bytes and perhaps none.
+        """Return the device's answer, at most `length` bytes and perhaps none.
 
         Raises:
             FirmwareError: refused, late, unplugged or not permitted.
         """
 
     def close(self) -> None:
-        """Let the device go; closing twice is allowed."""
+        """Release the device; closing twice is allowed."""
 
 
 class PyusbLink:
@@ -85,7 +85,7 @@ class PyusbLink:
 
 
 def as_firmware_error(error: usb.core.USBError, where: str) -> FirmwareError:
-    """Return the error of ours that says what pyusb's error means."""
+    """Return the `FirmwareError` for an error of pyusb."""
     meanings = {
         errno.EPIPE: (
             UsbStallError,

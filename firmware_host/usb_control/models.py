@@ -12,7 +12,7 @@ from enum import Enum
 
 
 class Protocol(Enum):
-    """The language that a device's control endpoint speaks."""
+    """The protocol of a device's control endpoint."""
 
     PS1080 = "PS1080 host protocol"
     KINECT_MOTOR = "Kinect v1 motor"
@@ -24,7 +24,7 @@ class Model:
     """A model of depth sensor, by its USB ids.
 
     - `openni2_driver`: the file name of OpenNI2's driver without `lib` and `.so`, None where Debian ships none
-    - `is_camera`: whether this part gives depth; a Kinect v1 is three devices, and only one of them does
+    - `is_camera`: whether this device measures depth; a Kinect v1 is three devices, of which one does
     """
 
     name: str

@@ -1,7 +1,7 @@
 """A PS1080 sensor's firmware: versions, serial number, log, lamp, emitter, resets.
 
-A request goes out in one control transfer, the reply is fetched in others, and until it is ready the sensor stalls
-those. So a stall means "ask again" until the time is up (OpenNI2 `XnHostProtocol.cpp`, XnHostProtocolUSBReceive).
+A request is one control transfer; the reply is read in others, which the sensor stalls until the reply is ready. So a
+stall means "ask again" until the time limit (OpenNI2 `XnHostProtocol.cpp`, XnHostProtocolUSBReceive).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Clock:
 
 
 class Ps1080:
-    """Asks the firmware; use it as the only one that talks to the sensor at that moment."""
+    """Queries the firmware; no other program may query the sensor at the same time."""
 
     def __init__(
         self, link: UsbLink, where: str = "PS1080", *, timeout_s: float = TRANSFER_TIMEOUT, clock: Clock | None = None
@@ -60,7 +60,7 @@ class Ps1080:
         self._version: FirmwareVersion | None = None
 
     def version(self) -> FirmwareVersion:
-        """Return the versions; asked once, then remembered."""
+        """Return the versions, queried once and then cached."""
         if self._version is None:
             self._version = answers.decode_version(self._ask(Opcode.GET_VERSION), self._where)
         return self._version
@@ -71,12 +71,12 @@ class Ps1080:
         return answers.decode_text(self._ask(Opcode.GET_SERIAL_NUMBER))
 
     def platform(self) -> str:
-        """Return the name of the board that the chip sits on."""
+        """Return the name of the chip's board."""
         self._require(PLATFORM_SINCE, "a platform name")
         return answers.decode_text(self._ask(Opcode.GET_PLATFORM_STRING))
 
     def fixed_parameters(self) -> FixedParameters:
-        """Return what the factory measured; asked for in pieces, by offsets in 32-bit words."""
+        """Return the factory's calibration, read in parts at offsets in 32-bit words."""
         data = b""
         while len(data) < answers.FIXED_PARAMETERS_SIZE:
             piece = self._ask(Opcode.GET_FIXED_PARAMETERS, struct.pack("<H", len(data) // 4))
@@ -86,7 +86,7 @@ class Ps1080:
         return answers.decode_fixed_parameters(data, self._where)
 
     def keep_alive(self) -> None:
-        """Ask for a sign of life; the firmware's watchdog starts anew."""
+        """Send a keep-alive request, which restarts the firmware's watchdog."""
         self._ask(Opcode.KEEP_ALIVE)
 
     def cpu_statistics(self) -> list[TaskTime]:
@@ -94,7 +94,7 @@ class Ps1080:
         return answers.decode_cpu_statistics(self._ask(Opcode.GET_CPU_STATISTICS))
 
     def log(self) -> list[str]:
-        """Return the lines that the firmware logged since the last time; it forgets them."""
+        """Return the firmware's log lines since the last reading, which clears the log."""
         data = b""
         while len(data) < LARGEST_LOG and (piece := self._ask(Opcode.GET_LOG)):
             data += piece
@@ -106,18 +106,18 @@ class Ps1080:
         self._ask(Opcode.SET_LED_STATE, struct.pack("<HH", led, is_on))
 
     def soft_reset(self) -> None:
-        """Stop all streams and set the firmware back to its start."""
+        """Stop all streams and reset the firmware."""
         if self.version().number < RESET_STOPS_STREAMS_SINCE:
             for stream in STREAMS:
                 self._ask(Opcode.SET_PARAMETER, struct.pack("<HH", stream, 0))
         self._set_mode(Mode.SOFT_RESET)
 
     def reboot(self) -> None:
-        """Boot the sensor anew; it leaves the USB bus and comes back."""
+        """Reboot the sensor; it leaves the USB bus and returns."""
         self._set_mode(Mode.REBOOT)
 
     def _set_mode(self, mode: Mode) -> None:
-        """Change the mode; whoever would answer is being reset, so none is awaited for long (XnHostProtocolSetMode)."""
+        """Change the mode; wait only briefly for a reply, since the firmware resets (XnHostProtocolSetMode)."""
         self._version = None
         request = self._encode(Opcode.SET_MODE, struct.pack("<H", mode))
         self._send(request[1])
@@ -133,7 +133,7 @@ class Ps1080:
             )  # fmt: skip
 
     def _ask(self, opcode: Opcode, arguments: bytes = b"") -> bytes:
-        """Send a request and return the data of its reply; ask again while the firmware is not ready."""
+        """Send a request and return the data of its reply; repeat it while the firmware is not ready."""
         for tries_left in range(READY_TRIES - 1, -1, -1):
             request_id, request = self._encode(opcode, arguments)
             self._send(request)
@@ -173,7 +173,7 @@ class Ps1080:
                     raise
 
     def _fetch(self, end: float) -> bytes:
-        """Return the first packet of a reply; a stall or an empty packet means that there is none yet."""
+        """Return the first packet of a reply; a stall or an empty packet means that the reply is not ready."""
         while True:
             stall: UsbStallError | None = None
             try:
@@ -198,7 +198,7 @@ class Ps1080:
 def wait_until_answering(
     find: Callable[[], UsbLink | None], *, limit_s: float = 20.0, clock: Clock | None = None
 ) -> float | None:
-    """Return after how many seconds the sensor that `find` finds answers, or None when it does not within the limit.
+    """Return the time [s] until the sensor that `find` returns answers, or None if it exceeds the limit.
 
     `find` returns a fresh link, or None while the sensor is not on the bus.
     """
@@ -213,7 +213,7 @@ def wait_until_answering(
                 Ps1080(link, timeout_s=1.0, clock=clock).keep_alive()
                 return clock.now() - start
         except UsbAccessError:
-            if waited > limit_s / 2:  # udev needs a moment to apply its rules to a device that came back
+            if waited > limit_s / 2:  # udev needs a moment to apply its rules to a device that reappeared
                 raise
         except FirmwareError:
             continue

@@ -48,7 +48,7 @@ def decode_version(data: bytes, where: str) -> FirmwareVersion:
     """Read the answer to GET_VERSION."""
     minor, major, build, chip, fpga, system = _unpack(_VERSION, data, where)
     if major >= 5:
-        build = _decimal_of_hexadecimal(build)  # written as it reads: 0x22 is build 22
+        build = _decimal_of_hexadecimal(build)  # in decimal digits: 0x22 is build 22
     return FirmwareVersion(major=major, minor=minor, build=build, chip=chip, fpga=fpga, system=system)
 
 
@@ -68,12 +68,12 @@ _WATCHDOG = struct.Struct("<ii")  # at byte 0: serial number, watchdog time
 class FixedParameters:
     """The factory's measurements of this one sensor.
 
-    - `serial`: a number of its own; the serial number of the sensor is another request
-    - `watchdog`: how long the firmware waits for a sign of the host, in its own unit
+    - `serial`: a separate number, not the sensor's serial number, which has its own request
+    - `watchdog`: timeout of the firmware's watchdog, in the firmware's unit
     - `emitter_baseline_m` [m]: depth camera to emitter
     - `colour_baseline_m` [m]: depth camera to colour camera
     - `reference_distance_m` [m]: of the plane on which the reference pattern was taken
-    - `reference_pixel_m` [m]: what a pixel of the 1280 wide depth image covers on that plane
+    - `reference_pixel_m` [m]: width on that plane of a pixel of the depth image, 1280 px wide
     """
 
     serial: int
@@ -84,7 +84,7 @@ class FixedParameters:
     reference_pixel_m: float
 
     def focal_length(self, width: int) -> float:
-        """Return the depth camera's focal length [px] in an image of this width [px]; 0 where it is not known."""
+        """Return the depth camera's focal length [px] in an image of this width [px]; 0 if unknown."""
         if self.reference_pixel_m <= 0:
             return 0.0
         return self.reference_distance_m / self.reference_pixel_m * width / REFERENCE_WIDTH
@@ -122,7 +122,7 @@ def decode_cpu_statistics(data: bytes) -> list[TaskTime]:
 
 
 def decode_text(data: bytes) -> str:
-    """Read a string; some firmware puts a zero byte after each character, some fills up with them."""
+    """Decode a string; some firmware puts a zero byte after each character, some pads with zero bytes."""
     return data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
 
 
@@ -133,7 +133,7 @@ _LOG_OVERFLOWS = {0x1001, 0x1201, 0x5401}  # XN_LOG_OVERFLOW_*
 
 
 def decode_log(data: bytes) -> list[str]:
-    """Return the log's lines, each with the firmware's own time stamp in front; a cut-off end is left out."""
+    """Return the log's lines, each after the firmware's timestamp; a truncated last entry is omitted."""
     lines, position = [], 0
     while position + _LOG_ENTRY.size <= len(data):
         words, stamp, kind = _LOG_ENTRY.unpack_from(data, position)

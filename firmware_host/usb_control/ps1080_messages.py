@@ -1,4 +1,4 @@
-"""The PS1080 host protocol: how requests and replies are laid out, firmware 3.0 and later.
+"""The PS1080 host protocol: the layout of requests and replies, firmware 3.0 and later.
 
     request   u16 magic 0x4D47, u16 words of arguments, u16 opcode, u16 id, then the arguments
     reply     u16 magic 0x4252, u16 words that follow the id, u16 opcode, u16 id, u16 error, then the data
@@ -78,7 +78,7 @@ REFUSAL_ADVICE = {  # where plugging in anew does not help
 
 
 class StaleReplyError(FirmwareReplyError):
-    """A whole reply, but to an earlier request; the right one may still come."""
+    """A complete reply to an earlier request; the right one may still follow."""
 
 
 def encode_request(opcode: Opcode, request_id: int, arguments: bytes = b"") -> bytes:
@@ -89,7 +89,7 @@ def encode_request(opcode: Opcode, request_id: int, arguments: bytes = b"") -> b
 
 
 def reply_length(start: bytes) -> int:
-    """Return how long [bytes] the reply that starts like this says it is, header included; 0 where it is too short."""
+    """Return the length [bytes] that a reply's header states, header included; 0 if the header is incomplete."""
     return (
         MESSAGE_HEADER.size + 2 * int(MESSAGE_HEADER.unpack_from(start)[1]) if len(start) >= MESSAGE_HEADER.size else 0
     )
@@ -99,8 +99,8 @@ def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> b
     """Return the data of a whole reply.
 
     Raises:
-        FirmwareReplyError: short, not a reply, or (StaleReplyError) to another request.
-        FirmwareRefusalError: the firmware says no.
+        FirmwareReplyError: the reply is short, malformed or (StaleReplyError) to another request.
+        FirmwareRefusalError: the firmware refuses.
     """
     advice = "unplug the sensor and plug it in again"
     if len(reply) < MESSAGE_HEADER.size:

@@ -1,4 +1,4 @@
-"""A sensor's answers about itself, as lines of name and value for people."""
+"""The properties of a sensor, as readable lines of name and value."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MOTOR_WORDS = {Motor.STOPPED: "stopped", Motor.AT_LIMIT: "at its limit", Motor.M
 
 
 def tell_sensor(name: str, lines: Lines) -> None:
-    """Tell a sensor's name and what is known of it, a line each."""
+    """Print a sensor's name and its properties, a line each."""
     tell_entry(
         "sensors", "\n".join([name, *(f"    {of:<14} {value}" for of, value in lines)]), name=name, facts=dict(lines)
     )
 
 
 def driver_status(device: UsbDevice) -> str:
-    """Say whether OpenNI2 has a driver for it here, and whether the kernel holds it."""
+    """Return whether OpenNI2 has a driver for a device, and whether a kernel driver has claimed it."""
     name = device.model.openni2_driver
     if not device.model.is_camera:
         status = "none needed, this part gives no pictures"
@@ -39,7 +39,7 @@ def driver_status(device: UsbDevice) -> str:
 
 
 def place_lines(device: UsbDevice) -> Lines:
-    """Return what the bus says of it."""
+    """Return the properties of a device on the bus, as lines of name and value."""
     return [
         ("place", f"USB {device.bus}:{device.address}, {device.vendor:04x}:{device.product:04x}"),
         ("serial", device.serial or "not readable, or none"),
@@ -49,10 +49,10 @@ def place_lines(device: UsbDevice) -> Lines:
 
 
 def information(device: UsbDevice) -> Lines:
-    """Ask the device for everything it knows.
+    """Query all properties of a device.
 
     Raises:
-        FirmwareError: it does not answer, or not rightly.
+        FirmwareError: the device does not answer, or gives an invalid answer.
     """
     link = device.open_link()
     try:

@@ -1,17 +1,18 @@
-"""Import of the path of a robot arm that swung a cloth, on the arm's own clock, for takes of `swung_cloth`.
+"""Import the trajectory of a robot arm that swung a cloth, on the arm's own clock, for takes of `swung_cloth`.
 
-Each take has one `.npz` file with these arrays. Their clock has the zero of the recording's `t`.
+Each take has one `.npz` file with these arrays. Their clock has the same zero as the recording's `t`.
 
 - `tcp_t` [s], (poses,)
-- `tcp_pose`, (poses, 7): place [m] and rotation, a quaternion x y z w, of the tool in the frame of the points
+- `tcp_pose`, (poses, 7): position [m] and rotation, a quaternion x y z w, of the tool in the frame of the points
 - `tcp_to_corner_m` [m], (2, 3): from the tool to both held corners, in the tool's frame
 
-The recording has the corners too, in its pictures. A path may be far from them at every small shift in time. Then the
-path is of another take, in another unit, or has its quaternions in another order. The import refuses the path, and
-names the unit or order that would bring it there. It also refuses a path that leaves them for a second, and says when.
+The recording also has the corners, as its pictures show them. A trajectory may be far from these corners at every small
+time shift. Then it belongs to another take, is in another unit, or has another order of quaternion components. The
+import refuses such a trajectory, and names the unit or order that would fit. It also refuses a trajectory that leaves
+the corners for a second, and says when.
 
-`clock_shift` finds by how much the path's clock is off. A shift that a fit finds by itself is told. A larger one is
-refused. Of the shifts of a motion that repeats itself the smallest counts, and the others are named.
+`clock_shift` estimates the offset of the arm's clock. The import reports an offset that a fit can find by itself, and
+refuses a larger one. For a periodic motion, the smallest offset counts, and the import names the others.
 """
 
 from __future__ import annotations
@@ -35,28 +36,31 @@ from formats.two_clocks import at_times
 
 ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
 MOST_ARM_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
-FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' are 2 mm off, another take's 100 mm
+FARTHEST = 0.03  # m, median distance from the pictures' corners: 2 mm in the public recordings, 100 mm in a wrong take
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
-LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
+LONGEST_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
 WHILE = 9  # pictures: a second of the public recordings
-SMALLEST_SHOWN = 1e-3  # s of a standard error
-MOST_OTHERS = 2  # shifts that are as good, in one sentence
-UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
+SMALLEST_SHOWN = 1e-3  # s, standard error
+MOST_OTHERS = 2  # equally good shifts that one note names
+UNIT_WITHIN = 1e-2  # deviation of a quaternion's norm from 1: one printed with two decimals still passes
 ARM_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
 
 def path_beside(hanger: Path, recording: Path) -> Path:
-    """Return the file with the hanger's path for a recording: `hanger` itself, or its file of the recording's name."""
+    """Return the file with a recording's hanger trajectory.
+
+    It is `hanger` itself, or the file in the folder `hanger` with the recording's name.
+    """
     return hanger / recording.name if hanger.is_dir() else hanger
 
 
 @dataclass(frozen=True)
 class ArmPath:
-    """The path of a tool that holds a cloth.
+    """The trajectory of a tool that holds a cloth.
 
-    - `file`: it was read from
+    - `file`: file that it was read from
     - `time` [s], (poses,)
-    - `place` [m], (poses, 1, 3), of the tool
+    - `place` [m], (poses, 1, 3): positions of the tool
     - `turn`, (poses, 4): unit quaternions x y z w
     - `tool` [m], (2, 3): from the tool to both corners
     """
@@ -69,11 +73,14 @@ class ArmPath:
 
     @cached_property
     def held(self) -> Floats:
-        """Return where the held corners were [m], (poses, 2, 3)."""
+        """Return the positions of the held corners [m], (poses, 2, 3)."""
         return self.place + _turned(self.tool, self.turn)
 
     def at(self, instants: Floats) -> Floats:
-        """Return where the held corners were [m], (n, 2, 3), at instants [s], (n,), NaN in holes and beyond."""
+        """Return the positions of the held corners [m], (n, 2, 3), at times [s], (n,).
+
+        Positions are NaN in gaps and outside the trajectory.
+        """
         found = at_times(instants, self.time, self.held)
         after = np.searchsorted(self.time, instants).clip(1, len(self.time) - 1)
         found[self.time[after] - self.time[after - 1] > LONGEST_STEP] = np.nan
@@ -81,12 +88,12 @@ class ArmPath:
 
 
 def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
-    """Return the path in a file.
+    """Read the trajectory in a file.
 
-    anyway: accept times that no robot has; None: refuse them, and name no option for it
+    anyway: accept implausible times; None: refuse them, and do not offer --anyway in the error
 
     Raises:
-        TakeError: the file is missing, or holds no such path.
+        TakeError: the file is missing or malformed.
     """
     data = load_arrays(path, ARM_SHAPES, most_bytes=MOST_ARM_BYTES, advice=ARM_TO_GIVE)
     poses = data["tcp_t"].size
@@ -98,7 +105,9 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
                 where=path, advice=ARM_TO_GIVE,
             )  # fmt: skip
         if not np.isfinite(data[name].astype(float)).all():
-            raise TakeError(f"the array {name!r} holds what is no number", where=path, advice="export it again")
+            raise TakeError(
+                f"the array {name!r} holds a value that is not finite", where=path, advice="export it again"
+            )
     time, pose = data["tcp_t"].astype(float), data["tcp_pose"].astype(float)
     if poses < 2 or not (np.diff(time) > 0).all():
         raise TakeError("its time does not increase from pose to pose", where=path, advice="mend 'tcp_t'")
@@ -118,21 +127,21 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
 
 
 def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
-    """Return the note on a path's clock, refusing a path that is not where pictures have the held corners.
+    """Return a note on the clock's offset; refuse a trajectory that is not at the held corners in the pictures.
 
-    time [s], (frames,); corners [m], (frames, 2, 3), NaN where not seen; without any, nothing is checked
+    time [s], (frames,); corners [m], (frames, 2, 3), NaN where not seen; if no corner was seen, nothing is checked
 
     Raises:
-        TakeError: it is elsewhere, or its clock is farther off than a fit finds.
+        TakeError: the trajectory is elsewhere, or its clock is off by more than a fit can find.
     """
     away = _apart(arm, time, corners)
     if not np.isfinite(away).any():
         return ""
     best = float(np.nanmedian(away))
-    told = check_clock(arm, time, corners, best)
+    note = check_clock(arm, time, corners, best)
     if best <= FARTHEST:
         _refuse_a_stray(arm, time, away)
-        return told
+        return note
     advice = "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"
     for other, found in _mistakes(arm):
         if np.nanmedian(_apart(other, time, corners)) <= FARTHEST:
@@ -145,13 +154,13 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
 
 
 def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = None) -> str:
-    """Return the note on a clock that is off by less than a fit finds, '' where none shows; refuse a larger shift.
+    """Return a note on a clock offset that a fit can find, '' where none is significant; refuse a larger offset.
 
     - `time` [s], (frames,); `seen` [m], (frames, 2, 3): the held ends, in either order, NaN where not seen
-    - `best` [m]: from the held corners at any small shift, in the median; None where the ends are not where the hand is
+    - `best` [m]: median distance from the held corners at any small time shift; None where the ends are not at the hand
 
     Raises:
-        TakeError: the clock is farther off.
+        TakeError: the offset is larger.
     """
     if not (np.isfinite(seen).all(2).any(0)).all():
         return ""
@@ -182,9 +191,9 @@ def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = N
 
 
 def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
-    """Refuse a path that is elsewhere for a while, as of another take from some moment on.
+    """Refuse a trajectory that leaves the corners for a while, such as one of another take from some time on.
 
-    time [s], (frames,); away [m], (frames, 2): of the path from the corners, NaN where unknown
+    time [s], (frames,); away [m], (frames, 2): distance of the trajectory from the corners, NaN where unknown
     """
     seen = np.flatnonzero(np.isfinite(away).any(1))
     if len(seen) < WHILE:
@@ -201,7 +210,7 @@ def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
 
 
 def _mistakes(arm: ArmPath) -> Iterator[tuple[ArmPath, str]]:
-    """Yield the path as it would be without a common mistake, and what to do about that mistake."""
+    """Yield the trajectory with a common mistake corrected, and the advice about that mistake."""
     for name, unit in (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)):
         place, tool = unit * arm.place, unit * arm.tool
         yield replace(arm, place=place), f"give the places of 'tcp_pose' in metres: they seem to be {name}"
@@ -221,9 +230,9 @@ def _mistakes(arm: ArmPath) -> Iterator[tuple[ArmPath, str]]:
 
 
 def _apart(arm: ArmPath, time: Floats, corners: Floats) -> Floats:
-    """Return the distances [m] of a path from corners, (frames, 2), at the small shift in time with the least median.
+    """Return the distances [m] of a trajectory from corners, (frames, 2), NaN where unknown.
 
-    A distance is NaN where it is unknown.
+    The trajectory is shifted in time by the small shift with the least median distance.
 
     time [s], (frames,); corners [m], (frames, 2, 3), in either order
     """
@@ -238,7 +247,7 @@ def _apart(arm: ArmPath, time: Floats, corners: Floats) -> Floats:
 
 
 def _turned(places: Floats, turns: Floats) -> Floats:
-    """Return places, (k, 3), after each of the turns, (n, 4), unit quaternions x y z w: (n, k, 3).
+    """Return positions, (k, 3), rotated by each of the quaternions, (n, 4), unit x y z w: (n, k, 3).
 
     v + 2 u x (u x v + w v), with u = (x, y, z) (O. Rodrigues, 1840)
     """

@@ -1,23 +1,23 @@
-"""Find the lines that end within a number though more lines follow, by the path on which that number should lie.
+"""Find lines that end within a number, although other lines follow, from the path on which the number should lie.
 
-A line that was cut, and was given an end by an editor, may end within the z of a marker. The number that is left begins
-as the whole one does, and is another one: of 1205.34 it may be 1205.3, 12 or 1. Three straight lines tell where the
-whole one lies: between the places before and after, through the two before, and through the two after.
+A cut line to which an editor added a line end may end within a marker's z. The rest of the number begins like the whole
+number but has another value: 1205.34 may become 1205.3, 12 or 1. Three straight lines predict the whole value: between
+the positions before and after, through the two before, and through the two after.
 
-A number is broken where another number that begins with its letters is within u of a line. It must itself be farther
-than F u from each of the three, with F > 1 and
+A number counts as broken under two conditions. First, some number that begins with its characters lies within u of a
+prediction. Second, the number itself is farther than F u from each prediction, with F > 1 and
 
     LETTERS share / ((n + 1) F^TAIL)  <  chance that a line is cut there
 
-The left side says how much less likely an honest number looks so than a cut one does.
+The left side is the likelihood ratio of an undamaged number to a cut one.
 
-- `u`: the largest miss of the lines around. It is at least the noise of cameras and the last digit. Those of z count in
-  the STRETCH frames before and after, but for those beside it. Those of all other coordinates count from two frames
-  before to two after, since a flick moves all markers. Misses count in the reach of their lines
-- `n`: how many misses of z are looked at. One more is the largest of all by chance in one case of n + 1. It is F times
-  as large in F^TAIL times fewer, as the far tail of misses falls with that power
-- `share`: of the file's numbers, in all columns, that have as few digits. An honest number has them by chance
-- LETTERS: a cut leaves each number of letters as likely
+- `u`: the largest deviation from the predictions around, and at least the noise of cameras and the last digit. For z,
+  the STRETCH frames before and after count, except the nearest. For all other coordinates, two frames before to two
+  after count, since a flick moves all markers. Deviations count in units of r of their lines
+- `n`: the number of deviations of z. One more deviation is the largest by chance in one case of n + 1. A deviation F
+  times as large is F^TAIL times rarer, because the far tail falls with that power
+- `share`: the share of all numbers in the file with as few digits, which an undamaged number has by chance
+- LETTERS: a cut leaves each count of characters with equal probability
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from formats.arrays import Booleans, Floats, Integers
-from formats.importers.cell_forms import Writing
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import MARKER_SD
 from formats.importers.number_cells import form_of
-from formats.importers.strays import straight_lines
+from formats.importers.number_formats import Writing
+from formats.importers.path_outliers import straight_lines
 
-# Stated by us, high: disks and networks check the bytes that they carry. Files that an editor ended are commoner.
+# Stated by us, set high: disks and networks verify their bytes. A file to which an editor added an end is commoner.
 CUT_WITHIN, CUT_LAST = 1e-5, 1e-3
 LETTERS = 10
 TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth motion falls faster
-STRETCH = 50  # places: half a swing at 100 frames a second
-CONTAMINATED = 2  # places before and after a broken one have lines that lead through it
-MOST_LETTERS = 6  # that a cut takes before a point: no place is 1000 km away
-PROOFS = 4  # places, stated by us
-NEAR = 2e-3  # m, stated by us: a place so near its path is as good as any, whatever digits are missing
+STRETCH = 50  # positions: half a swing at 100 frames a second
+CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it
+MOST_LETTERS = 6  # digits that a cut removes before a point: no position is 1000 km away
+PROOFS = 4  # positions, stated by us
+NEAR = 2e-3  # m, stated by us: so near its path a position is accurate enough even with digits missing
 
-CLOCK = Writing()  # a time may go on with any digits
+CLOCK = Writing()  # a time may continue with any digits
 
 
 def broken_lines(
-    rows: Rows, cells: Integers, columns: Integers, time: Floats, places: Floats, metres: float, writing: Writing
+    rows: Rows, cells: Integers, columns: Integers, time: Floats, positions: Floats, metres: float, writing: Writing
 ) -> Booleans:
-    """Return which lines end within the z of a marker, (rows,).
+    """Return which lines end within a marker's z, (rows,).
 
-    - `cells`: of each line, (rows,); `columns`: of each marker's x, y and z, (markers, 3)
-    - `time` [s], (rows,); `places` [m], (rows, markers, 3), NaN where not seen; `metres`: of the unit that they had
+    - `cells`: number of cells of each line, (rows,); `columns`: of each marker's x, y and z, (markers, 3)
+    - `time` [s], (rows,); `positions` [m], (rows, markers, 3), NaN where not seen; `metres`: of their unit in the file
     """
     found = np.zeros(len(rows), bool)
     for marker in np.flatnonzero(np.isin(columns[:, 2] + 1, cells)).tolist():
@@ -62,14 +62,14 @@ def broken_lines(
             around = slice(max(0, at - 2 * CONTAMINATED), at + 2 * CONTAMINATED + 1)
             if not (np.diff(time[around]) > 0).all():
                 return np.inf
-            beside = places[around].copy()
+            beside = positions[around].copy()
             beside[:, marker, 2] = np.nan
             misses = _misses(time[around], beside.reshape(len(beside), -1))[1]
             first = max(0, at - around.start - CONTAMINATED)
             among = np.fmin.reduce(misses[lines, first : first + 2 * CONTAMINATED + 1])
             return float(np.nanmax(among, initial=0.0)) / metres
 
-        path, ends_here = places[:, marker, 2] / metres, cells == columns[marker, 2] + 1
+        path, ends_here = positions[:, marker, 2] / metres, cells == columns[marker, 2] + 1
         found |= broken_of(rows, ends_here, time, path, writing, MARKER_SD / metres, others)
     return found
 
@@ -78,11 +78,11 @@ def broken_of(
     rows: Rows, ends_here: Booleans, time: Floats, path: Floats, writing: Writing, noise: float = 0.0,
     others: Callable[[int, Booleans], float] = lambda _, __: 0.0,
 ) -> Booleans:  # fmt: skip
-    """Return which lines end within their number of a path, (rows,).
+    """Return which lines end within the number of one path, (rows,).
 
-    - `ends_here`: which lines have that number last, (rows,)
-    - `time` [s], (rows,); `path`: of any unit, (rows,), NaN where not seen
-    - `noise`: of that unit; `others`: tells what other paths miss the same of the three lines by, around a row
+    - `ends_here`: which lines have that number as their last, (rows,)
+    - `time` [s], (rows,); `path`: the numbers, of any unit, (rows,), NaN where not seen
+    - `noise`: in that unit; `others`: returns the largest deviation of other paths around a row, for the same lines
     """
     found, least = np.zeros(len(rows), bool), noise + 10.0**-writing.most
     seen = np.flatnonzero(np.isfinite(path) & np.isfinite(time))
@@ -111,9 +111,9 @@ def broken_of(
 
 
 def is_near(time: Floats, path: Floats) -> bool:
-    """Return whether a path [m], (rows,), is within NEAR of where a line or a parabola leads, at its last places.
+    """Return whether a path [m], (rows,), ends within NEAR of a linear or parabolic extrapolation.
 
-    The last place may be another one. The PROOFS before show how well they lead. `time` [s], (rows,)
+    The last position may be broken. The PROOFS positions before it must lie as near to theirs. `time` [s], (rows,)
     """
     return any(
         len(path) >= PROOFS + degree + 2
@@ -123,7 +123,7 @@ def is_near(time: Floats, path: Floats) -> bool:
 
 
 def _is_led(time: Floats, path: Floats, degree: int) -> bool:
-    """Return whether a polynomial through the places before the last one leads to it, as near as NEAR."""
+    """Return whether the last position lies within NEAR of the polynomial through the positions before."""
     before = slice(-degree - 2, -1)
     if not np.isfinite(path[before]).all() or not (np.diff(time[before]) > 0).all():
         return False
@@ -131,9 +131,10 @@ def _is_led(time: Floats, path: Floats, degree: int) -> bool:
 
 
 def _misses(time: Floats, path: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return where three straight lines lead, by what a path misses them, and their reaches, each (3, n, ...).
+    """Return predictions of three straight lines, deviations of the path from them, and relative r, each (3, n, ...).
 
-    NaN without a line. Misses are divided by the reaches, and reaches by that between two usual steps.
+    Entries are NaN without a line. The relative r is r over the square of the median interval, and at least 1.
+    Deviations are divided by the relative r.
 
     `time` [s], (n,), increasing; `path`, (n, ...), of any unit
     """
@@ -143,14 +144,14 @@ def _misses(time: Floats, path: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _largest_around(off: Floats) -> Floats:
-    """Return the largest of the numbers before and after each, but for those beside it."""
+    """Return the largest of the numbers around each one, without its nearest neighbours."""
     beside = STRETCH - CONTAMINATED
     largest = sliding_window_view(np.pad(off, STRETCH), beside).max(1)
     return np.asarray(np.maximum(largest[: len(off)], largest[STRETCH + CONTAMINATED + 1 :][: len(off)]))
 
 
 def _may_begin(cell: str, low: float, high: float, writing: Writing) -> bool:
-    """Return whether a number between two others is written with the letters of a cell, and more behind them."""
+    """Return whether some number between two others begins with the characters of a cell and continues."""
     mantissa, sign, power = cell.strip().replace(",", ".").lower().partition("e")
     digits, has_point = form_of(mantissa).digits, "." in mantissa
     begin = abs(float(mantissa))

@@ -1,7 +1,7 @@
-"""Marker paths of C3D files (https://www.c3d.org), of Intel, DEC and SGI byte order.
+"""Read marker trajectories from C3D files (https://www.c3d.org), in Intel, DEC and SGI byte order.
 
-A frame has four numbers for each point, of 16 bits or floats. Three are the place; the fourth is negative where the
-point was not seen. The frame's analogue values follow, and are skipped. Words of the header, counted from 1:
+A frame has four numbers for each point, 16-bit integers or floats. Three are the position. The fourth is negative where
+the point was not seen. The frame's analogue values follow and are skipped. The header's words, counted from 1, are:
 
 - 2 and 3: numbers of points and of analogue values a frame
 - 4 and 5: first and last frame
@@ -20,42 +20,42 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.errors import TakeError
-from formats.importers.c3d_blocks import BLOCK_BYTES, find_blocks, refuse_lost_bytes, take_out_blocks
+from formats.importers.c3d_blocks import BLOCK_BYTES, find_blocks, refuse_lost_bytes, remove_blocks
 from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
-from formats.importers.leaps import take_out_leaps
+from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
-from formats.importers.number_cells import LONGEST_SHOWN
-from formats.importers.units import metres_of
-from formats.importers.unseen_places import (
+from formats.importers.missing_values import (
+    are_incomplete,
     are_zeros,
     as_seen,
-    doubt_of_lacking,
-    doubt_of_zeros,
-    lack_coordinates,
-    take_out_signs,
+    remove_missing_value_codes,
+    warning_of_incomplete,
+    warning_of_zeros,
 )
+from formats.importers.number_cells import LONGEST_SHOWN
+from formats.importers.units import metres_of
 from formats.plain_text import first_few, sized
 from formats.plausible import RATES
 
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
 LARGEST_C3D = 1 << 30  # bytes
-LONGEST_RATE = 10_000.0  # frames a second
+FASTEST_RATE = 10_000.0  # frames a second
 MOST_FRAMES = 65535  # that the header can state
-PIECE = 1 << 22  # bytes of the data that are turned into places at once
+PIECE = 1 << 22  # bytes of the data that are converted to positions at once
 LARGEST_SECTION = 1 << 24  # bytes of parameters
-SAME_SCALE = 1e-3  # relative: a copy has the same digits
+SAME_SCALE = 1e-3  # relative difference: a copy has the same digits
 LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
 def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
-    """Read the marker paths of a C3D file.
+    """Read the marker trajectories of a C3D file.
 
-    - `unit`: where it states none
-    - `wanted`: the markers and frames that are looked at
+    - `unit`: unit of lengths, needed where the file states none
+    - `wanted`: markers and frames to check and convert
 
     Raises:
-        TakeError: the file is malformed, shorter than its header says, or holds no marker paths.
+        TakeError: the file is malformed, shorter than its header says, or holds no marker trajectories.
     """
     size = path.stat().st_size
     if size > LARGEST_C3D:
@@ -70,44 +70,47 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
             f"has no marker paths ({points} points, {max(frames, 0)} frames)", where=path,
             advice="export trajectories, not only analogue data",
         )  # fmt: skip
-    if not 0 < rate <= LONGEST_RATE:
+    if not 0 < rate <= FASTEST_RATE:
         states = f"states {rate:g} frames a second; {RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
     if header.parameters_at < header.data_at:
         refuse_lost_bytes(path, size, header.data_at + frames * header.width)
-    # Labels beyond the points name nothing, and may be filled up with empty ones; points beyond them have no name.
+    # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
-    places, lacking, zeros = _places(path, header, len(time), scale)
+    positions, lacking, zeros = _places(path, header, len(time), scale)
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
-    places[:, others], lacking[:, others], zeros[:, others] = np.nan, False, False
+    positions[:, others], lacking[:, others], zeros[:, others] = np.nan, False, False
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    doubts = []
+    warnings = []
     if wanted.frames is None or wanted.frames > frames:
-        doubts.append(_doubt_of_length(path, size, header, frames))
+        warnings.append(_warning_of_length(path, size, header, frames))
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
-        doubts.append(_doubt_of_names(points, without_path))
-    doubts.append(take_out_signs(places, scale, frame_of))
+        warnings.append(_warning_of_names(points, without_path))
+    warnings.append(remove_missing_value_codes(positions, scale, frame_of))
     blocks = find_blocks(path, header.data_at, frames * header.width, header.width)
     kind = FLOAT if header.is_float else SHORT
-    doubts.append(take_out_blocks(places, blocks, kind, header.width, others))
-    doubts += [doubt_of_lacking(lacking, time, labels, frame_of), take_out_leaps(time, places, labels, frame_of)]
-    doubts.append(doubt_of_zeros(zeros, places, labels, frame_of))
+    warnings.append(remove_blocks(positions, blocks, kind, header.width, others))
+    warnings += [
+        warning_of_incomplete(lacking, time, labels, frame_of),
+        remove_jumps(time, positions, labels, frame_of),
+    ]
+    warnings.append(warning_of_zeros(zeros, positions, labels, frame_of))
     return MarkerTracks(
-        tuple(labels), time, places, header.rate, "; ".join(filter(None, doubts)), has_times=False,
+        tuple(labels), time, positions, header.rate, "; ".join(filter(None, warnings)), has_times=False,
         without_path=without_path, zeros=zeros.sum(0),
     )  # fmt: skip
 
 
-def _doubt_of_names(points: int, without_path: tuple[str, ...]) -> str:
-    """Return a sentence about names behind those of all points, '' without any."""
+def _warning_of_names(points: int, without_path: tuple[str, ...]) -> str:
+    """Return a warning of labels for which the file has no point, '' without any."""
     if not without_path:
         return ""
     count = len(without_path)
@@ -118,10 +121,10 @@ def _doubt_of_names(points: int, without_path: tuple[str, ...]) -> str:
     )
 
 
-def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str:
-    """Return a sentence about a file that holds more frames than it states, '' where only zeros fill its last blocks.
+def _warning_of_length(path: Path, size: int, header: _Header, frames: int) -> str:
+    """Return a warning of a file with room for more frames than it states.
 
-    A section of parameters behind the frames is no frame.
+    Return '' where zeros fill the room. A parameter section behind the frames is no frame.
     """
     end = header.data_at + frames * header.width
     if size - end < BLOCK_BYTES + header.width or header.parameters_at > header.data_at:
@@ -134,19 +137,20 @@ def _doubt_of_length(path: Path, size: int, header: _Header, frames: int) -> str
 
 
 def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans, Booleans]:
-    """Return the points' places [m], (frames, points, 3), NaN where not seen.
+    """Return the points' positions [m], (frames, points, 3), NaN where not seen.
 
-    They are read piece by piece. Which lack coordinates, and which have three zeros, follows: both (frames, points).
+    Also return whether one or two coordinates are missing, and whether all three are zero, both (frames, points). The
+    file is read in pieces of `PIECE` bytes.
 
     scale: metres of each point's unit, (points,)
     """
-    places, (lacking, zeros) = np.empty((frames, header.points, 3)), np.empty((2, frames, header.points), bool)
+    positions, (lacking, zeros) = np.empty((frames, header.points, 3)), np.empty((2, frames, header.points), bool)
     at_once = max(PIECE // header.width, 1)
     kind = FLOAT if header.is_float else SHORT
     with path.open("rb") as file:
         file.seek(header.data_at)
         for first in range(0, frames, at_once):
-            piece = places[first : first + at_once]
+            piece = positions[first : first + at_once]
             raw = file.read(len(piece) * header.width)
             rows = numbers_of(raw, kind, header.processor).reshape(len(piece), -1)[:, : 4 * header.points]
             rows = rows.reshape(len(piece), -1, 4)
@@ -154,16 +158,16 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Fl
             with np.errstate(invalid="ignore", over="ignore"):  # a damaged number is a gap
                 where = rows[..., :3] * unit[:, None]
                 piece[:] = as_seen(where, rows[..., 3] < 0)
-            lacking[first : first + at_once] = lack_coordinates(where) & ~(rows[..., 3] < 0)
+            lacking[first : first + at_once] = are_incomplete(where) & ~(rows[..., 3] < 0)
             zeros[first : first + at_once] = are_zeros(where, rows[..., 3] < 0)
-    return places, lacking, zeros
+    return positions, lacking, zeros
 
 
 def _parameters(path: Path, data_at: int) -> Parameters:
-    """Return the parameters of a file whose data begin at a byte; the section may be longer than it states.
+    """Return the parameters of a file whose data begin at byte `data_at`; the section may be longer than it states.
 
     Raises:
-        TakeError: they do not hold together.
+        TakeError: the parameters are malformed.
     """
     with path.open("rb") as file:
         begin = BLOCK_BYTES * (file.read(1)[0] - 1)
@@ -181,9 +185,9 @@ def _parameters(path: Path, data_at: int) -> Parameters:
 
 
 def _stated_frames(told: Parameters) -> int:
-    """Return the number of frames by parameters that count further than the header's 16 bits, 0 where there are none.
+    """Return the number of frames by the parameters that count beyond the header's 16 bits, 0 without such parameters.
 
-    TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD hold two words of 16 bits, the lower first; POINT:LONG_FRAMES is a
+    TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD hold two words of 16 bits, the lower first. POINT:LONG_FRAMES is a
     float. Source: the C3D file format, user guide.
     """
     begin, end = (told.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
@@ -194,15 +198,15 @@ def _stated_frames(told: Parameters) -> int:
 
 
 def _rate(told: Parameters, header: _Header) -> float:
-    """Return frames a second: POINT:RATE, of which the header has a copy; else that of the cameras; 0 where none is."""
+    """Return the frame rate [1/s]: POINT:RATE, else its copy in the header, else TRIAL:CAMERA_RATE, else 0."""
     rates = _first(told.numbers("POINT", "RATE")), header.rate or 0.0, _first(told.numbers("TRIAL", "CAMERA_RATE"))
     return next((rate for rate in rates if rate > 0), rates[0])
 
 
 def _refuse_two_scales(scale: float, header: _Header, path: Path) -> None:
-    """Refuse a file whose header and parameter contradict each other: which one its numbers are of nobody knows.
+    """Refuse a file whose header and parameter state different scales, since either may be the true one.
 
-    scale: POINT:SCALE, 0 where there is none; of floats the sign alone counts
+    scale: POINT:SCALE, 0 where there is none; for floats only its sign counts
     """
     is_one = header.is_float if scale < 0 else not header.is_float and abs(scale / header.scale - 1) < SAME_SCALE
     if scale and not is_one:
@@ -218,7 +222,10 @@ def _first(numbers: Floats) -> float:
 
 
 def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Floats:
-    """Return metres of each point's unit: a file has one for all, one for each point, or none."""
+    """Return the metres of each point's unit, (points,).
+
+    A file states one unit for all points, one for each point, or none.
+    """
     stated = [word for word in units if word]
     if len(set(stated)) > 1 and len(units) >= points:
         return np.array([metres_of(word, unit, path) for word in units[:points]])
@@ -229,13 +236,13 @@ def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Float
 class _Header:
     """The header of a file.
 
-    - `processor`: its number
-    - `points`, `frames`, `width` [bytes]: of a frame; `data_at` [bytes]: where the first one is
-    - `is_float`, `scale`: how places are written
-    - `held`: frames that the file has room for
-    - `parameters_at` [bytes]: where its parameters are
-    - `is_at_its_most`: whether it counts as many frames as it can
-    - `rate` [1/s], None where it states none
+    - `processor`: code of the byte order
+    - `points`, `frames`: their numbers; `width` [bytes]: of a frame; `data_at` [bytes]: offset of the first frame
+    - `is_float`, `scale`: number format of positions
+    - `held`: number of frames for which the file has room
+    - `parameters_at` [bytes]: offset of the parameters
+    - `is_at_its_most`: whether the header states the largest number of frames that it can
+    - `rate` [1/s]: None where the header states none
     """
 
     processor: int
@@ -252,13 +259,13 @@ class _Header:
 
 
 def _refuse_a_short_file(path: Path, size: int) -> _Header:
-    """Refuse a file that ends before the last frame that its header states; return its header."""
+    """Read the header; refuse a file that ends before the last frame that the header states."""
     with path.open("rb") as file:
         head = file.read(BLOCK_BYTES)
         if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:
             is_text = bool(head) and not head.translate(None, TEXT_BYTES)
             advice = "it is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
-            raise TakeError("is no C3D file that can be read (its first block is none)", where=path, advice=advice)
+            raise TakeError("is no C3D file that can be read (it lacks a C3D header)", where=path, advice=advice)
         file.seek(BLOCK_BYTES * (head[0] - 1) + 3)
         processor = (file.read(1) or b"\0")[0]
     order = ">" if processor == SGI else "<"
@@ -280,14 +287,14 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
         raise _cut_off(max(held, 0), frames, "its header states", path)
     return _Header(
         processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
-        BLOCK_BYTES * (head[0] - 1), last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None,
+        BLOCK_BYTES * (head[0] - 1), last == MOST_FRAMES and first <= 1, rate if 0 < rate < FASTEST_RATE else None,
     )  # fmt: skip
 
 
 def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> None:
-    """Refuse a file of as many frames as its header can state, or more, of which some were not read.
+    """Refuse a file that may hold more frames than its header can state, if some were not read.
 
-    read: frames that were; stated: by the parameters, 0 where they state none
+    read: number of frames read; stated: number by the parameters, 0 where they state none
     """
     if not header.is_at_its_most:
         return

@@ -1,13 +1,13 @@
-"""The parameters of a C3D file (https://www.c3d.org, user guide), and its numbers and texts in their byte orders.
+"""Parse the parameter section of a C3D file (https://www.c3d.org, user guide), and its numbers in their byte orders.
 
-The section begins with four bytes: two that say nothing, the number of its blocks, and the processor. Then come groups
-and parameters, each as
+The section begins with four bytes: two unused ones, the number of its blocks, and the processor. Then come groups and
+parameters, each as
 
     length of the name (negative: locked), number of the group (negative: the group itself), name,
     bytes from here to the next (0: it is the last), and of a parameter: kind (-1: text, 1, 2 and 4: bytes of a number),
     number of its dimensions, the dimensions, the values with the first dimension fastest, a description
 
-Text has no stated encoding: it is taken as UTF-8, and as that of western Windows where it is none.
+The file states no encoding. Text is read as UTF-8, or as Windows-1252 where it is not valid UTF-8.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from formats.arrays import Floats
 INTEL, DEC, SGI = 84, 85, 86
 SECTION_HEAD = 4  # bytes
 TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds
-USED = {"POINT", "TRIAL"}  # groups whose parameters must be right; others may be as they like
+USED = {"POINT", "TRIAL"}  # groups whose parameters must be well-formed; errors in others are ignored
 
 
 class NoParametersError(ValueError):
-    """The section does not hold together."""
+    """The parameter section is malformed."""
 
 
 def numbers_of(raw: bytes, kind: int, processor: int) -> NDArray[np.float32]:
-    """Return the numbers of a kind in bytes, whole ones alone.
+    """Return the numbers in `raw`; incomplete numbers at its end are ignored.
 
-    A DEC float is four times the IEEE one, and its 16-bit halves are exchanged.
+    A DEC float is four times the IEEE float, and its 16-bit halves are exchanged.
     """
     order = ">" if processor == SGI else "<"
     whole = raw[: len(raw) // abs(kind) * abs(kind)]
@@ -46,7 +46,7 @@ def numbers_of(raw: bytes, kind: int, processor: int) -> NDArray[np.float32]:
 
 
 def text_of(raw: bytes) -> str:
-    """Return a text without the spaces and zeros that fill its place; a byte of no known sign by its code."""
+    """Return a text without padding spaces and zeros; undecodable bytes become escape codes."""
     for encoding in ("utf-8", "cp1252"):
         try:
             text = raw.decode(encoding)
@@ -59,13 +59,13 @@ def text_of(raw: bytes) -> str:
 
 
 class Parameters:
-    """Parameters by group and name, both in capitals."""
+    """Parameters by group and name, both in capital letters."""
 
     def __init__(self, section: bytes) -> None:
-        """Read a section, (bytes,), from its head on.
+        """Parse a section, (bytes,), from its first byte on.
 
         Raises:
-            NoParametersError: it does not hold together, or a parameter of marker paths does not.
+            NoParametersError: the section, or a parameter in a group of `USED`, is malformed.
         """
         self.processor = section[3] if len(section) >= SECTION_HEAD else 0
         self._order = ">" if self.processor == SGI else "<"
@@ -96,7 +96,7 @@ class Parameters:
         return int.from_bytes(section[at : at + 2], "big" if self._order == ">" else "little")
 
     def numbers(self, group: str, name: str) -> Floats:
-        """Return the numbers of a parameter, none where there is no such one."""
+        """Return the numbers of a parameter, an empty array where the file lacks it."""
         kind, _, raw = self._found.get((group, name), (BYTE, [], b""))
         return np.zeros(0) if kind == TEXT else numbers_of(raw, kind, self.processor).astype(float)
 
@@ -110,7 +110,7 @@ class Parameters:
 
 
 def _parameter(section: bytes, at: int) -> tuple[int, list[int], bytes] | None:
-    """Return kind, dimensions and bytes of the parameter whose kind is at a place of a section; None of a wrong one."""
+    """Return kind, dimensions and bytes of the parameter that begins at an offset; None if it is malformed."""
     if at + 2 > len(section):
         return None
     kind, count = _signed(section[at]), section[at + 1]

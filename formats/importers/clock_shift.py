@@ -1,32 +1,32 @@
-"""Find by how much the clock of a hanger's path is ahead of the clock of pictures that show the same hanger.
+"""Estimate the offset between the clock of a hanger's trajectory and the clock of pictures of the same hanger.
 
-Pictures at times t_f have the places c_fk of two points k of the hanger. The path has them at h_k, on its own clock:
+Pictures at times t_f show the positions c_fk of two points k of the hanger. The trajectory has these points at h_k, on
+its own clock:
 
     c_fk = h_k(t_f + s) + o_k + noise
 
-- s: the shift, positive where the path's clock is ahead
-- o_k: a constant offset, for a camera sees a corner elsewhere than where the hand holds it
+- s: the clock offset, positive where the trajectory's clock is ahead
+- o_k: a constant displacement, since a camera sees a corner beside the point where the hand holds it
 
-Every shift of a grid of 20 ms up to 5 s is looked at, by the median over pictures and points of the distance
+Every offset on a grid of 20 ms, up to 5 s, is scored by the median over pictures and points of the distance
 
     r_fk(s) = |c_fk - h_k(t_f + s) - median_f(c_fk - h_k(t_f + s))|
 
-Each local minimum is refined by Gauss-Newton steps. The residuals e and the path's velocities v are about their means
-over the pictures. Places three times as far off as the median do not count.
+Gauss-Newton steps refine each local minimum. The residuals e and the trajectory's velocities v have their means over
+the pictures subtracted. Positions farther off than three times the median do not count.
 
     s <- s + sum (e_fk . v_fk) / sum v_fk^2
 
-A minimum counts where the path explains 0.7 of the squared motion. Its standard error is a jackknife over half
-seconds, in which errors are correlated. For white noise of deviation sigma it is about sigma / sqrt(sum v_fk^2). With
-10 mm of noise and 90 pictures at 0.3 m/s it is 2.5 ms.
+A minimum counts where the trajectory explains 0.7 of the squared motion. Its standard error is a jackknife over half
+seconds, within which errors are correlated. For white noise of deviation sigma, the error is about sigma / sqrt(sum
+v_fk^2). With 10 mm of noise and 90 pictures at 0.3 m/s, the error is 2.5 ms.
 
-A swing that repeats itself is nearly as near after each period. So the squared distances of a minimum are compared
-with those of the nearest one, half second by half second. The minimum is as good where their mean is larger by less
-than 3.5 of its standard errors. It is as good, too, where the root mean square is larger by less than 3 mm. Of the
-minima that are as good, the smallest shift is returned.
-A shift is told from none where it is 3.5 of its standard errors and 5 ms.
+A periodic swing fits nearly as well after each period. So the squared distances of each minimum are compared with those
+of the best minimum, in half-second blocks. A minimum is equally good in two cases. The mean difference is below 3.5 of
+its standard errors, or the root mean squares differ by less than 3 mm. The smallest of the equally good offsets is
+returned. An offset is significant above 3.5 of its standard errors and 5 ms.
 
-Sources: Gauss-Newton with the offset projected out, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973);
+Sources: Gauss-Newton with the displacement projected out, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973);
 jackknife, B. Efron & C. Stein, Ann. Statist. 9 (1981).
 """
 
@@ -42,25 +42,25 @@ from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 
 Path = Callable[[Floats], Floats]
 
-FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s that is looked at; 10 mm at 0.5 m/s
-SEEN_AT_ALL = 0.5  # of the places that a shift must leave beside the path
+FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s, limit and step of the grid; a step is 10 mm at 0.5 m/s
+SEEN_AT_ALL = 0.5  # share of positions for which the shifted trajectory must be known
 MOST_LOOKED_AT = 2000  # pictures
-AT_ONCE = 50_000  # pictures times shifts: 2 MB of places
+AT_ONCE = 50_000  # pictures times shifts: 2 MB of positions
 WORTH_REFINING = 2.0  # times the least median distance
-SURELY = 3.5  # standard errors: with 15 degrees of freedom, so far off 1 time in 300
-LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves tells no time
-LEAST_SHIFT = 5e-3  # s: a hanger at 0.5 m/s goes 2.5 mm meanwhile, as much as the noise of a point
-SAME_MINIMUM = 0.1  # s between minima that are told apart: the distance of a swing of 2 Hz has one each 0.25 s
-STEPS = 6  # Gauss-Newton, of `SHIFT_STEP` at the most
+SURELY = 3.5  # standard errors: exceeded by chance once in 300, with 15 degrees of freedom
+LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves determines no offset
+LEAST_SHIFT = 5e-3  # s: a hanger at 0.5 m/s moves 2.5 mm meanwhile, as much as the noise of a point
+SAME_MINIMUM = 0.1  # s: nearer minima count as one; a swing of 2 Hz has a minimum every 0.25 s
+STEPS = 6  # of Gauss-Newton, each at most `SHIFT_STEP`
 
 
 @dataclass(frozen=True)
 class ClockShift:
-    """A shift between a path and pictures.
+    """An estimated offset between a trajectory's clock and the pictures' clock.
 
-    - `seconds` by which the path's clock is ahead
+    - `seconds`: offset [s], positive where the trajectory's clock is ahead
     - `error` [s]: its standard error
-    - `others` [s]: larger shifts that are as good, as after a period of the motion, the smallest first
+    - `others` [s]: larger offsets that fit equally well, as after a period of the motion, the smallest first
     """
 
     seconds: float
@@ -69,13 +69,13 @@ class ClockShift:
 
     @property
     def is_told(self) -> bool:
-        """Whether the shift is surely not zero."""
+        """Whether the offset is significantly different from zero."""
         return abs(self.seconds) > max(SURELY * self.error, LEAST_SHIFT)
 
 
 @dataclass(frozen=True)
 class _Minimum:
-    """A shift [s] with its standard error; residuals [m], (pictures, points, 3), and those that count."""
+    """A local minimum: offset [s] and standard error [s], residuals [m], (pictures, points, 3), which of them count."""
 
     seconds: float
     error: float
@@ -84,10 +84,11 @@ class _Minimum:
 
 
 def find_clock_shift(time: Floats, seen: Floats, path: Path) -> ClockShift | None:
-    """Return the smallest shift that brings a path as near to pictures as any does; None where the motion tells none.
+    """Return the smallest offset that fits as well as the best one; None where the motion determines none.
 
     - `time` [s], (pictures,); `seen` [m], (pictures, 2, 3), NaN where not seen
-    - `path`: the places of the same points [m], (n, 2, 3), NaN where unknown, at instants [s], (n,), of its clock
+    - `path`: returns the positions of the same points [m], (n, 2, 3), NaN where unknown, at times [s], (n,), on its
+      clock
     """
     some = slice(None, None, -(-len(time) // MOST_LOOKED_AT))
     time, seen = time[some], seen[some]
@@ -144,7 +145,7 @@ def _away(left: Floats) -> Floats:
 def _refined(
     shift: float, time: Floats, block: Floats, seen: Floats, path: Path
 ) -> _Minimum | None:  # fmt: skip
-    """Return a minimum near a shift; None where it explains too little, or the hanger does not move."""
+    """Return the local minimum near an offset; None where it explains too little, or the hanger does not move."""
     for _ in range(STEPS):
         left = _residual(seen, path(time + shift))
         ahead, behind = (path(time + shift + step) for step in (SHIFT_STEP, -SHIFT_STEP))
@@ -169,14 +170,14 @@ def _refined(
 
 
 def _about_mean(values: Floats, counts: Booleans) -> Floats:
-    """Return values about their mean over the pictures in which they count, 0 elsewhere."""
+    """Return values less their mean over the pictures in which they count, 0 elsewhere."""
     whole = np.where(counts[..., None], values, 0.0)
     mean = whole.sum(0) / np.maximum(counts.sum(0), 1)[:, None]
     return np.where(counts[..., None], whole - mean, 0.0)
 
 
 def _as_good(minima: Sequence[_Minimum], block: Floats) -> list[_Minimum]:
-    """Return the minima that are as good as the nearest one."""
+    """Return the local minima that fit as well as the best one."""
     nearest = min(minima, key=lambda one: float(np.nanmedian(_away(one.left))))
     good = [nearest]
     for one in minima:

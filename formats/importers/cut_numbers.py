@@ -1,13 +1,13 @@
-"""Tell the last number of a marker file that is whole from one that a cut line leaves, which is another number.
+"""Decide whether the last number of a marker file is complete, or the rest of a cut number with another value.
 
-A number is whole where a separator or the end of its line follows. So only the last number of a last line is in doubt,
-where the file ends without an end of that line. In a file that keeps zeros (`formats.importers.cell_forms`), a number
-is whole that has the form of all, and a shorter one is cut. Elsewhere one of as many digits as any is whole, for
-nothing can follow it. Programs that keep so many digits in all, as `%g` does, write more of them for smaller numbers.
-A shorter number or 0 is as honest as any.
+A number is complete where a delimiter or a line end follows. So only the last number of the file can be incomplete, and
+only without a line end. In a file that keeps trailing zeros (`formats.importers.number_formats`), a number in the
+common format is complete, and a shorter one is cut. Elsewhere a number with the most digits of the file is complete.
+Programs with a fixed number of significant digits, such as `%g`, write more decimals of smaller numbers. A shorter
+number or 0 may then be complete or cut.
 
-A line that has its end may have been given one after the cut, by an editor. Its last number is whole unless its form
-shows the cut. Elsewhere its place may lie off its path (`formats.importers.broken_numbers`).
+An editor may have added the line end after a cut. The last number of such a line is complete unless its format shows a
+cut, or its position lies off its path (`formats.importers.broken_numbers`).
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from enum import Enum
 
-from formats.importers.cell_forms import Writing, written_as
 from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import form_of, is_number, is_seen, magnitude_of
+from formats.importers.number_formats import Writing, written_as
 
-LINES_AROUND = 32  # before and after one, which show what its column repeats and how many cells lines have
+LINES_AROUND = 32  # on either side of a line; they show repeated numbers and the usual number of cells
 DECIMAL_SIGNS = ".,"  # a number may end in one
 SIGNS = "+-"  # of a plane's zeros as well
 
 
 class Ending(Enum):
-    """The state of the last number of a line, as far as it is known."""
+    """Whether the last number of a line is complete, as far as the file shows."""
 
     WHOLE = "whole"
     CUT = "cut"
@@ -34,13 +34,13 @@ class Ending(Enum):
 
 
 def ending_of(rows: Rows, last: int, width: int, writing: Writing) -> Ending:
-    """Return what is known of the last number of the last line.
+    """Return whether the last number of the last line is complete.
 
-    A marker of which no cell holds a place is a gap, however its last cell goes on. Three cells of one text may be a
-    program's sign of a gap, such as -9999, and do not show a cut.
+    A marker without a position in any cell is a gap, whatever follows in its last cell. Three equal cells may be a
+    missing-value code such as -9999, and show no cut.
 
-    - `last`: the column of the last number, a marker's z
-    - `width`: cells of a whole line, without an empty one behind them
+    - `last`: column of the last number, a marker's z
+    - `width`: number of cells of a whole line, without an empty one at its end
     """
     at = len(rows) - 1
     row = rows[at]
@@ -69,7 +69,7 @@ def ending_of(rows: Rows, last: int, width: int, writing: Writing) -> Ending:
 
 
 def _is_full(cell: str, writing: Writing) -> bool:
-    """Return whether no more letters of a number can follow those of a cell, by the longest numbers of its file."""
+    """Return whether a number has as many characters as the longest of its file, so that none can be missing."""
     mine = form_of(cell)
     if mine.power or writing.powers:
         return mine.power >= max(map(len, writing.powers), default=mine.power + 1)
@@ -77,7 +77,7 @@ def _is_full(cell: str, writing: Writing) -> bool:
 
 
 def _is_repeated(cell: str, lines: Sequence[list[str]], column: int) -> bool:
-    """Return whether a column holds a cell in another line where its marker was seen, as in a plane of markers."""
+    """Return whether a cell's text recurs in its column where the marker was seen, as in a plane of markers."""
     text = cell.lstrip(SIGNS)
     return any(
         len(line) > column
@@ -88,12 +88,12 @@ def _is_repeated(cell: str, lines: Sequence[list[str]], column: int) -> bool:
 
 
 def is_part(cell: str) -> bool:
-    """Return whether a cell holds as much of a number as a cut before its first digit leaves."""
+    """Return whether a cell may be the rest of a number that was cut before its first digit."""
     return cell.strip() in ("", "-")
 
 
 def lines_around(rows: Rows, at: int) -> Iterator[list[str]]:
-    """Yield the cells of the lines around one, the nearest first."""
+    """Yield the cells of neighbouring lines, the nearest first."""
     for apart in range(1, LINES_AROUND + 1):
         for k in (at - apart, at + apart):
             if 0 <= k < len(rows):

@@ -1,4 +1,4 @@
-"""Read marker paths from the files that motion capture systems export: C3D, TRC, CSV and TSV of several makes."""
+"""Read marker trajectories from the files of motion capture systems: C3D, TRC, and CSV and TSV of several makes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
 
 def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
-    """Read a file of marker paths.
+    """Read the marker trajectories of one file.
 
-    - `unit`: of its lengths, where the file states none
-    - `decimal`: the sign that parts the decimals of a text, `comma` or `point`; '' where the file is to show it
-    - `wanted`: the markers and frames that are looked at; others are named, and not read
+    - `unit`: unit of the file's lengths, needed where the file states none
+    - `decimal`: decimal separator of a text file, `comma` or `point`; '' to detect it
+    - `wanted`: markers and frames to check and convert; the other markers keep their names only
 
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
@@ -41,7 +41,7 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
             advice=f"give {', '.join(FILE_ENDINGS)}",
         )  # fmt: skip
     if decimal not in ("", *DECIMALS):
-        raise TakeError(f"no sign is named {decimal!r}", where="--decimal", advice="give comma or point")
+        raise TakeError(f"there is no decimal separator {decimal!r}", where="--decimal", advice="give comma or point")
     if decimal and kind == ".c3d":
         raise TakeError(
             f"is for text, and {path.name} is none", where="--decimal",
@@ -54,10 +54,10 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
     if not np.isfinite(tracks.positions).any():
         whose = "none of the garment's markers" if wanted.names else "no marker"
         when = "ever seen" if wanted.frames is None else f"seen in the first {counted(len(tracks.time), 'frame')}"
-        because = f": {tracks.doubt}" if tracks.doubt else ""
+        because = f": {tracks.warning}" if tracks.warning else ""
         paths = "export their trajectories" if wanted.names else "export the trajectories, not only their names"
         raise TakeError(
             f"{whose} was {when}{because}", where=path,
-            advice="export all their coordinates" if tracks.doubt else paths,
+            advice="export all their coordinates" if tracks.warning else paths,
         )  # fmt: skip
     return tracks

@@ -1,10 +1,11 @@
-"""The lines of text files of marker paths, cut into cells where the header says how cells are parted.
+"""Split the lines of a marker text file into cells, with the delimiter that its header shows.
 
-The header shows which program wrote a file. Titles, comments and tables of devices may stand above the header, and the
-marks that part their words say nothing about the frames.
+The header shows which program wrote the file. Titles, comments and tables of devices may stand above the header. Their
+delimiters say nothing about the frames.
 
-A quotation mark is a letter, unless a cell begins and ends with one. Where commas or semicolons part cells, a cell
-that both surround may hold these too (RFC 4180); it never goes on in the next line. Tabs are always between cells.
+A quotation mark is an ordinary character unless a cell begins and ends with one. Where commas or semicolons delimit
+cells, a quoted cell may contain them (RFC 4180). A quoted cell never continues on the next line. A tab is always a
+delimiter.
 """
 
 from __future__ import annotations
@@ -25,43 +26,44 @@ LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung cloth from .npz"
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header
-MOST_OF_DEVICES = 500_000  # lines above the trajectories of Vicon Nexus: 4 minutes of devices at 2000 a second
+MOST_OF_DEVICES = 500_000  # lines above Vicon Nexus' trajectories: 4 minutes of device data at 2000 samples a second
 HEADER = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
-BEHIND_INDEX = re.compile(  # where no line begins with the name of the time: a column stands before it
+BEHIND_INDEX = re.compile(  # the time is the second column, behind an index; tried where no line matches HEADER
     r"""[^,;\t]*[,;\t][\s"']*(time_s)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )
 TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGNORECASE)
 COLUMNS_OF_VICON = re.compile(r"""[\s"']*(frame)["']?\s*([,;\t])""", re.IGNORECASE)
-CUT_LETTER = ("truncated data", "unexpected end of data")  # Python's words for text that ends within a letter
-LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and as many lines of nothing
-LOOKED_AT = 50  # lines in which separators are counted where the header has one cell alone
-MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
+CUT_LETTER = ("truncated data", "unexpected end of data")  # Python's reasons for text that ends within a character
+LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and as many empty lines
+LOOKED_AT = 50  # lines searched for delimiters where the header has a single cell
+MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some more
 LONGEST_CELL = 1 << 17  # characters
 
 
 class Rows(Sequence[list[str]]):
-    """The cells of the lines that hold any. They are split when they are looked at: all at once take 30 times the text.
+    """The non-empty lines of a text file, each split into cells when it is read.
 
-    Where the sign that parts decimals is stated, numbers are given with a decimal point and no other sign.
+    All cells at once would take 30 times the memory of the text. Where the decimal separator is stated, every number is
+    returned with a decimal point and without thousands separators.
 
     Raises:
-        TakeError: a cell is longer than any number or name, a line has more cells than any file of markers, or one of
-            the frames has a number that the stated sign contradicts.
+        TakeError: a cell is longer than any number or name; a line has more cells than any marker file; or a number in
+            a frame contradicts the stated separator.
     """
 
     def __init__(
         self, lines: Sequence[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False,
         decimal: str = "", are_frames: bool = False,
     ) -> None:  # fmt: skip
-        """Hold lines.
+        """Hold lines of a file.
 
-        - `lines`: not cut into cells
-        - `numbers`: of the lines in the file, from 1
-        - `is_cut`: the last one has no end, so that it may be the part of one that was being written
-        - `decimal`: the sign that parts decimals, a comma or a point, where somebody stated it
-        - `are_frames`: a header above them may hold other numbers, such as a version
+        - `lines`: the text of each line
+        - `numbers`: line numbers in the file, from 1
+        - `is_cut`: the last line has no line end, so it may be incomplete
+        - `decimal`: the stated decimal separator, a comma or a point; '' where none is stated
+        - `are_frames`: every line is a frame; a header line may hold other numbers, such as a version
         """
         self.lines, self.numbers, self.separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
         self.decimal, self._are_frames = decimal, are_frames
@@ -99,7 +101,7 @@ class Rows(Sequence[list[str]]):
         return self._as_stated([line[line.rfind(self.separator) + 1 :]], self.numbers[at])[0]
 
     def frames(self) -> Rows:
-        """Return the same lines, of which all are frames."""
+        """Return the same lines, marked as frames."""
         found = self[:]
         found._are_frames = True
         return found
@@ -118,7 +120,7 @@ class Rows(Sequence[list[str]]):
         return [cell if plain is None else plain for cell, plain in zip(cells, found, strict=True)]
 
     def _cells(self, line: str) -> list[str]:
-        """Return the cells of a line, which cost no more memory than any marker file needs."""
+        """Split a line into cells, within the memory that a marker file needs."""
         if len(line) > MOST_CELLS and line.count(self.separator) > MOST_CELLS:
             raise TakeError(
                 f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"
@@ -134,7 +136,7 @@ class Rows(Sequence[list[str]]):
 
 
 def _joined(cells: list[str], separator: str) -> list[str]:
-    """Return cells of which those that one pair of quotation marks surrounds are one again."""
+    """Join the cells that one pair of quotation marks surrounds."""
     found, begun, marks = list[str](), -1, 0
     for cell in cells:
         if begun < 0:
@@ -148,7 +150,7 @@ def _joined(cells: list[str], separator: str) -> list[str]:
 
 
 def unquoted(cell: str) -> str:
-    """Return a cell without the quotation marks around it, those within it no longer doubled."""
+    """Return a cell without its surrounding quotation marks; doubled marks inside become single ones."""
     inner = cell.strip()
     if len(inner) < 2 or inner[0] != '"' or inner[-1] != '"':
         return cell
@@ -156,14 +158,14 @@ def unquoted(cell: str) -> str:
 
 
 def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
-    """Return the first word of the header in small letters, '' without a header, and the lines from there on.
+    """Return the lowercase first word of the header, '' without a header, and the lines from the header on.
 
-    Lines that hold nothing are left out. The lines of a file without a header are all there.
+    Empty lines are left out. Without a header, the lines begin at the top of the file.
 
-    decimal: as of `Rows`
+    decimal: as in `Rows`
 
     Raises:
-        TakeError: the file cannot be read, is empty, no text, or too large.
+        TakeError: the file cannot be read, is empty, is not text, or is too large.
     """
     if (size := path.stat().st_size) > LARGEST_TEXT:
         raise TakeError(f"has {sized(size)} of text", where=path, advice="export fewer frames at once")
@@ -174,7 +176,7 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
     except UnicodeDecodeError as error:
         if error.reason in CUT_LETTER:
             raise TakeError(
-                "ends within a letter", where=path, advice="it is cut off: copy or export it again"
+                "ends within a character", where=path, advice="it is cut off: copy or export it again"
             ) from error
         is_c3d = error.object[1:2] == b"\x50"
         advice = "it looks like C3D: give it the ending .c3d" if is_c3d else "export it as text again"
@@ -182,7 +184,7 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
     if not lines:
         raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
     begin, kind, separator = _header(lines)
-    # In Qualisys' table a line of separators is a frame in which no marker was seen.
+    # In Qualisys' table a line of delimiters alone is a frame in which no marker was seen.
     dropped = ' "' if kind == "no_of_frames" else f'{separator}" \t'
     places = array("L", (k for k, line in enumerate(lines[begin:], begin) if line.strip(dropped)))
     numbers = array("L", (k + 1 for k in places))
@@ -190,7 +192,7 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
 
 
 def _header(lines: TextLines) -> tuple[int, str, str]:
-    """Return where the header begins, its first word in small letters, and the separator of cells below it."""
+    """Return the header's line index, its lowercase first word, and the cell delimiter of the lines below it."""
     for pattern, most in ((HEADER, MOST_TITLES), (BEHIND_INDEX, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
         found = next(((k, match) for k, line in enumerate(lines[:most]) if (match := pattern.match(line))), None)
         if found is not None:
@@ -202,5 +204,5 @@ def _header(lines: TextLines) -> tuple[int, str, str]:
 
 
 def _most_likely(lines: Sequence[str]) -> str:
-    """Return the separator of cells. A comma also parts decimals: it parts cells only where nothing else does."""
+    """Return the cell delimiter: a comma, which may also be the decimal separator, only without tabs and semicolons."""
     return next((separator for separator in "\t;" if any(separator in line for line in lines)), ",")

@@ -1,4 +1,4 @@
-"""The numbers of text files of marker paths: cells of lines become times and places, some lines at a time."""
+"""Convert the cells of a marker text file to times and positions, a batch of lines at a time."""
 
 from __future__ import annotations
 
@@ -14,46 +14,46 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_lines, is_near
-from formats.importers.cell_forms import Writing, take_out_odd_cells, writing_of
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
-from formats.importers.decimal_signs import DecimalSigns, are_too_far, leap_less, may_be_motion
-from formats.importers.leaps import take_out_leaps
-from formats.importers.lost_lines import take_out_joined_lines
+from formats.importers.decimal_separators import DecimalSeparators, are_too_far, fewer_jump, may_be_motion
+from formats.importers.lost_lines import remove_joined_lines
 from formats.importers.marker_lines import Rows
+from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
-from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
-from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
-from formats.importers.unseen_places import (
+from formats.importers.missing_values import (
+    are_incomplete,
     are_zeros,
     as_seen,
-    doubt_of_lacking,
-    doubt_of_zeros,
-    lack_coordinates,
-    take_out_signs,
+    remove_missing_value_codes,
+    warning_of_incomplete,
+    warning_of_zeros,
 )
+from formats.importers.number_cells import are_grouped, is_number, may_be_grouped, number_of
+from formats.importers.number_formats import Writing, remove_odd_numbers, writing_of
+from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, within_a_number
 from formats.plain_text import first_few
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
-PLAIN = b"0123456789+-.eE "  # `float` makes of these letters what `NUMBER` knows, or refuses them
+PLAIN = b"0123456789+-.eE "  # on these characters `float` and `NUMBER` accept the same numbers
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
-NO_THOUSANDS = "export numbers without a sign between thousands"
-MOST_WRONG = 100  # lines that cannot be read and are counted
-LINES_AT_ONCE = 64  # of which the numbers are turned into places at once
+NO_THOUSANDS = "export numbers without a thousands separator"
+MOST_WRONG = 100  # unreadable lines that an error counts
+LINES_AT_ONCE = 64  # lines converted to positions together
 
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a table's lines, and their meaning.
+    """The layout of a table of marker positions.
 
-    - `width`: cells of a line
-    - `markers`: the column of each marker's x, before its y and z; `labels`: their names
-    - `metres`: of the unit of places
-    - `clock`: makes of the first two numbers of each line, (rows, 2), its time [s]
-    - `is_exact`: whether a line must have as many cells as the header has, and numbers of lines need not be those of
-      frames. Without it, ends of lines may be left out, but not of a last line that has no end itself
-    - `kept`: the markers that are looked at, None for all
+    - `width`: number of cells in a line
+    - `markers`: column of each marker's x, before its y and z; `labels`: the markers' names
+    - `metres`: length of the positions' unit [m]
+    - `clock`: computes each line's time [s] from the first two numbers of the lines, (rows, 2)
+    - `is_exact`: whether every line must have as many cells as the header. If so, the first numbers of lines need not
+      be frame numbers. Otherwise a line may leave out its last cells, except a last line that has no line end
+    - `kept`: indices of the markers to convert, None for all
     """
 
     width: int
@@ -65,42 +65,45 @@ class Table:
     kept: Sequence[int] | None = None
 
     def columns(self) -> Integers:
-        """Return the columns of each kept marker's x, y and z, (markers, 3)."""
+        """Return the column indices of each kept marker's x, y and z, (markers, 3)."""
         begin = np.asarray(self.markers, int)
         return (begin if self.kept is None else begin[list(self.kept)])[:, None] + np.arange(3)
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The numbers of lines.
+    """The times and positions of the lines of a table.
 
     - `time` [s], (rows,)
-    - `places` [m], (rows, markers, 3), NaN where not seen
-    - `doubt`: sentences about what may not hold, '' where there is none
-    - `zeros`: how often three zeros stand for each marker, (markers,)
+    - `positions` [m], (rows, markers, 3), NaN where not seen
+    - `warning`: warnings, separated by semicolons, '' without any
+    - `zeros`: how often each marker has three zero coordinates, (markers,)
     """
 
     time: Floats
-    places: Floats
-    doubt: str
+    positions: Floats
+    warning: str
     zeros: Integers
 
     def tracks(
-        self, labels: tuple[str, ...], *, rate: float | None = None, doubt: str = "", has_times: bool = True,
+        self, labels: tuple[str, ...], *, rate: float | None = None, warning: str = "", has_times: bool = True,
         expected: tuple[str, ...] = (),
     ) -> MarkerTracks:  # fmt: skip
-        """Return the numbers as marker paths; the arguments are as there, and `doubt` comes before the own one."""
+        """Return the frames as `MarkerTracks`.
+
+        The arguments are its fields; `warning` stands before the frames' own warnings.
+        """
         return MarkerTracks(
-            labels, self.time, self.places, rate, "; ".join(filter(None, [doubt, self.doubt])), has_times=has_times,
-            zeros=self.zeros, expected=expected,
+            labels, self.time, self.positions, rate, "; ".join(filter(None, [warning, self.warning])),
+            has_times=has_times, zeros=self.zeros, expected=expected,
         )  # fmt: skip
 
 
 def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> Frames:
-    """Return the numbers of the lines of a table: wanted lines, with places of wanted markers alone.
+    """Convert the wanted lines of a table to times and positions of the wanted markers.
 
     Raises:
-        TakeError: a line holds something else, or there are too many.
+        TakeError: a line holds something other than numbers, or the table is too large.
     """
     width, rows, kept = table.width, rows[: wanted.frames].frames(), wanted.markers(table.labels)
     table, labels = replace(table, kept=kept), [table.labels[k] for k in kept]
@@ -109,21 +112,21 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
     columns, begin = table.columns(), min(table.markers, default=width)
-    found = _numbers(rows, table, path, signs := DecimalSigns(begin))
-    first, places, cells = found.first, found.places, found.cells
+    found = _numbers(rows, table, path, signs := DecimalSeparators(begin))
+    first, positions, cells = found.first, found.positions, found.cells
     time = table.clock(first)
     metres = np.full(len(columns), table.metres)
 
     def line(frame: int) -> str:
         return f"line {rows.numbers[frame]}"
 
-    signs_of_gaps = take_out_signs(places, metres, line)
+    codes = remove_missing_value_codes(positions, metres, line)
     refuse_a_cut_time(rows, cells, first, time, begin, width, path)
     if not rows.decimal:
-        _refuse_thousands(rows, table, path, signs, time, places)
+        _refuse_thousands(rows, table, path, signs, time, positions)
     writing = writing_of(rows, [first + axis for first in table.markers for axis in range(3)])
-    broken = broken_lines(rows, cells, columns, time, places, table.metres, writing)
-    last = _doubt_of_the_last(rows, columns, width, writing, time, places, path, is_broken=bool(broken[-1:].any()))
+    broken = broken_lines(rows, cells, columns, time, positions, table.metres, writing)
+    last = _check_the_last(rows, columns, width, writing, time, positions, path, is_broken=bool(broken[-1:].any()))
     has_last = bool(len(cells)) and columns.max(initial=-1) >= cells[-1] - 1
     if not last and rows.is_cut and columns.max(initial=0) >= cells[-1]:
         last = (
@@ -135,62 +138,66 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
             f"line {rows.numbers[-1]} may be cut off after {cells[-1]} of its {width} cells, so the markers from the "
             "last one on count as not seen there"
         )
-        _take_out_the_last(places, len(rows) - 1, cells, columns)
+        _take_out_the_last(positions, len(rows) - 1, cells, columns)
     if last:
         found.lacking[-1, (columns == min(cells[-1] - 1, columns.max())).any(1)] = False
     within = np.flatnonzero(broken[:-1]).tolist()
     for at in within:
-        _take_out_the_last(places, at, cells, columns)
-    doubts = [signs_of_gaps, _doubt_of([rows.numbers[at] for at in within]), last]
-    doubts.append(doubt_of_lacking(found.lacking, time, labels, line))
-    if min(table.markers, default=0):  # without a clock, lines begin with a place
+        _take_out_the_last(positions, at, cells, columns)
+    warnings = [codes, _warning_of_lines([rows.numbers[at] for at in within]), last]
+    warnings.append(warning_of_incomplete(found.lacking, time, labels, line))
+    if min(table.markers, default=0):  # without a clock, a line begins with a position
         # Scripts that leave out rows keep the numbers of the others.
         numbers = time if table.is_exact else first[:, 0]
-        doubts.append(take_out_joined_lines(numbers, time, places, line))
-    doubts.append(take_out_leaps(time, places, labels, line))
-    doubts.append(take_out_odd_cells(rows, columns, places, labels, line, writing.form))
-    doubts.append(doubt_of_zeros(found.zeros, places, labels, line))
-    return _of_all(Frames(time, places, "; ".join(filter(None, doubts)), found.zeros.sum(0)), kept, len(table.labels))
+        warnings.append(remove_joined_lines(numbers, time, positions, line))
+    warnings.append(remove_jumps(time, positions, labels, line))
+    warnings.append(remove_odd_numbers(rows, columns, positions, labels, line, writing.form))
+    warnings.append(warning_of_zeros(found.zeros, positions, labels, line))
+    return _of_all(
+        Frames(time, positions, "; ".join(filter(None, warnings)), found.zeros.sum(0)), kept, len(table.labels)
+    )
 
 
 def _of_all(frames: Frames, kept: list[int], count: int) -> Frames:
-    """Return the frames of kept markers as those of so many, of which the others were not seen."""
+    """Return the frames with all `count` markers; markers that were not kept count as not seen."""
     if len(kept) == count:
         return frames
-    places, zeros = np.full((len(frames.time), count, 3), np.nan), np.zeros(count, int)
-    places[:, kept], zeros[kept] = frames.places, frames.zeros
-    return replace(frames, places=places, zeros=zeros)
+    positions, zeros = np.full((len(frames.time), count, 3), np.nan), np.zeros(count, int)
+    positions[:, kept], zeros[kept] = frames.positions, frames.zeros
+    return replace(frames, positions=positions, zeros=zeros)
 
 
-def _refuse_thousands(rows: Rows, table: Table, path: Path, signs: DecimalSigns, time: Floats, places: Floats) -> None:
-    """Refuse places whose signs may part thousands as well as decimals.
+def _refuse_thousands(
+    rows: Rows, table: Table, path: Path, signs: DecimalSeparators, time: Floats, positions: Floats
+) -> None:
+    """Refuse numbers whose separators may be decimal or thousands separators.
 
-    `time` [s], (rows,); `places` [m], (rows, markers, 3), NaN where not seen: where signs part decimals
+    `time` [s], (rows,); `positions` [m], (rows, markers, 3), NaN where not seen; both as read with decimal separators
     """
     number, is_usual = signs.of_thousands, signs.are_usual(rows.separator)
-    if not number or not (is_usual or leap_less(time, places, np.zeros_like(places))):
+    if not number or not (is_usual or fewer_jump(time, positions, np.zeros_like(positions))):
         return
     sign, name = (",", "commas") if "," in number else (".", "points")
-    as_thousands = DecimalSigns(parts_thousands=sign)
+    as_thousands = DecimalSeparators(parts_thousands=sign)
     found = _numbers(rows, table, path, as_thousands)
-    large = np.where(np.isnan(places), np.nan, found.places)
+    large = np.where(np.isnan(positions), np.nan, found.positions)
     clock = time if signs.has_clock_of_decimals else table.clock(found.first)
     is_motion = is_usual and may_be_motion(clock, large)
-    if not are_too_far(large) and (is_motion or leap_less(time, places, large)):
+    if not are_too_far(large) and (is_motion or fewer_jump(time, positions, large)):
         raise TakeError(
-            f"{name} may part decimals or thousands: {number!r} is {number.replace(sign, '.')} or "
+            f"{name} may separate decimals or thousands: {number!r} is {number.replace(sign, '.')} or "
             f"{number.replace(sign, '')}", where=path,
             advice=NO_THOUSANDS if signs.has_clock_of_decimals else SAY_WHICH,
         )  # fmt: skip
 
 
-def _take_out_the_last(places: Floats, at: int, cells: Integers, columns: Integers) -> None:
-    """Count the marker of a line's last cell as not seen there."""
-    places[at, (columns == cells[at] - 1).any(1)] = np.nan
+def _take_out_the_last(positions: Floats, at: int, cells: Integers, columns: Integers) -> None:
+    """Mark as not seen the marker to which a line's last cell belongs."""
+    positions[at, (columns == cells[at] - 1).any(1)] = np.nan
 
 
-def _doubt_of(lines: list[int]) -> str:
-    """Return a sentence about lines that may end within a number, '' without any."""
+def _warning_of_lines(lines: list[int]) -> str:
+    """Return a warning that lines may end within a number, '' without such lines."""
     if not lines:
         return ""
     if len(lines) == 1:
@@ -201,22 +208,23 @@ def _doubt_of(lines: list[int]) -> str:
 
 @dataclass(frozen=True)
 class _Numbers:
-    """The numbers of lines, before other rules look at them.
+    """The numbers of lines, before outliers and missing-value codes are removed.
 
-    - `first`: two of each line, (rows, 2); `cells`: of each line, (rows,)
-    - `places` [m], (rows, markers, 3), NaN where not seen
-    - `lacking`: which lack coordinates, (rows, markers); `zeros`: which have three zeros, (rows, markers)
+    - `first`: the first two numbers of each line, (rows, 2); `cells`: number of cells of each line, (rows,)
+    - `positions` [m], (rows, markers, 3), NaN where not seen
+    - `lacking`: whether some coordinates are missing, (rows, markers); `zeros`: whether all three are 0, (rows,
+      markers)
     """
 
     first: Floats
     cells: Integers
-    places: Floats
+    positions: Floats
     lacking: Booleans
     zeros: Booleans
 
 
-def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numbers:
-    """Return the numbers of lines; signs: looks at each."""
+def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSeparators) -> _Numbers:
+    """Convert lines to numbers; `signs` collects the separators in them."""
     width, columns = table.width, table.columns()
     shape = len(rows), len(columns)
     found = _Numbers(
@@ -233,17 +241,17 @@ def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSigns) -> _Numb
                 raise _with_others(error, rows, begin + k, table, path, signs) from error
         piece = slice(begin, begin + len(some))
         found.first[piece] = numbers[: len(some), :2]
-        found.places[piece] = as_seen(numbers[: len(some), columns] * table.metres)
-        found.lacking[piece] = lack_coordinates(numbers[: len(some), columns])
+        found.positions[piece] = as_seen(numbers[: len(some), columns] * table.metres)
+        found.lacking[piece] = are_incomplete(numbers[: len(some), columns])
         found.zeros[piece] = are_zeros(numbers[: len(some), columns])
     return found
 
 
-def _line(rows: Rows, at: int, row: list[str], table: Table, path: Path, signs: DecimalSigns) -> Floats:
-    """Return the numbers of one line, (width,), NaN where it leaves out its last cells.
+def _line(rows: Rows, at: int, row: list[str], table: Table, path: Path, signs: DecimalSeparators) -> Floats:
+    """Return the numbers of one line, (width,), NaN where the line leaves out its last cells.
 
     Raises:
-        TakeError: it holds something else, or other cells than its header promises.
+        TakeError: a cell is not a number, or the number of cells contradicts the header.
     """
     _refuse_a_wrong_line(rows, at, row, table, path)
     cells = row if len(row) == table.width else [*row[: table.width], *[""] * (table.width - len(row))]
@@ -255,8 +263,10 @@ def _line(rows: Rows, at: int, row: list[str], table: Table, path: Path, signs: 
         raise TakeError(f"line {rows.numbers[at]} holds {error}", where=path, advice=advice) from error
 
 
-def _with_others(error: TakeError, rows: Rows, at: int, table: Table, path: Path, signs: DecimalSigns) -> TakeError:
-    """Return the error of a line, which names the lines behind that cannot be read either, unless most cannot."""
+def _with_others(
+    error: TakeError, rows: Rows, at: int, table: Table, path: Path, signs: DecimalSeparators
+) -> TakeError:
+    """Add to a line's error the later lines that cannot be read either, unless most lines cannot."""
     wrong, looked = list[int](), 0
     for looked, row in enumerate(rows[at + 1 :], 1):
         try:
@@ -273,11 +283,11 @@ def _with_others(error: TakeError, rows: Rows, at: int, table: Table, path: Path
     return TakeError(f"{error.what}; {more}", where=path, advice=error.advice)
 
 
-def _doubt_of_the_last(
-    rows: Rows, columns: Integers, width: int, writing: Writing, time: Floats, places: Floats, path: Path, *,
+def _check_the_last(
+    rows: Rows, columns: Integers, width: int, writing: Writing, time: Floats, positions: Floats, path: Path, *,
     is_broken: bool,
 ) -> str:  # fmt: skip
-    """Refuse a last number that is cut. Take out the marker of one that may be, and return a sentence that says so."""
+    """Refuse a cut last number; return a warning of one that may be cut, and mark its marker as not seen."""
     at, row = len(rows) - 1, rows[-1] if len(rows) else []
     markers = np.flatnonzero(columns[:, 2] == min(len(row) - 1, columns.max(initial=0)))
     if not len(markers):
@@ -291,17 +301,17 @@ def _doubt_of_the_last(
         )  # fmt: skip
     if ending is Ending.CUT:
         raise within_a_number(number, last + 1, width, path)
-    if ending is Ending.WHOLE or (np.isnan(places[at, marker]).all() and not is_part(row[last])):
+    if ending is Ending.WHOLE or (np.isnan(positions[at, marker]).all() and not is_part(row[last])):
         return ""
-    is_off = is_broken if ending is Ending.OPEN else not is_near(time, places[:, marker, 2])
+    is_off = is_broken if ending is Ending.OPEN else not is_near(time, positions[:, marker, 2])
     if not is_off:
         return ""
-    places[at, marker] = np.nan
+    positions[at, marker] = np.nan
     return f"line {number} {WITHIN_ITS_LAST}"
 
 
 def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path: Path) -> None:
-    """Refuse a line with other cells than its header promises."""
+    """Refuse a line whose number of cells contradicts the header."""
     width = table.width
     if len(row) == width:
         return
@@ -322,7 +332,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
     if may_be_parted and (is_longer or not _commas_part_cells(rows, at, len(row))):
         raise TakeError(
             f"line {number} has {len(row)} cells, not {width}, none with a decimal point", where=path,
-            advice="where commas part decimals too, export with decimal points, or with semicolons between cells",
+            advice="where commas are decimal separators too, export decimal points, or semicolons between cells",
         )  # fmt: skip
     if table.is_exact and (len(row) < width or is_longer):
         raise TakeError(f"line {number} has {len(row)} columns, not {width}", where=path, advice="mend that line")
@@ -340,20 +350,20 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
 
 
 def _may_leave_out_cells(rows: Rows, at: int, table: Table) -> bool:
-    """Return whether the program of a file leaves out empty cells at the end of a line, as lines around one show."""
+    """Return whether the lines around one show that the writing program leaves out empty cells at the end of a line."""
     leaves_out = not table.is_exact and any(len(line) < table.width for line in lines_around(rows, at))
     return leaves_out and len(rows[at]) > min(table.markers, default=0)
 
 
 def _marks_join_cells(rows: Rows, at: int) -> bool:
-    """Return whether a line's cell holds a separator, but no number with a decimal comma such as longer lines hold."""
+    """Return whether quotation marks join cells of a line, other than around a number with a decimal comma."""
     joined = [cell for cell in rows[at] if rows.separator in cell]
     whole = chain.from_iterable(line for line in lines_around(rows, at) if len(line) > len(rows[at])) if joined else ()
     return bool(joined) and not (all(map(is_number, joined)) and any(rows.separator in cell for cell in whole))
 
 
 def _commas_part_cells(rows: Rows, at: int, cells: int) -> bool:
-    """Return whether lines around one show, with as many cells, that no comma parts decimals.
+    """Return whether the lines around one, with as many cells, show that commas delimit cells only.
 
     One of them has decimal points, or fewer empty cells at its end than the three of a marker that was not seen.
     """
@@ -361,11 +371,11 @@ def _commas_part_cells(rows: Rows, at: int, cells: int) -> bool:
     return any(any(map(str.strip, line[-3:])) or any("." in cell for cell in line) for line in lines)
 
 
-def _row(cells: list[str], signs: DecimalSigns) -> Floats:
-    """Return the numbers of cells, as `number_of` does, five times as quickly where all of them are plain.
+def _row(cells: list[str], signs: DecimalSeparators) -> Floats:
+    """Return the numbers of cells as `number_of` does; plain numbers convert five times as fast.
 
     Raises:
-        ValueError: as `number_of` and `DecimalSigns.look`.
+        ValueError: as `number_of` and `DecimalSeparators.look`.
     """
     text = "".join(cells)
     signs.look(cells, text)

@@ -1,7 +1,7 @@
-"""Marker paths of text files: TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and our own CSV.
+"""Read marker trajectories from text: TRC, CSV of Vicon Nexus, OptiTrack Motive and Hangtime, TSV of Qualisys.
 
-Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. `marker_lines` finds the
-header, whose first word shows which program wrote a file.
+Commas, semicolons or tabs delimit the cells. A comma may be the decimal separator where it is not the delimiter.
+`marker_lines` finds the header, whose first word shows which program wrote the file.
 
 Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV".
 """
@@ -20,10 +20,10 @@ from formats.importers.own_text import read_own
 from formats.importers.qualisys_text import read_qualisys
 from formats.importers.stated_values import (
     cell_at,
-    doubt_of_count,
     frame_rate,
     names_of,
     rate_beside_times,
+    warning_of_count,
     whole_number,
 )
 from formats.importers.units import metres_of
@@ -33,11 +33,11 @@ EXPECTED = ("rigid body marker", "bone marker")  # types of Motive's columns
 
 
 def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
-    """Read the marker paths of a text file.
+    """Read the marker trajectories of a text file.
 
-    - `unit`: of its lengths, where it states none
-    - `decimal`: the sign that parts decimals, a comma or a point; '' where the file is to show it
-    - `wanted`: the markers and frames that are looked at
+    - `unit`: unit of its lengths, needed where it states none
+    - `decimal`: decimal separator, a comma or a point; '' to detect it
+    - `wanted`: markers and frames to check and convert
 
     Raises:
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
@@ -48,7 +48,10 @@ def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wa
 
 
 def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
-    """OpenSim's: a line of names and a line of values, then `Frame#`, `Time` and a marker's name every three cells."""
+    """Read a TRC file of OpenSim.
+
+    A line of names and a line of values come first, then `Frame#`, `Time` and a marker's name every three cells.
+    """
     if len(rows) < 5:
         raise TakeError("ends within its header", where=path, advice=f"export it again; {CAN_BE_READ}")
     stated = dict(zip((cell.strip().lower() for cell in rows[1]), rows[2], strict=False))
@@ -59,18 +62,18 @@ def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTrac
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
     count_of_frames = whole_number(stated.get("numframes", ""), "number of frames", path)
-    doubt = doubt_of_count(len(body), count_of_frames, wanted.frames, path)
+    warning = warning_of_count(len(body), count_of_frames, wanted.frames, path)
     table = Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1])
     frames = read_frames(body, table, path, wanted)
     rate = rate_beside_times(stated.get("datarate", ""))
-    return frames.tracks(names_of(names, path), rate=rate, doubt=doubt)
+    return frames.tracks(names_of(names, path), rate=rate, warning=warning)
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
-    """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number.
+    """Read a CSV file of Vicon Nexus.
 
-    A row of units that holds none, or that is not there, leaves the unit to be given. Spreadsheets and scripts take out
-    the column of sub frames.
+    After `Trajectories` come the frame rate, the names above X, Y and Z, their units, and the numbered frames. Without
+    units, the caller must give the unit. The sub-frame column may be missing: spreadsheets and scripts remove it.
     """
     section = rows[1:]
     if len(section) < 4:
@@ -110,9 +113,10 @@ def _vicon(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTr
 
 
 def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
-    """Return whether frames follow a line that is none. The title of another section has its frame rate below it.
+    """Return whether more frames follow a line that is no frame.
 
-    A unit may stand beside that rate; a frame has numbers there.
+    The title of another section has its frame rate in the next line. A unit may stand beside that rate, where a frame
+    has numbers.
     """
     frames = [_has_numbers(row, has_sub_frames=has_sub_frames) for row in rows]
     is_section = bool(rows) and rate_beside_times(cell_at(rows[0], 0)) is not None and not frames[0]
@@ -120,18 +124,21 @@ def _goes_on(rows: Rows, *, has_sub_frames: bool) -> bool:
 
 
 def _has_numbers(row: list[str], *, has_sub_frames: bool) -> bool:
-    """Return whether a line has numbers where a frame has them: that of a sub frame, or places."""
+    """Return whether a line has a frame's numbers: a sub-frame number where that column exists, else positions."""
     return cell_at(row, 1).isdigit() if has_sub_frames else any(map(is_number, row[1:]))
 
 
 def _second_trajectories(rows: Rows) -> int | None:
-    """Return the number of the line with which another section of trajectories begins, None without one."""
+    """Return the line number at which a second section of trajectories begins, None without one."""
     begins = (number for number, line in zip(rows.numbers, rows.lines, strict=True) if TRAJECTORIES.match(line))
     return next(begins, None)
 
 
 def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
-    """OptiTrack's: names and values in the first line, then rows `Type`, `Name`, ... above `Frame`, `Time`."""
+    """Read a CSV file of OptiTrack Motive.
+
+    The first line holds names and values. Rows named `Type`, `Name` and so on stand above `Frame`, `Time`.
+    """
     stated = {name.strip().lower(): value for name, value in zip(rows[0][::2], rows[0][1::2], strict=False)}
     heads = {row[1].strip().lower(): row for row in rows[1:9] if len(row) > 1 and not row[0].strip()}
     begin = next((k for k, row in enumerate(rows[:12]) if row[0].strip().lower() == "frame"), None)
@@ -155,9 +162,9 @@ def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerT
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
     count = whole_number(total, "number of frames", path) if total.strip() else len(body)
-    doubt = doubt_of_count(len(body), count, wanted.frames, path)
+    warning = warning_of_count(len(body), count, wanted.frames, path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     labels = [cell_at(names, k, as_is=True) for k in at]
     frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path, wanted)
     rate = rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
-    return frames.tracks(names_of(labels, path), rate=rate, doubt=doubt, expected=expected)
+    return frames.tracks(names_of(labels, path), rate=rate, warning=warning, expected=expected)

@@ -1,4 +1,4 @@
-"""Read the arrays that an importer needs of an `.npz` archive, and refuse other files."""
+"""Load the arrays that an importer needs from an `.npz` archive, and refuse other files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from formats.plain_text import sized
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
-BEGINNING = b"PK\x03\x04"  # of the first file in an archive (APPNOTE.TXT, 4.3.7)
+BEGINNING = b"PK\x03\x04"  # first bytes of a zip archive (APPNOTE.TXT, 4.3.7)
 
 
 def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
-    """Return the named arrays; others in the archive are not read.
+    """Return the named arrays of an archive; other arrays are not read.
 
-    - `most_bytes`: of these arrays together as 64-bit numbers, which an import makes of small ones
-    - `advice`: what to give instead of another file
+    - `most_bytes`: limit for these arrays together as 64-bit numbers, to which an import converts them
+    - `advice`: the next step in the error about an unsuitable file
 
     Raises:
         TakeError: the file is missing, is no such archive, lacks an array, or its arrays are too large.
@@ -60,13 +60,13 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
 
 
 def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_bytes: int) -> None:
-    """Refuse an archive whose arrays would take far more memory than any recording."""
+    """Refuse a zip bomb: an archive whose unpacked arrays would take far more memory than any recording."""
     with zipfile.ZipFile(file) as archive:
         wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
     _refuse_too_many(sum(part.file_size for part in wanted), path, most_bytes)
 
 
 def _refuse_too_many(size: int, path: Path, most_bytes: int) -> None:
-    """Refuse so many bytes of numbers."""
+    """Refuse arrays above the limit of bytes."""
     if size > most_bytes:
         raise TakeError(f"its arrays have {sized(size)}", where=path, advice="import shorter recordings")

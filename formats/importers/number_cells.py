@@ -1,4 +1,4 @@
-"""The cells of text files of marker paths: a number as programs write it, or a word for a place that was not seen."""
+"""Parse the cells of a marker text file: numbers as programs write them, and words for a missing value."""
 
 from __future__ import annotations
 
@@ -8,37 +8,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` also accepts 1_0
 WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
-DECIMALS = {"comma": ",", "point": "."}  # by the words in which somebody states the sign that parts decimals
-# A space of any width or an apostrophe between thousands, as in 1 500,25 and 1'500.25.
+DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in --decimal
+# A space of any width or an apostrophe as the thousands separator, as in 1 500,25 and 1'500.25.
 GROUPED = re.compile(r"[+-]?\d{1,3}([ \u00a0\u2009\u202f'\u2019]\d{3})+([.,]\d*)?", re.ASCII)
 LONGEST_SHOWN = 40  # characters of a cell in a message
-# Of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
+# Missing values of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
 GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "nan(snan)"}
-# The older one pads `1.#QNAN` with zeros, or rounds its letters: to two places 1.#R, to three 1.#QO.
-# It rounds `-1.#IND`, its sign of 0/0, to -1.$, -1.#J and -1.#IO, and infinity to the same letters.
-# `IND` always has a minus: without one, they are infinite, and no gap.
+# The older C library pads `1.#QNAN` with zeros, or rounds its letters: to two decimals 1.#R, to three 1.#QO.
+# It rounds `-1.#IND`, its result of 0/0, to -1.$, -1.#J and -1.#IO, and infinity to the same letters.
+# `IND` always has a minus. Without a minus the letters mean infinity, which is no missing value.
 OLD_WINDOWS_GAP = re.compile(r"([+-]?1\.#((ind|[qs]?nan)0*|[qs]nb|[qs]o|[rt])|-1\.(\$|#j|#io))(e\+0+)?")
 
 
 @dataclass(frozen=True)
 class Form:
-    """How a number is written: digits behind its point, and letters behind its `e`."""
+    """The format of a number: count of digits behind its point, and count of characters behind its `e`."""
 
     digits: int
     power: int
 
 
 def number_of(cell: str) -> float:
-    """Return the number of a cell, NaN where it says that nothing was seen.
+    """Return the number in a cell, NaN where the cell stands for a missing value.
 
     Raises:
-        ValueError: it holds anything else; says so.
+        ValueError: the cell holds anything else; the error quotes the cell.
     """
     word = cell.strip().lower()
     plain = word.replace(",", ".")
-    # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
+    # 1e999 is infinite, and no position is. To read it as a missing value would hide a fault.
     if NUMBER.fullmatch(plain) and np.isfinite(number := float(plain)):
         return number
     if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS or OLD_WINDOWS_GAP.fullmatch(plain):
@@ -47,9 +47,11 @@ def number_of(cell: str) -> float:
 
 
 def with_point(cell: str, decimal: str) -> str | None:
-    """Return a number with a decimal point and no other sign, other text as it is, and None for another number.
+    """Return a cell's number with a decimal point and no thousands separators, other text unchanged.
 
-    decimal: the sign that parts decimals; the other one of comma and point parts thousands
+    Return None for a number that contradicts the decimal separator.
+
+    decimal: the decimal separator, comma or point; the other one separates thousands
     """
     word = cell.strip()
     if not WITH_SIGNS.fullmatch(word):
@@ -63,23 +65,23 @@ def with_point(cell: str, decimal: str) -> str | None:
 
 
 def may_be_grouped(cells: Iterable[str]) -> bool:
-    """Return whether one of some cells is a number with both signs, of which one parts thousands, as 1.234,5 is."""
+    """Return whether a cell has both a decimal and a thousands separator, such as 1.234,5."""
     signed = (cell for cell in cells if "." in cell and "," in cell)
     return any(with_point(cell, sign) not in (None, cell) for cell in signed for sign in DECIMALS.values())
 
 
 def are_grouped(cells: Iterable[str]) -> bool:
-    """Return whether a space or an apostrophe parts the thousands of one of some cells."""
+    """Return whether a space or an apostrophe separates the thousands in any of the cells."""
     return any(GROUPED.fullmatch(cell.strip()) for cell in cells)
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, which a decimal comma may part."""
+    """Return whether a cell is a number, with a decimal point or comma."""
     return NUMBER.fullmatch(cell.strip().replace(",", ".")) is not None
 
 
 def is_seen(cell: str) -> bool:
-    """Return whether a cell is a number that stands for a place: 0 stands for a marker that was not seen."""
+    """Return whether a cell is a number other than 0, which may stand for a missing value."""
     return is_number(cell) and float(cell.strip().replace(",", ".")) != 0
 
 
@@ -89,6 +91,6 @@ def magnitude_of(cell: str) -> int:
 
 
 def form_of(cell: str) -> Form:
-    """Return how the number of a cell is written."""
+    """Return the format of the number in a cell."""
     number, _, power = cell.strip().lower().replace(",", ".").partition("e")
     return Form(len(number.partition(".")[2]), len(power))

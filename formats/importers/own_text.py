@@ -1,8 +1,8 @@
-"""Marker paths of our own CSV, which people write by hand, with pandas, R and MATLAB, and with spreadsheets.
+"""Read marker trajectories from Hangtime's own CSV, written by hand, with pandas, R or MATLAB, or with spreadsheets.
 
-`time_s` comes first, then NAME_x_m, NAME_y_m and NAME_z_m of each marker. The axis may be a capital letter, and the
-unit may be left out where it is given. Before `time_s` a table of pandas or R has a column of the numbers of its rows.
-Its name is empty, or lacks its cell: R's `write.table` names the others alone.
+`time_s` comes first, then NAME_x_m, NAME_y_m and NAME_z_m of each marker. The axis may be a capital letter. The unit
+may be missing where the user gives it. A table of pandas or R has a column of row numbers before `time_s`. The column's
+name is empty, or its header cell is missing: R's `write.table` names the other columns only.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from formats.rows import spreadsheet_cell
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 TIME = "time_s"
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
-UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # so pandas names a column without a name that it read
+UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
 FEWEST_COUNTED = 3  # lines, stated by us: fewer do not show that their first cells count
 
 
 def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
-    """Read our own CSV.
+    """Read Hangtime's own CSV.
 
-    - `rows`: from its header on; `unit`: of its lengths, where its columns name none
-    - `wanted`: the markers and frames that are looked at
+    - `rows`: from the header on; `unit`: of lengths, needed where the columns name none
+    - `wanted`: markers and frames to check and convert
 
     Raises:
-        TakeError: its columns are others, or its numbers do not hold together.
+        TakeError: the columns are others, or the numbers are malformed.
     """
     line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
     while len(head) > 1 and not head[-1]:  # a separator at the end of the line
@@ -62,15 +62,15 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
 
 
 def _as_named(cell: str) -> str:
-    """Return a name without the apostrophe that keeps a spreadsheet from running it as a formula."""
+    """Return a name without the leading apostrophe that stops a spreadsheet from running the name as a formula."""
     word = cell.strip()
     return word[1:] if word.startswith("'") and spreadsheet_cell(word[1:]) == word else word
 
 
 def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[str], str]:
-    """Return the names of the markers and the unit that their columns state, '' without one.
+    """Return the markers' names and the unit in their column names, '' without one.
 
-    `begin`: the column of the time, which theirs follow
+    `begin`: index of the time column, which the markers' columns follow
     """
     labels, stated = list[str](), ""
     for k in range(begin + 1, len(head), 3):
@@ -95,7 +95,7 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
 
 
 def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None:
-    """Refuse a column before the time, unless it has no name and numbers the lines."""
+    """Refuse a column before the time, unless the column is unnamed and numbers the lines."""
     if not UNNAMED.fullmatch(name):
         raise TakeError(
             f"column 1 of line {line} is {name[:LONGEST_SHOWN]!r}, and {TIME} is column 2", where=path,
@@ -109,9 +109,9 @@ def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None
 
 
 def _has_unnamed_numbers(body: Rows, named: int) -> bool:
-    """Return whether lines begin with their numbers, and have one cell more than there are names.
+    """Return whether lines begin with a row number for which the header has no cell.
 
-    If the first cells were times, there would be a frame a second or fewer, which is no recording of swung cloth.
+    If the first cells were times, there would be at most one frame a second, which no recording of swung cloth has.
     """
     lines = _whole_lines(body)
     has_one_more = all(len(row) == named + 1 for row in lines) and any(row[-1].strip() for row in lines)
@@ -119,12 +119,12 @@ def _has_unnamed_numbers(body: Rows, named: int) -> bool:
 
 
 def _whole_lines(body: Rows) -> list[list[str]]:
-    """Return the cells of the first lines, without a last one that has no end."""
+    """Return the cells of the first lines, without a last line that has no line end."""
     return list(body[: min(LOOKED_AT, len(body) - body.is_cut)])
 
 
 def _count_up(cells: list[str]) -> bool:
-    """Return whether cells are whole numbers, each larger than the one before."""
+    """Return whether cells are increasing whole numbers."""
     if not all(map(is_number, cells)):
         return False
     numbers = np.array([number_of(cell) for cell in cells])

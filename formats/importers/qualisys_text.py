@@ -1,7 +1,7 @@
-"""Marker paths of Qualisys Track Manager's TSV, in which three options of its export change the table.
+"""Read marker trajectories from the TSV of Qualisys Track Manager, whose export options change the table.
 
-The lines of a name and its value end with `MARKER_NAMES` or `TRAJECTORY_TYPES`. A row of column names follows, or none.
-Then each line is a frame: x, y and z of each marker. The number and the time of the frame may stand before them.
+The header lines, each a name and its value, end with `MARKER_NAMES` or `TRAJECTORY_TYPES`. A row of column names may
+follow. Then each line is a frame: x, y and z of each marker. The frame's number and time may stand before them.
 
 Sources: Qualisys Track Manager, "TSV export" and "Motion data (.tsv)".
 """
@@ -20,23 +20,23 @@ from formats.importers.marker_lines import LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import GAP_WORDS, is_number, number_of
-from formats.importers.stated_values import doubt_of_count, frame_rate, names_of, whole_number
+from formats.importers.stated_values import frame_rate, names_of, warning_of_count, whole_number
 from formats.importers.units import metres_of
 
 LONGEST_HEAD = 1000  # lines above the first frame: one for each event
 STATED = re.compile(r"[A-Z_]+")  # the name of a value
 CLOCK_CELLS = 2  # cells: number and time of a frame
-WITHIN_A_STEP = 0.5  # of frames: so far a time may be off, which its digits round
+WITHIN_A_STEP = 0.5  # frame intervals that a rounded time may be off
 
 
 def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
-    """Read a table of Qualisys, in millimetres.
+    """Read a Qualisys table, in millimetres.
 
-    - `rows`: from its header on; `unit`: what a person says of its lengths
-    - `wanted`: the markers and frames that are looked at
+    - `rows`: from the header on; `unit`: the user's unit of lengths
+    - `wanted`: markers and frames to check and convert
 
     Raises:
-        TakeError: its header contradicts itself or its table, or its numbers do not hold together.
+        TakeError: the header contradicts itself or the table, or the numbers are malformed.
     """
     head = list(takewhile(_states_a_value, rows[:LONGEST_HEAD]))
     stated = {row[0].strip(): row[1:] for row in head}
@@ -59,7 +59,7 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
     body = body[:end]
-    doubt = doubt_of_count(end, count_of_frames, wanted.frames, path)
+    warning = warning_of_count(end, count_of_frames, wanted.frames, path)
     begin = CLOCK_CELLS * has_clock
 
     def clock(first: Floats) -> Floats:
@@ -67,23 +67,23 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
 
     table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
     frames = read_frames(body, table, path, wanted)
-    return frames.tracks(names_of(names, path), rate=rate, doubt=doubt, has_times=has_clock)
+    return frames.tracks(names_of(names, path), rate=rate, warning=warning, has_times=has_clock)
 
 
 def _states_a_value(row: list[str]) -> bool:
-    """Return whether a line states a value. A frame may begin with a word such as NULL, where nothing was seen."""
+    """Return whether a header line states a value; a frame may begin with a missing-value word such as NULL."""
     return STATED.fullmatch(row[0].strip()) is not None and row[0].strip().lower() not in GAP_WORDS
 
 
 def _are_titles(row: list[str], names: list[str]) -> bool:
-    """Return whether a line names columns without a clock, as in `top_left X`."""
+    """Return whether a line holds the column names of a table without a clock, such as `top_left X`."""
     return bool(names) and row[0].strip().startswith(names[0]) and not any(map(is_number, row))
 
 
 def _begin_with_a_clock(body: Rows, width: int, rate: float) -> bool:
-    """Return whether lines without titles begin with the number and the time of their frame, of so many a second.
+    """Return whether lines without column names begin with a frame number and a time at `rate` frames a second.
 
-    `width`: cells of the places
+    `width`: number of cells with coordinates
     """
     lines = [row for row in body[: min(LOOKED_AT, len(body) - body.is_cut)] if any(map(str.strip, row))]
     if max(map(len, lines), default=0) < width + CLOCK_CELLS:

@@ -1,12 +1,12 @@
-"""Tell a line of a marker file that a cut left shorter than the others from one whose last cells are left out.
+"""Distinguish a line of a marker file that was cut short from a line whose last cells were left out.
 
-Some programs leave out the empty cells at the end of a line, some spreadsheets those of a few lines alone. So a short
-line is read, and markers without cells count as not seen. A line that was cut, and was given an end by an editor later,
-looks the same. A cut shows in three ways:
+Some programs leave out the empty cells at the end of every line, some spreadsheets those of a few lines. So a short
+line is read, and markers without cells count as not seen. A cut line to which an editor added a line end looks the
+same. Three signs show a cut:
 
-- its time is missing, or is no later than that of the line before;
-- no other line has so few cells, and it is the last one;
-- it is the last one, and the only short one that ends behind a separator.
+- The line's time is missing, or is no later than the time of the line before.
+- The line is the last one, and no other line has so few cells.
+- The line is the last one, and the only short line that ends behind a delimiter.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ OF_THE_CLOCK = 2  # cells at most before the first marker: number and time of a 
 def refuse_a_cut_time(
     rows: Rows, cells: Integers, clock: Floats, time: Floats, begin: int, width: int, path: Path
 ) -> None:
-    """Refuse a line that ends within its time or the number of its frame, though it has an end.
+    """Refuse a line that ends within its time or frame number, although it has a line end.
 
-    - `cells`: of each line, (rows,); `begin`: those before the first marker; `width`: of a whole line
-    - `clock`: the first two numbers of each line, (rows, 2); `time` [s] that they tell, (rows,), NaN without one
+    - `cells`: number of cells of each line, (rows,); `begin`: of cells before the first marker; `width`: of a whole
+      line
+    - `clock`: the first two numbers of each line, (rows, 2); `time` [s]: of each line, (rows,), NaN without one
 
     Raises:
         TakeError: names the line.
@@ -48,7 +49,7 @@ def refuse_a_cut_time(
 
 
 def within_a_number(number: int, cells: int, width: int, path: Path) -> TakeError:
-    """Return the error of a line that ends within the last of so many cells, of a whole line's `width`."""
+    """Return the error of a line that ends within its last number, after `cells` of `width` cells."""
     return TakeError(
         f"line {number} ends within a number, after {cells} of its {width} cells", where=path,
         advice="the line is cut off: copy or export the file again",
@@ -56,9 +57,9 @@ def within_a_number(number: int, cells: int, width: int, path: Path) -> TakeErro
 
 
 def last_may_be_cut(rows: Rows, cells: Integers, width: int) -> bool:
-    """Return whether the last line may have been cut though it has an end.
+    """Return whether the last line may have been cut, although it has a line end.
 
-    cells: of each line, (rows,); `width`: of a whole line
+    cells: number of cells of each line, (rows,); `width`: of a whole line
     """
     short, last = np.flatnonzero(cells < width), len(cells) - 1
     if not rows.are_last or last < FEWEST_OTHERS or last not in short:

@@ -1,4 +1,4 @@
-"""Read or refuse names, counts and frame rates that the header of a text file of markers states."""
+"""Read the names, counts and frame rates that the header of a marker text file states."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def names_of(labels: list[str], path: Path) -> tuple[str, ...]:
 
 
 def cell_at(row: list[str], at: int, *, as_is: bool = False) -> str:
-    """Return a cell in small letters or as it is, '' where the line is shorter."""
+    """Return a cell in lowercase, or unchanged with `as_is`; '' where the line is shorter."""
     cell = row[at].strip() if at < len(row) else ""
     return cell if as_is else cell.lower()
 
 
 def whole_number(cell: str, what: str, path: Path) -> int:
-    """Return the number in a cell; the words for it are `what`.
+    """Return the whole number in a cell; `what` names the quantity in an error.
 
     Raises:
-        TakeError: it is none.
+        TakeError: the cell holds no number.
     """
     try:
         return int(number_of(cell))
@@ -42,10 +42,10 @@ def whole_number(cell: str, what: str, path: Path) -> int:
 
 
 def frame_rate(cell: str, path: Path) -> float:
-    """Return the frame rate [1/s] of a file that has no times.
+    """Return the frame rate [1/s] that a file without times states.
 
     Raises:
-        TakeError: it states none that can be used.
+        TakeError: the rate is missing or out of range.
     """
     try:
         rate = number_of(cell)
@@ -58,7 +58,7 @@ def frame_rate(cell: str, path: Path) -> float:
 
 
 def rate_beside_times(cell: str) -> float | None:
-    """Return the frame rate [1/s] that a file with a time for each frame states, None where it states none."""
+    """Return the frame rate [1/s] that a file states besides its times, None where it states none."""
     try:
         rate = number_of(cell)
     except ValueError:
@@ -66,13 +66,13 @@ def rate_beside_times(cell: str) -> float | None:
     return rate if rate > 0 else None
 
 
-def doubt_of_count(found: int, stated: int, wanted: int | None, path: Path) -> str:
-    """Return a sentence about a file of more frames than it states, '' where no further one is wanted.
+def warning_of_count(found: int, stated: int, wanted: int | None, path: Path) -> str:
+    """Return a warning of a file with more frames than it states, '' where no further frame is wanted.
 
-    Programs that cut or join recordings may leave the old count. All frames that are there and wanted are read.
+    Programs that cut or join recordings may leave the old count. All wanted frames in the file are read.
 
     Raises:
-        TakeError: it holds fewer.
+        TakeError: the file holds fewer frames than it states.
     """
     read = found if wanted is None else min(wanted, found)
     if read > stated:

@@ -1,12 +1,12 @@
-"""Import of motion capture of a garment with markers: marker paths and a garment description become a take.
+"""Import motion capture of a garment with markers: trajectories and a garment description become a take.
 
-The garment's points are the markers, by name. The garment is held at the markers on the two top corners of its outline.
-Their paths drive the simulation. Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic
-Features", section 2.
+The garment's points are the markers, matched by name. The markers on the two top corners of the outline hold the
+garment. Their trajectories drive the simulation. Source: "Optimization of Cloth Simulation Parameters by Considering
+Static and Dynamic Features", section 2.
 
 Cloth cannot stretch by a quarter. Neighbouring markers that are farther apart mean a wrong unit, garment or naming. The
-same holds for held corners farther apart than the cloth is wide. Markers that hang hardly lower than the held corners
-mean a wrong axis that points up.
+same holds for held corners that are farther apart than the cloth is wide. Markers that hang hardly lower than the held
+corners mean a wrong vertical axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted
-from formats.importers.strays import refuse_strays
+from formats.importers.path_outliers import refuse_jumps
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
 from formats.plain_text import counted
@@ -31,10 +31,10 @@ from formats.plausible import check_plausible_times, check_rate_alone, check_sta
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
-ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
+ON_CORNER = 2e-3  # m, largest distance of a marker from the outline's corner
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
-AS_NEAR = 1.1  # times the distance of the nearest marker: so far are neighbours
-LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: swung by 70 degrees throughout
+AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
+LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: the drop of cloth held at 70 degrees throughout
 DOWN: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
     "-x": (1.0, 0.0, 0.0), "-y": (0.0, 1.0, 0.0), "-z": (0.0, 0.0, 1.0),
@@ -43,14 +43,15 @@ DOWN: dict[str, Vector] = {
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerOptions:
-    """Choices about a file of marker paths.
+    """User options for a file of marker trajectories.
 
     - `up`: the axis that points up
-    - `frames`: keep only so many from the beginning
-    - `unit`: of lengths, where the file states none
-    - `decimal`: the sign that parts decimals of a text, `comma` or `point`; '' where the file is to show it
-    - `subject`: whose markers, where several have the same names
-    - `anyway`: accept implausible times, and corners that leap; None: refuse them, and name no option for it
+    - `frames`: number of frames to keep, from the beginning
+    - `unit`: unit of lengths, needed where the file states none
+    - `decimal`: decimal separator of a text file, `comma` or `point`; '' to detect it
+    - `subject`: subject whose markers are used, where several subjects have the same marker names
+    - `anyway`: accept implausible times, and corners that jump; None: refuse them, and do not offer --anyway in the
+      error
     """
 
     up: str = "z"
@@ -62,7 +63,7 @@ class MarkerOptions:
 
 
 def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | None = None) -> Take:
-    """Return the take in a file of marker paths.
+    """Return the take in a file of marker trajectories.
 
     Raises:
         TakeError: the file cannot be read, has too few frames, times that are not in seconds, or markers that do not
@@ -88,7 +89,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
     if not options.anyway:
         advice = f"empty {garment.points[left].name!r} or {garment.points[right].name!r} there, and export again"
-        refuse_strays(time, held, path, one="frame", advice=advice, offers_anyway=options.anyway is not None)
+        refuse_jumps(time, held, path, one="frame", advice=advice, offers_anyway=options.anyway is not None)
     state = np.where(held_seen.all(1), 0, FrameState.MARKER_LOST).astype(np.uint16)
     return Take(
         take_id=path.stem,
@@ -101,15 +102,15 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
             OF_MARKERS: f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
             "front": facing(held, up),
         }
-        | ({"file": tracks.doubt} if tracks.doubt else {}),
+        | ({"file": tracks.warning} if tracks.warning else {}),
     )  # fmt: skip
 
 
 def facing(held: Floats, up: str) -> str:
-    """Return the axis that the garment's front looks along, by its held corners [m], (frames, 2, 3): left, right.
+    """Return the axis that the garment's front faces, from its held corners [m], (frames, 2, 3): left, right.
 
-    Flat cloth seen from behind is its own mirror image. So exchanged sides or left-handed axes cannot be refused. Only
-    somebody who was there knows which way the front looked.
+    Flat cloth seen from behind is its own mirror image. So the import cannot detect exchanged sides or left-handed
+    axes. Only a person who was present knows the direction of the front.
     """
     across = np.nanmean(held[:, 1] - held[:, 0], axis=0)
     front = np.cross(across, -np.array(DOWN[up]))
@@ -118,7 +119,7 @@ def facing(held: Floats, up: str) -> str:
 
 
 def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: MarkerOptions) -> tuple[Floats, Floats]:
-    """Time and the garment's markers in its order."""
+    """Return the times [s] and the positions [m] of the garment's markers, in the garment's order."""
     frames = options.frames
     found = {name: tracks.columns_named(name, options.subject) for name in garment.point_names}
     absent = [name for name in garment.point_names if not found[name]]
@@ -183,7 +184,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
 
 
 def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
-    """Index of the markers on the top left and the top right corner."""
+    """Return the indices of the markers on the top left and the top right corner."""
     places = np.array([point.at_m for point in garment.points], float)
     found = []
     for corner, name in zip(garment.outline_m[:2], ("left", "right"), strict=True):
@@ -199,15 +200,15 @@ def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
 
 
 def _zeros_of(tracks: MarkerTracks, garment: Garment, options: MarkerOptions) -> list[int]:
-    """Return how often three zeros stand for each of the garment's markers, all of which are in the file."""
+    """Return how often each of the garment's markers has three zero coordinates; all of them are in the file."""
     columns = [tracks.columns_named(name, options.subject)[0] for name in garment.point_names]
     return [0 if tracks.zeros is None else int(tracks.zeros[k]) for k in columns]
 
 
 def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zeros: list[int], path: Path) -> None:
-    """Refuse a take whose two top corners were never seen together: nothing can be fitted to it.
+    """Refuse a take whose two top corners were never seen together, since nothing can be fitted to it.
 
-    `zeros`: how often three zeros stand for each marker
+    `zeros`: how often each marker has three zero coordinates
     """
     seen = np.asarray(np.isfinite(positions[:, held]).all(axis=2))
     if np.asarray(seen.all(axis=1)).any():
@@ -218,7 +219,7 @@ def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zero
     never = "was never seen" if len(names) == 1 else "were never seen"
     what = f"{' and '.join(names)} {never}" if names else f"the two markers on its top corners {never} together"
     most = max(held, key=lambda k: zeros[k])
-    taken = f": 0, 0, 0 stands for {garment.points[most].name!r} {counted(zeros[most], 'time')} and counts as not seen"
+    taken = f": {garment.points[most].name!r} is at 0, 0, 0 {counted(zeros[most], 'time')}, which counts as not seen"
     advice = "the markers on the two top corners drive the simulation: record with both in view"
     if zeros[most]:
         what += taken
@@ -227,7 +228,7 @@ def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zero
 
 
 def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
-    """Refuse neighbours and corners further apart than cloth can stretch, and neighbours that are all far too near."""
+    """Refuse neighbours or corners farther apart than cloth can stretch, and neighbours that are all too near."""
     places = np.array([point.at_m for point in garment.points], float)
     flat = np.linalg.norm(places[:, None] - places[None], axis=2)
     np.fill_diagonal(flat, np.inf)
@@ -259,7 +260,7 @@ def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int],
 
 
 def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: Path, up: str) -> None:
-    """Refuse an axis along which the markers do not hang below the held corners; name the one along which they do."""
+    """Refuse a vertical axis along which the markers do not hang below the held corners; name the axis that fits."""
     places = np.array([point.at_m for point in garment.points], float)
     flat = places[list(held), 1].mean() - places[:, 1]
     below = flat > ON_CORNER

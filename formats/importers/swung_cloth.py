@@ -1,4 +1,4 @@
-"""Import of re-packed recordings of a cloth swung by a robot arm (github Alados5/tfm_matlab, IRI CSIC-UPC).
+"""Import re-packed recordings of a cloth that a robot arm swung (github Alados5/tfm_matlab, IRI CSIC-UPC).
 
 Each take is one `.npz` file with these arrays:
 
@@ -6,9 +6,9 @@ Each take is one `.npz` file with these arrays:
 - `points` [m], (frames, points, 3): a whole grid, z up; 8 x 8 in the public recordings
 - `valid`, (frames, points)
 - `hanger_corners` [m], (frames, 2, 3): the two held corners
-- `rest` [m], (points, 2): places on the flat cloth
+- `rest` [m], (points, 2): positions on the flat cloth
 
-The points are those of a silhouette, which slide over the cloth.
+The points follow the silhouette, so they slide over the cloth.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
-from formats.importers.strays import refuse_strays
+from formats.importers.path_outliers import refuse_jumps
 from formats.importers.units import other_unit
 from formats.meant_units import unit_of
 from formats.plausible import LONGEST, SHORTEST, check_plausible_times
@@ -36,19 +36,19 @@ from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
 
 MOST_BYTES = 1 << 27  # of all arrays: two hours of 64 points at 9 frames a second
-FRAMES, POINTS = -1, -2  # as many as there are times, and places on the flat cloth
+FRAMES, POINTS = -1, -2  # sizes: the number of times, and of positions on the flat cloth
 SHAPES: dict[str, tuple[int, ...]] = {
     "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),
     "rest": (POINTS, 2),
 }  # fmt: skip
 FEWEST_GRID_POINTS = 9  # of a grid
-SAME_LINE_METRES = 1e-3  # m within which places are of one row or column
+SAME_LINE_METRES = 1e-3  # m, tolerance within which positions share a row or column
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fabrics"
-DESCRIBED_WITHIN = 2e-3  # m between a described point and its place in the grid
-LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbours: the public recordings' are 0.98
-FARTHEST_HELD = 0.5  # of the cloth's side, corners from the held row, median: the public recordings' are below 0.1
-ON_TOP = 1e-3  # of the side: so near to the top a place is of the held row
+DESCRIBED_WITHIN = 2e-3  # m between a described point and its position in the grid
+LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbours: 0.98 in the public recordings
+FARTHEST_HELD = 0.5  # of the cloth's side, median distance of corners from the held row: public recordings have < 0.1
+ON_TOP = 1e-3  # of the side, tolerance within which a position is in the held row
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = (
@@ -68,17 +68,17 @@ def import_swung_cloth(
 ) -> Take:
     """Return the take in one `.npz` file.
 
-    described: a garment of known weight and name, with the outline and the tracked places of the file in any order and
-    from any origin
+    described: a garment of known weight and name; its outline and tracked points match the file, in any order and from
+    any origin
 
-    hanger: the hanger's path on its own clock (`formats.importers.arm_path`), in place of `hanger_corners`: a file, or
-    a folder with a file of the same name
+    hanger: the hanger's trajectory on its own clock (`formats.importers.arm_path`), instead of `hanger_corners`: a
+    file, or a folder with a file of the same name
 
-    anyway: accept times that no camera has, and poses that leap; None: refuse them, and name no option for it
+    anyway: accept implausible times and poses that jump; None: refuse them, and do not offer --anyway in the error
 
     Raises:
-        TakeError: a file is missing or is no such recording, its time does not increase or is not in
-            seconds, or it is of another garment than the described one.
+        TakeError: a file is missing or is no such recording, its time does not increase or is not in seconds, or it
+            shows another garment than the described one.
     """
     data = _load(path)
     if not anyway:
@@ -110,7 +110,7 @@ def import_swung_cloth(
             clock = check_clock(own, time, _row_ends(points, valid, rest))
         if not anyway:
             advice = "leave such poses out of 'tcp_t' and 'tcp_pose'"
-            refuse_strays(own.time, own.held, own.file, one="pose", advice=advice, offers_anyway=anyway is not None)
+            refuse_jumps(own.time, own.held, own.file, one="pose", advice=advice, offers_anyway=anyway is not None)
     is_crossed = _is_crossed(held, points, valid, rest)
     held = held[:, ::-1] if is_crossed else held
     held_valid = np.isfinite(held).all(2)
@@ -157,13 +157,13 @@ def import_swung_cloth(
 
 
 def _check_places(points: Floats, valid: Booleans, held: Floats, rest: Floats, path: Path) -> None:
-    """Refuse places of another unit than the flat cloth's, corners that are elsewhere, and cloth that hangs upwards.
+    """Refuse positions in another unit than the flat cloth, corners away from the cloth, and cloth that hangs upwards.
 
     - `points` [m], (frames, points, 3), where `valid`, (frames, points)
     - `held` [m], (frames, 2, 3); `rest` [m], (points, 2)
 
     Raises:
-        TakeError: names what disagrees.
+        TakeError: names the contradiction.
     """
     side = float(np.ptp(rest, axis=0).max())
     if not SHORTEST <= side <= LONGEST:
@@ -202,10 +202,10 @@ def _row_ends(points: Floats, valid: Booleans, rest: Floats) -> Floats:
 
 
 def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:
-    """Return which place on the flat cloth each described point is, (points,).
+    """Return the index of each described point in the file's flat grid, (points,).
 
     Raises:
-        TakeError: the garment is held otherwise, has another outline, or a point where the file has none.
+        TakeError: the garment is held otherwise, has another outline, or has a point that the file lacks.
     """
     origin = np.mean(garment.outline_m[:2], axis=0)
     outline = np.array(garment.outline_m) - origin
@@ -227,13 +227,13 @@ def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]
 
 
 def _names(rest: NDArray[Any]) -> list[str]:
-    """Name the places of a grid by row, from the bottom, and column, from the left."""
+    """Name the points of a grid by row, from the bottom, and column, from the left."""
     row, column = (_line(rest[:, axis]) for axis in (1, 0))
     return [f"row{r}_column{c}" for r, c in zip(row, column, strict=True)]
 
 
 def _line(values: NDArray[Any]) -> list[int]:
-    """Number the lines that values lie on, the smallest first."""
+    """Return the row or column number of each value, the smallest value first."""
     order = np.argsort(values)
     number = np.empty(len(values), int)
     number[order] = np.cumsum(np.diff(values[order], prepend=values[order][:1]) > SAME_LINE_METRES)
@@ -241,7 +241,7 @@ def _line(values: NDArray[Any]) -> list[int]:
 
 
 def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], rest: NDArray[Any]) -> bool:
-    """Whether the first held corner is not the one at the smaller x of the flat cloth."""
+    """Return whether the first held corner belongs to the larger x of the flat cloth, so that the two are exchanged."""
     top = np.flatnonzero(np.isclose(rest[:, 1], rest[:, 1].max()))
     left, right = top[np.argmin(rest[top, 0])], top[np.argmax(rest[top, 0])]
     seen = valid[:, left] & valid[:, right] & np.isfinite(held).all((1, 2))
@@ -251,7 +251,7 @@ def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays that are needed, of the right shapes and kinds."""
+    """Return the needed arrays, with shapes and types checked."""
     if path.is_dir():
         raise TakeError("is a folder", where=path, advice="give the files in it")
     if path.suffix.lower() != ".npz" and path.is_file():
@@ -266,7 +266,7 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
-    """Refuse shapes and kinds that are not those of `SHAPES`, and times that do not increase."""
+    """Refuse arrays whose shapes or types differ from `SHAPES`, and times that do not increase."""
     counts = {FRAMES: len(data["t"]) if data["t"].ndim else 0}
     counts[POINTS] = data["points"].shape[1] if data["points"].ndim == 3 else 0
     frames = counts[FRAMES]

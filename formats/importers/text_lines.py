@@ -1,6 +1,6 @@
-"""The lines of a large text file, held as pieces of text that are cut into lines where they are looked at.
+"""Hold the lines of a large text file in little memory: blocks of text are split into lines on access.
 
-All lines at once take several times the memory of their text.
+All lines at once would take several times the memory of the text.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from typing import BinaryIO, overload
 from formats.errors import TakeError
 from formats.plain_text import encoding_of
 
-PIECE_BYTES = 1 << 20  # of a file that are turned into text at once
+PIECE_BYTES = 1 << 20  # bytes of a file that are decoded at once
 MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
-CTRL_Z, MOST_CTRL_Z = b"\x1a", 4096  # with which programs of DOS end a text; bytes of them
-LOOKED_AT_BYTES = 200  # in which a zero byte shows text of two bytes a letter
-WORDS = re.compile(rb"[^\0\r\n\t ]")  # bytes that a file without any text lacks
-CONTROL = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that are in no text of Windows
+CTRL_Z, MOST_CTRL_Z = b"\x1a", 4096  # the end mark of DOS text files; bytes of marks that are skipped
+LOOKED_AT_BYTES = 200  # in which a zero byte shows UTF-16
+WORDS = re.compile(rb"[^\0\r\n\t ]")  # bytes of visible characters
+CONTROL = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that no Windows text contains
 
 
 class TextLines(Sequence[str]):
-    """Lines of a text, all or some of them, without their ends.
+    """All or some lines of a text, without their line ends.
 
-    - `is_cut`: the last line of the text has no end
+    - `is_cut`: the last line of the text has no line end
     """
 
     def __init__(self, pieces: list[str], first: list[int], numbers: Sequence[int], *, is_cut: bool = False) -> None:
-        """Hold lines.
+        """Hold lines of a text.
 
-        - `pieces`: of text, of whole lines each
-        - `first`: numbers of the first line of each piece, counted from 0, and of the line behind the last one
-        - `numbers`: of the lines that are held
+        - `pieces`: blocks of text, each of whole lines
+        - `first`: index of the first line of each block, from 0, and the index after the last line
+        - `numbers`: indices of the lines to hold
         """
         self._pieces, self._first, self._numbers, self.is_cut = pieces, first, numbers, is_cut
-        self._lines = dict[int, list[str]]()  # of the piece that was looked at last
+        self._lines = dict[int, list[str]]()  # of the block that was read last
 
     def __len__(self) -> int:
         return len(self._numbers)
@@ -58,20 +58,20 @@ class TextLines(Sequence[str]):
         return self._lines[piece][number - self._first[piece]]
 
     def at(self, numbers: Sequence[int]) -> TextLines:
-        """Return the lines of these numbers, counted from 0."""
+        """Return the lines with these indices, from 0."""
         some = TextLines(self._pieces, self._first, numbers, is_cut=self.is_cut)
-        some._lines = self._lines  # short lines are looked at in many parts of one piece
+        some._lines = self._lines  # a block is often read in many short slices
         return some
 
 
 def read_text_lines(path: Path) -> TextLines:
-    """Return the lines of a text file, none of one that holds no words.
+    """Return the lines of a text file; a file without words has none.
 
-    Text that is no UTF-8 is of western Windows, whose µ and ä are single bytes.
+    Text that is not UTF-8 is read as Windows-1252, in which µ and ä are single bytes.
 
     Raises:
-        TakeError: it has more than `MOST_LINES` lines.
-        OSError, UnicodeDecodeError: it cannot be read, or is no text.
+        TakeError: the file has more than `MOST_LINES` lines.
+        OSError, UnicodeDecodeError: the file cannot be read, or is not text.
     """
     with path.open("rb") as file:
         if not _holds(WORDS, file):
@@ -101,14 +101,14 @@ def _lines(pieces: Iterator[str], path: Path) -> TextLines:
 
 
 def _pieces(file: BinaryIO, encoding: str) -> Iterator[str]:
-    """Yield the text of a file in pieces of whole lines."""
+    """Yield the text of a file in blocks of whole lines."""
     left, text = _end(file), ""
     decoder = codecs.getincrementaldecoder(encoding)("replace" if encoding == "cp1252" else "strict")
     while left > 0:
-        raw = file.read(min(left, max(PIECE_BYTES, len(text))))  # so that no long line is looked through often
+        raw = file.read(min(left, max(PIECE_BYTES, len(text))))  # so that a long line is not scanned again and again
         left = left - len(raw) if raw else 0
         text += decoder.decode(raw, final=not left)
-        rest = text.splitlines(keepends=True)[-1] if text and left else ""  # its end may go on: \r\n
+        rest = text.splitlines(keepends=True)[-1] if text and left else ""  # its line end may continue: \r\n
         if len(text) > len(rest):
             yield text[: len(text) - len(rest)]
         text = rest
@@ -117,7 +117,7 @@ def _pieces(file: BinaryIO, encoding: str) -> Iterator[str]:
 
 
 def _end(file: BinaryIO) -> int:
-    """Return the place in a file at which its text ends, and go to its beginning."""
+    """Return the byte offset at which a file's text ends, and rewind the file."""
     size = file.seek(0, 2)
     file.seek(max(size - MOST_CTRL_Z, 0))
     end = size - len(tail := file.read()) + len(tail.rstrip(CTRL_Z))
@@ -126,7 +126,7 @@ def _end(file: BinaryIO) -> int:
 
 
 def _holds(wanted: re.Pattern[bytes], file: BinaryIO) -> bool:
-    """Return whether the text of a file holds a byte that is wanted."""
+    """Return whether a file's text contains a byte that the pattern matches."""
     left = _end(file)
     while raw := file.read(min(left, PIECE_BYTES)):
         left -= len(raw)

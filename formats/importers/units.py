@@ -14,7 +14,7 @@ USUAL = {
     "cm": "centimetres",
     "mm": "millimetres",
     "in": "inches",
-}  # units that are taken for one another
+}  # units that users confuse
 RATIO_WITHIN = 0.2  # natural logarithm of a ratio of lengths: inches and decimetres differ by 1.4, folds take less
 SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
@@ -22,19 +22,19 @@ SPELLINGS = {
     "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
 }  # fmt: skip
 SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket stripped
-LONGEST_UNIT = 20  # letters of an unknown unit that are told: a damaged file may state thousands
+LONGEST_UNIT = 20  # characters of an unknown unit that an error quotes: a damaged file may hold thousands
 
 
 def axes_of(unit: str) -> list[str]:
-    """Return the ends of the names of a marker's three columns: `_x_mm`, `_y_mm`, `_z_mm`."""
+    """Return the endings of a marker's three column names, such as `_x_mm`, `_y_mm`, `_z_mm`."""
     return [f"_{axis}_{unit}" for axis in "xyz"]
 
 
 def metres_of(stated: str, given: str | None, where: object) -> float:
-    """Return how many metres a unit is; given: by a person, counts where the file states none.
+    """Return the length of a unit [m]; `given`, the user's unit, counts where the file states none.
 
     Raises:
-        TakeError: there is no such unit, none is stated or given, or they differ.
+        TakeError: the unit is unknown, none is stated or given, or the two differ.
     """
     word = _short(stated)
     if given is not None and _short(given) not in METRES:
@@ -58,7 +58,10 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
 
 
 def other_unit(times: float) -> str:
-    """Return a question for a wrong unit, of lengths that are so many times too long; nothing where no unit fits."""
+    """Return a question that names a probable wrong unit, '' where none fits.
+
+    `times`: ratio of measured to true lengths
+    """
     for taken, its_name in USUAL.items():
         for meant, name in USUAL.items():
             if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < RATIO_WITHIN:
@@ -67,7 +70,7 @@ def other_unit(times: float) -> str:
 
 
 def _short(unit: str) -> str:
-    """Return a unit's symbol, or its word where it is unknown: without accents, brackets and plural."""
+    """Return a unit's symbol, or an unknown unit's word without accents, brackets and plural."""
     letters = unicodedata.normalize("NFKD", unit)  # turns the micro sign into the Greek letter
     word = "".join(letter for letter in letters if not unicodedata.combining(letter)).lower().replace("(s)", "")
     word = word.strip(" \t[]().'\"")

@@ -10,16 +10,16 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.broken_numbers import broken_of
-from formats.importers.cell_forms import Writing, writing_of
 from formats.importers.marker_lines import Rows
-from formats.importers.marker_numbers import _doubt_of
+from formats.importers.marker_numbers import _warning_of_lines
 from formats.importers.number_cells import Form
+from formats.importers.number_formats import Writing, writing_of
 from tests.formats.test_cut_numbers import DOUBT, TRC, VICON
 from tests.formats.test_marker_tables import read
 
 FRAMES, CUT = 150, 70
 LINE = CUT + 6  # in a file of Vicon
-ODD = "line {}: '{}' of {} has not the {} digits behind a point{} that its column has, so it counts as not seen there"
+ODD = "line {}: '{}' of {} lacks the {} digits behind a point{} of its column, so it counts as not seen there"
 MANY = "lines {} may be cut off within their last numbers, so the last marker of each counts as not seen"
 
 
@@ -57,7 +57,7 @@ def test_a_number_in_the_middle_that_is_cut_is_never_read_as_another_one(tmp_pat
         broken = ",".join([*cells[:-1], cells[-1][:kept]])
         found = imported(tmp_path, [*lines[:CUT], broken, *lines[CUT + 1 :]])
         left = found.positions[CUT, marker, 2] * 1e3
-        assert np.isnan(left) == found.doubt.startswith(f"line {LINE}")
+        assert np.isnan(left) == found.warning.startswith(f"line {LINE}")
         assert np.isnan(left) or abs(left - where[CUT, 2 + 3 * marker]) < 1.5
         assert np.isnan(left) or writer in ("%g", "repr", "%.6e")  # others have all digits
         others = np.delete(found.positions, CUT, 0)
@@ -72,7 +72,7 @@ def test_lines_whose_empty_cells_are_left_out_are_read_as_they_are(tmp_path, wri
         for k in (0, 5, *range(40, 70), 100, 101, 148):
             lines[k] = ",".join(lines[k].split(",")[:5])
         found = imported(tmp_path, lines)
-        assert found.doubt == ""
+        assert found.warning == ""
         assert np.isfinite(found.positions[:, 0]).all()
 
 
@@ -82,16 +82,16 @@ def test_several_lines_are_named(tmp_path):
         cells = lines[at].split(",")
         lines[at] = ",".join([*cells[:4], cells[4][:1]])
     found = imported(tmp_path, lines)
-    assert found.doubt == MANY.format("11, 66, 121")
+    assert found.warning == MANY.format("11, 66, 121")
     assert np.flatnonzero(np.isnan(found.positions[:, 0, 2])).tolist() == [5, 60, 115]
-    assert _doubt_of([6, 26, 46, 47, 66]) == MANY.format("6, 26, 46 and 2 more")
+    assert _warning_of_lines([6, 26, 46, 47, 66]) == MANY.format("6, 26, 46 and 2 more")
 
 
-def test_a_place_that_leaps_is_no_rest_of_the_one_that_should_be_there(tmp_path):
+def test_a_place_that_jumps_is_no_rest_of_the_one_that_should_be_there(tmp_path):
     """Another marker was taken for it: no number of 1200 begins with 9."""
     lines = vicon(WRITERS["%.0f"], places())
     lines[CUT] = lines[CUT].rpartition(",")[0] + ",9"
-    assert imported(tmp_path, lines).doubt == "line 76: b leaps 1.2 m away and back, so it counts as not seen there"
+    assert imported(tmp_path, lines).warning == "line 76: b jumps 1.2 m away and back, so it counts as not seen there"
 
 
 @pytest.mark.parametrize("time", ["0.7", "0.70"])
@@ -104,7 +104,7 @@ def test_a_time_in_the_middle_that_is_cut_is_refused(tmp_path, time):
     with pytest.raises(TakeError, match=re.escape(words)):
         read(tmp_path, TRC.replace("30", str(FRAMES)) + "".join(lines), None, "a.trc")
     lines[CUT] = f"{CUT + 1}\t0.7021\n"
-    assert read(tmp_path, TRC.replace("30", str(FRAMES)) + "".join(lines), None, "a.trc").doubt == ""
+    assert read(tmp_path, TRC.replace("30", str(FRAMES)) + "".join(lines), None, "a.trc").warning == ""
 
 
 def rows_of(*cells: str) -> Rows:
@@ -164,7 +164,7 @@ def test_a_path_of_two_places_or_without_increasing_time_tells_nothing():
 def test_a_line_in_quotation_marks_is_looked_at_by_its_cells(tmp_path):
     lines = [re.sub(r"[^,]+", r'"\g<0>"', line) for line in vicon(WRITERS["%.1f"], places())]
     lines[CUT] = lines[CUT].rpartition(",")[0] + ',"1"'
-    assert imported(tmp_path, lines).doubt == DOUBT.format(LINE)
+    assert imported(tmp_path, lines).warning == DOUBT.format(LINE)
 
 
 def test_places_that_rest_exactly_are_whole(tmp_path):
@@ -173,7 +173,7 @@ def test_places_that_rest_exactly_are_whole(tmp_path):
     where = np.stack([0.25 + 0 * angle, np.sin(angle), 1.5 - 0.5 * np.cos(angle)], 1)
     lines = vicon(lambda value: repr(float(value)), np.tile(where, 2))
     found = imported(tmp_path, lines)
-    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)
+    assert (found.warning, np.isfinite(found.positions).all()) == ("", True)
 
 
 @pytest.mark.parametrize("writer", ["%.14g", "%.15g", "%.4g", "%g"])
@@ -184,7 +184,7 @@ def test_no_whole_number_of_a_program_that_leaves_out_zeros_is_broken(tmp_path, 
     moved = 260 * np.sin(time[:, None] / 9 + np.arange(6)) * (time >= rest)[:, None]
     where = np.array([310, -145, 1005, 410, -145, 1090]) + moved + rng.normal(0, 0.05, (1000, 6))
     found = imported(tmp_path, vicon(lambda value: writer % value, where))
-    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)
+    assert (found.warning, np.isfinite(found.positions).all()) == ("", True)
 
 
 def test_a_number_without_its_power_is_broken_where_all_others_have_one(tmp_path):
@@ -194,5 +194,5 @@ def test_a_number_without_its_power_is_broken_where_all_others_have_one(tmp_path
     lines = vicon(WRITERS["%.6e"], where)
     lines[CUT] = lines[CUT][:-6]
     found = imported(tmp_path, lines)
-    assert found.doubt == DOUBT.format(LINE)
+    assert found.warning == DOUBT.format(LINE)
     assert np.isnan(found.positions[CUT, 1]).all()

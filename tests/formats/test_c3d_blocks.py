@@ -66,7 +66,7 @@ def test_markers_in_a_block_of_zeros_are_gaps(tmp_path, scale, analogue, block, 
     found = read(tmp_path, bytes(raw))
     first, last = frames
     told = f"frames {first + 1} to {last + 1} hold 1 block of 512 zero bytes, and markers in them count as not seen"
-    assert found.doubt == told
+    assert found.warning == told
     gone = np.isnan(found.positions).any(2)
     assert np.flatnonzero(gone.any(1)).tolist() == list(range(first, last + 1))
     assert gone.sum() == (32 if scale < 0 and not analogue else 64 if not analogue else 27)
@@ -81,12 +81,12 @@ def test_zeros_at_either_end_and_many_gaps_of_zeros_are_told_by_no_sentence(tmp_
         ends = bytearray(raw)
         begin = begin_of(raw) + 512 * block
         ends[begin : begin + 512] = bytes(512)
-        assert read(tmp_path, bytes(ends)).doubt == ""
+        assert read(tmp_path, bytes(ends)).warning == ""
     many = bytearray(c3d_bytes(np.tile(places(), (2, 1, 1)), list("abcd")))
     for block in (1, 3, 5, 7):
         begin = begin_of(raw) + 512 * block
         many[begin : begin + 512] = bytes(512)
-    assert read(tmp_path, bytes(many)).doubt == ""
+    assert read(tmp_path, bytes(many)).warning == ""
 
 
 def noisy(points, frames=150):
@@ -109,7 +109,7 @@ def test_a_block_that_repeats_an_earlier_one_within_other_frames_is_stale(
     begin = begin_of(raw) + 512 * 4
     raw[begin : begin + 512] = raw[begin - 512 * back : begin - 512 * back + 512]
     found = read(tmp_path, bytes(raw))
-    assert found.doubt == (
+    assert found.warning == (
         f"frames {first} to {last} hold 1 block of 512 bytes of earlier frames, and markers in them count as not seen"
     )
     gone = np.isnan(found.positions).any(2)
@@ -128,7 +128,7 @@ def test_frames_that_repeat_whole_are_read(tmp_path, points, change):
         k = np.arange(150)
         where = where[{"rest": np.clip(k, 40, 120), "twice": k - (k % 10 == 9), "period": k % 16}[change]]
     found = read(tmp_path, c3d_bytes(where, [f"m{k}" for k in range(points)]))
-    assert found.doubt == ""
+    assert found.warning == ""
     np.testing.assert_allclose(found.positions, where / 1e3, atol=1e-6)
 
 
@@ -140,7 +140,7 @@ def test_a_marker_that_a_block_of_zeros_at_an_end_cuts_is_a_gap(tmp_path, block,
     begin = begin_of(raw) + 512 * block
     raw[begin : begin + 512] = bytes(min(512, len(raw) - begin))
     found = read(tmp_path, bytes(raw))
-    assert found.doubt == ""  # no place is left that leaps
+    assert found.warning == ""  # no place is left that jumps
     gone = np.isnan(found.positions).any(2)
     np.testing.assert_allclose(found.positions[~gone], where[~gone] / 1e3, atol=1e-6)
     assert gone[cut].tolist() == ([True] * 4 if block == 0 else [False, False, False, True])
@@ -150,4 +150,4 @@ def test_a_marker_that_a_block_of_zeros_at_an_end_cuts_is_a_gap(tmp_path, block,
 def test_markers_that_all_rest_at_one_place_are_read(tmp_path, points):
     """Every block is then the same."""
     found = read(tmp_path, c3d_bytes(np.ones((150, points, 3)), [f"m{k}" for k in range(points)]))
-    assert (found.doubt, np.isfinite(found.positions).all()) == ("", True)
+    assert (found.warning, np.isfinite(found.positions).all()) == ("", True)

@@ -87,18 +87,18 @@ def test_room_for_a_frame_and_a_block_more_than_it_states_is_told(tmp_path, extr
     """A frame of 16 bytes behind 32 of them, which fill a block, and so many bytes."""
     raw = c3d_bytes(np.ones((32, 1, 3)), ["a"]) + struct.pack("<ffff", 1, 1, 1, 0) + b"\1" * extra
     told = f"the file states 32 frames and has room for {33 + extra // 16}; the first 32 were read"
-    assert read(tmp_path, raw).doubt == (told if is_told else "")
+    assert read(tmp_path, raw).warning == (told if is_told else "")
     assert len(read(tmp_path, raw).time) == 32
 
 
 def test_zeros_behind_the_frames_and_parameters_there_are_no_frames(tmp_path):
     raw = c3d_bytes(np.ones((32, 1, 3)), ["a"])
-    assert read(tmp_path, raw + bytes(16) + b"\1" * 600).doubt == ""
+    assert read(tmp_path, raw + bytes(16) + b"\1" * 600).warning == ""
     begin = 512 * (struct.unpack_from("<H", raw, 16)[0] - 1)
     head = bytearray(raw[:512])
     head[0], head[16:18] = 3, struct.pack("<H", 2)
     moved = bytes(head) + raw[begin:] + raw[512:begin]
-    assert (read(tmp_path, moved).labels, read(tmp_path, moved).doubt) == (("a",), "")
+    assert (read(tmp_path, moved).labels, read(tmp_path, moved).warning) == (("a",), "")
     np.testing.assert_array_equal(read(tmp_path, moved).positions, read(tmp_path, raw).positions)
 
 
@@ -112,10 +112,10 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
 @pytest.mark.parametrize(
     ("raw", "sentence"),
     [
-        (b"", "is no C3D file that can be read (its first block is none); export it again"),
-        (b"\2\x50" + bytes(509), "is no C3D file that can be read (its first block is none); export it again"),
-        (b"\0\x50" + bytes(600), "is no C3D file that can be read (its first block is none); export it again"),
-        (b"x\ty\r\n" * 200, "is no C3D file that can be read (its first block is none); it is text: give it the "
+        (b"", "is no C3D file that can be read (it lacks a C3D header); export it again"),
+        (b"\2\x50" + bytes(509), "is no C3D file that can be read (it lacks a C3D header); export it again"),
+        (b"\0\x50" + bytes(600), "is no C3D file that can be read (it lacks a C3D header); export it again"),
+        (b"x\ty\r\n" * 200, "is no C3D file that can be read (it lacks a C3D header); it is text: give it the "
          "ending .trc, .csv or .tsv"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=10_001.0), "states 10001 frames a second; 5 to 1000 can be "
          "used; export it again with its frame rate"),
@@ -149,7 +149,7 @@ def test_a_file_larger_than_any_is_refused_unread(tmp_path):
         read_c3d(tmp_path / "a.c3d", None)
     with (tmp_path / "a.c3d").open("wb") as file:
         file.truncate(LARGEST_C3D)
-    with pytest.raises(TakeError, match="its first block is none"):
+    with pytest.raises(TakeError, match="it lacks a C3D header"):
         read_c3d(tmp_path / "a.c3d", None)
 
 

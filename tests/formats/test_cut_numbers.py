@@ -38,7 +38,7 @@ def test_a_last_number_that_is_cut_is_refused(tmp_path, lost):
 
 def test_a_last_line_without_an_end_is_read(tmp_path):
     assert read(tmp_path, own()[:-1], "m", "own.csv").positions[-1, 1, 2] == -1.23456
-    assert read(tmp_path, own()[:-1], "m", "own.csv").doubt == ""
+    assert read(tmp_path, own()[:-1], "m", "own.csv").warning == ""
 
 
 @pytest.mark.parametrize("number", [2.5, 2.25, 2.0, 2.123456789, 2e-05, 200])
@@ -47,7 +47,7 @@ def test_a_last_number_that_nothing_proves_whole_is_left_out_and_the_file_says_s
     text = HEAD + "".join(f"{k},{k / 64:g},1.25,1.25,1.25,1.25,{k / 8:g}\n" for k in range(24))
     whole = read(tmp_path, text + f"24,0.5,1.25,1.25,1.25,1.25,{number:g}\n", "m", "own.csv")
     found = read(tmp_path, text + f"24,0.5,1.25,1.25,1.25,1.25,{number:g}", "m", "own.csv")
-    assert (found.doubt, len(found.time)) == (DOUBT.format(26), 25)
+    assert (found.warning, len(found.time)) == (DOUBT.format(26), 25)
     assert np.isnan(found.positions[-1, 1]).all()
     assert np.array_equal(found.positions[:, 0], whole.positions[:, 0])
     assert np.array_equal(found.positions[:-1, 1], whole.positions[:-1, 1])
@@ -60,7 +60,7 @@ def test_a_number_of_which_a_power_is_cut_is_never_read(tmp_path, last):
     assert ["e-05" in row for row in (rows[0], rows[-1])] == [True, False]
     found = read(tmp_path, HEAD + "".join(rows) + "0.3,1.5,0.5,1.25,1.5,1.25," + last, "m", "own.csv")
     assert np.isnan(found.positions[-1, 1]).all()
-    assert found.doubt == DOUBT.format(32)
+    assert found.warning == DOUBT.format(32)
 
 
 def test_a_last_line_that_lacks_the_separator_of_all_others_is_no_proof(tmp_path):
@@ -70,7 +70,7 @@ def test_a_last_line_that_lacks_the_separator_of_all_others_is_no_proof(tmp_path
     for end in ("", "\n"):
         found = read(tmp_path, TRC + "".join(rows)[:-4] + end, None, "a.trc")
         assert np.isnan(found.positions[-1, 1]).all()
-        assert found.doubt == DOUBT.format(35)
+        assert found.warning == DOUBT.format(35)
 
 
 @pytest.mark.parametrize("last", ["998.", "998.125e+0"])
@@ -92,7 +92,7 @@ def test_a_short_number_off_its_path_is_left_out_of_a_line_with_its_end(tmp_path
     rows = [f"{k}\t{k / 100:g}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t{998 + k / 32:g}\n" for k in range(29)]
     found = read(tmp_path, TRC + "".join(rows) + f"29\t0.29\t1.5\t2.5\t3.125\t4.5\t5.5\t{last}\n", None, "a.trc")
     assert np.isfinite(found.positions[-1, 1]).all() == is_read
-    assert found.doubt == ("" if is_read else DOUBT.format(35))
+    assert found.warning == ("" if is_read else DOUBT.format(35))
 
 
 def test_a_line_with_its_end_that_ends_within_a_marker_is_refused(tmp_path):
@@ -110,7 +110,7 @@ def test_a_marker_that_comes_back_in_a_last_line_that_is_cut_is_left_out(tmp_pat
     assert read(tmp_path, TRC + "".join(rows) + last, None, "a.trc").positions[-1, 1, 2] == pytest.approx(1.249881)
     cut = read(tmp_path, TRC + "".join(rows) + last[:-6], None, "a.trc")
     assert np.isnan(cut.positions[-1, 1]).all()
-    assert cut.doubt == DOUBT.format(35)
+    assert cut.warning == DOUBT.format(35)
 
 
 def test_empty_cells_behind_whole_numbers_are_no_decimal_commas(tmp_path):
@@ -196,7 +196,9 @@ def test_another_section_of_vicon_ends_the_frames(tmp_path, title):
 @pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
 def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
     """One of them parts thousands: the place is 1002."""
-    with pytest.raises(TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*': which of them parts decimals\?"):
+    with pytest.raises(
+        TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*': which of them is the decimal separator\?"
+    ):
         read(tmp_path, TRC + f"1\t{time}\t998\t{place}\t5\t999\t998\t1\n" * 30, None, "a.trc")
 
 
@@ -208,7 +210,9 @@ def test_whole_numbers_beside_empty_cells_need_no_decimal_sign(tmp_path):
 @pytest.mark.parametrize(("most", "one"), [("1.5", "1,234"), ("1,5", "1.234")])
 def test_points_and_commas_in_lines_of_one_file_are_refused(tmp_path, most, one):
     rows = [f"{k}\t{k}\t998\t{most}\t5\t999\t998\t1\n" for k in range(29)] + [f"29\t29\t998\t{one}\t5\t999\t998\t1\n"]
-    with pytest.raises(TakeError, match=r"line 35 holds '.*,.*' beside '.*[.].*': which of them parts decimals"):
+    with pytest.raises(
+        TakeError, match=r"line 35 holds '.*,.*' beside '.*[.].*': which of them is the decimal separator"
+    ):
         read(tmp_path, TRC + "".join(rows), None, "a.trc")
 
 
@@ -248,7 +252,7 @@ def test_a_column_of_shorter_numbers_does_not_show_a_cut(tmp_path, shorter, is_c
         ):
             read(tmp_path, text, "m", "own.csv")
     else:
-        assert read(tmp_path, text, "m", "own.csv").doubt == DOUBT.format(41)
+        assert read(tmp_path, text, "m", "own.csv").warning == DOUBT.format(41)
 
 
 @pytest.mark.parametrize(("last", "is_read"), [("0", True), ("-0", True), ("1.5", True), ("5", False), ("-5", False)])
@@ -257,7 +261,7 @@ def test_a_last_number_without_an_end_is_read_where_its_path_leads_there(tmp_pat
     rows = [f"{k}\t{k / 100:g}\t1.{k}5\t2.5\t3.125\t4.5\t5.5\t{0.5 + (29 - k) ** 2 / 4:g}\n" for k in range(29)]
     found = read(tmp_path, TRC + "".join(rows) + f"29\t0.29\t1.5\t2.5\t3.125\t4.5\t5.5\t{last}", None, "a.trc")
     assert np.isfinite(found.positions[-1, 1]).all() == is_read
-    assert found.doubt == ("" if is_read else DOUBT.format(35))
+    assert found.warning == ("" if is_read else DOUBT.format(35))
 
 
 def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path):

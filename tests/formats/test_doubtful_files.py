@@ -26,8 +26,8 @@ def read(tmp_path, text, name="a.csv", unit=None):
 def test_a_text_file_of_more_frames_than_it_states_is_read_whole_and_says_so(tmp_path, writer, name):
     found = read(tmp_path, writer(drawn(20), frames=17), name)
     check(found, drawn(20), 1e-6)
-    assert found.doubt == "the file states 17 frames and holds 20; all of them were read"
-    assert read(tmp_path, writer(drawn(20)), name).doubt == ""
+    assert found.warning == "the file states 17 frames and holds 20; all of them were read"
+    assert read(tmp_path, writer(drawn(20)), name).warning == ""
 
 
 def test_a_c3d_file_of_more_frames_than_it_states_says_how_many_were_read(tmp_path):
@@ -35,9 +35,9 @@ def test_a_c3d_file_of_more_frames_than_it_states_says_how_many_were_read(tmp_pa
     raw = c3d_bytes(1e3 * drawn(60), LABELS, frames_said=20)
     found = read(tmp_path, raw, "a.c3d")
     check(found, drawn(60)[:20], 3e-7)
-    assert found.doubt.startswith("the file states 20 frames and has room for 6")
+    assert found.warning.startswith("the file states 20 frames and has room for 6")
     whole = c3d_bytes(1e3 * drawn(60), LABELS)
-    assert read(tmp_path, whole, "a.c3d").doubt == read(tmp_path, whole + bytes(4096), "a.c3d").doubt == ""
+    assert read(tmp_path, whole, "a.c3d").warning == read(tmp_path, whole + bytes(4096), "a.c3d").warning == ""
 
 
 def test_a_line_of_more_cells_than_the_header_names_is_refused(tmp_path):
@@ -70,7 +70,7 @@ def test_a_table_of_vicon_without_units_takes_the_unit_that_is_given(tmp_path, r
 def test_names_of_a_c3d_file_behind_its_last_point_are_told(tmp_path, more, told):
     found = read(tmp_path, c3d_bytes(1e3 * drawn(), (*LABELS, *more)), "a.c3d")
     check(found, drawn(), 3e-7)
-    assert found.doubt == told
+    assert found.warning == told
 
 
 def test_a_marker_that_a_c3d_file_names_without_a_path_is_told_as_such(tmp_path):

@@ -8,9 +8,9 @@ import pytest
 from formats.errors import DescriptionError, TakeError
 from formats.hanger import hanger_frame, held_ends
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from formats.importers.missing_values import as_seen
 from formats.importers.swatch_mocap import import_marker_take
 from formats.importers.units import metres_of
-from formats.importers.unseen_places import as_seen
 from formats.rig import Hanger, Rig
 from tests.formats.test_marker_import import GARMENT, hanging_tracks
 

@@ -25,7 +25,7 @@ def with_last_z(last):
 
 
 def all_seen(found):
-    return found.doubt == "" and bool(np.isfinite(found.positions).all())
+    return found.warning == "" and bool(np.isfinite(found.positions).all())
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_column_of_another_form_does_not_hide_a_cut_number_of_the_usual_one(tm
     lines = [line.replace("300.000", "300.001") for line in with_last_z(lambda _: "0")]
     lines[CUT] = ",".join(lines[CUT].split(",")[:5])[:-1]
     found = imported(tmp_path, lines)
-    assert found.doubt == ODD.format(LINE, lines[CUT].split(",")[-1], "a", 3, "")
+    assert found.warning == ODD.format(LINE, lines[CUT].split(",")[-1], "a", 3, "")
     assert np.isnan(found.positions[CUT, 0]).all()
 
 
@@ -85,7 +85,7 @@ def test_no_line_misses_a_place_by_less_than_the_noise_of_cameras(tmp_path):
     where[100:103, [2, 5]] -= [[5, 5]] * 3
     lines = vicon(write, where)
     lines[101] = lines[101][:-1]  # 118 of 1185
-    assert imported(tmp_path, lines).doubt == DOUBT.format(107)
+    assert imported(tmp_path, lines).warning == DOUBT.format(107)
 
 
 def test_a_number_with_a_whole_power_is_whole_and_one_with_a_part_is_broken(tmp_path):
@@ -95,7 +95,7 @@ def test_a_number_with_a_whole_power_is_whole_and_one_with_a_part_is_broken(tmp_
     lines = vicon(WRITERS["%.6e"], where)
     assert all_seen(imported(tmp_path, lines))
     lines[CUT] = lines[CUT][:-1]
-    assert imported(tmp_path, lines).doubt == ODD.format(LINE, "2.077389e+0", "b", 6, " and the power")
+    assert imported(tmp_path, lines).warning == ODD.format(LINE, "2.077389e+0", "b", 6, " and the power")
 
 
 def quoted(k, markers):
@@ -107,7 +107,7 @@ def quoted(k, markers):
 @pytest.mark.parametrize("end", ["", ","])
 def test_numbers_with_decimal_commas_in_quotation_marks_join_no_cells(tmp_path, end):
     found = imported(tmp_path, [quoted(k, 1 if 40 < k < 45 else 2) + end for k in range(FRAMES)])
-    assert (found.doubt, np.isnan(found.positions).any(2).sum(0).tolist()) == ("", [0, 4])
+    assert (found.warning, np.isnan(found.positions).any(2).sum(0).tolist()) == ("", [0, 4])
     assert found.positions[0, 0] == pytest.approx([0.3, 0.40665, 0.51322])
 
 
@@ -176,4 +176,4 @@ def test_programs_that_leave_out_zeros_cut_no_number(tmp_path, kind):
     for seed in range(4):
         lines = vicon(write, make(seed))
         found = imported(tmp_path, lines, VICON.replace("mm", unit))
-        assert found.doubt == "", seed
+        assert found.warning == "", seed

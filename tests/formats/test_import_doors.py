@@ -1,4 +1,4 @@
-"""`hangtime import` blames what is wrong: the option, the single pose or marker that leaps, the number."""
+"""`hangtime import` blames what is wrong: the option, the single pose or marker that jumps, the number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from formats.descriptions_beside import check_description
 from formats.errors import DescriptionError, ImplausibleError, TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import write_marker_csv
-from formats.importers.strays import refuse_strays
+from formats.importers.path_outliers import refuse_jumps
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.meant_units import unit_of
@@ -73,52 +73,52 @@ def swung(rate, poses=60, amplitude=0.4):
     return time, np.stack([place, place + np.array([0.4, 0, 0])], 1)
 
 
-def test_single_leaps_are_counted_and_the_first_is_named_by_number_time_and_size():
+def test_single_jumps_are_counted_and_the_first_is_named_by_number_time_and_size():
     time, ends = swung(20.0)
-    refuse_strays(time, ends, "a.npz", one="pose", advice="leave it out")
-    refuse_strays(time, 100 * ends, "a.npz", one="pose", advice="")  # of another unit from end to end
+    refuse_jumps(time, ends, "a.npz", one="pose", advice="leave it out")
+    refuse_jumps(time, 100 * ends, "a.npz", one="pose", advice="")  # of another unit from end to end
     ends[20] += [0, 2, 0]
-    with pytest.raises(ImplausibleError, match=r"1 pose leaps away .*, first number 21 at 1\.00 s, by 2 m; leave it"):
-        refuse_strays(time, ends, "a.npz", one="pose", advice="leave it out")
+    with pytest.raises(ImplausibleError, match=r"1 pose jumps away .*, first number 21 at 1\.00 s, by 2 m; leave it"):
+        refuse_jumps(time, ends, "a.npz", one="pose", advice="leave it out")
     ends[40, 1] -= [0, 0, 0.5]
-    with pytest.raises(ImplausibleError, match=r"2 poses leap away .*, first number 21 .*, or --anyway to accept it"):
-        refuse_strays(time, ends, "a.npz", one="pose", advice="leave it out", offers_anyway=True)
+    with pytest.raises(ImplausibleError, match=r"2 poses jump away .*, first number 21 .*, or --anyway to accept it"):
+        refuse_jumps(time, ends, "a.npz", one="pose", advice="leave it out", offers_anyway=True)
 
 
 @pytest.mark.parametrize("rate", [10.0, 30.0, 100.0, 500.0])
-def test_noise_hard_swings_gaps_and_a_step_that_stays_are_no_single_leaps(rate):
+def test_noise_hard_swings_gaps_and_a_step_that_stays_are_no_single_jumps(rate):
     time, ends = swung(rate, 200, amplitude=0.0)
     noise = np.random.default_rng(0).normal(0, 0.005, ends.shape)
-    refuse_strays(time, ends + noise, "a", one="pose", advice="")
+    refuse_jumps(time, ends + noise, "a", one="pose", advice="")
     step = ends.copy()
     step[100:] += 2.0  # not back: the path of another take, which other checks name
-    refuse_strays(time, step, "a", one="pose", advice="")
+    refuse_jumps(time, step, "a", one="pose", advice="")
     gaps = ends.copy()
     gaps[50:60], gaps[70] = np.nan, np.nan
-    refuse_strays(time, gaps, "a", one="pose", advice="")
-    refuse_strays(time[:2], ends[:2], "a", one="pose", advice="")
+    refuse_jumps(time, gaps, "a", one="pose", advice="")
+    refuse_jumps(time[:2], ends[:2], "a", one="pose", advice="")
 
 
-def test_a_pose_of_an_arms_path_that_leaps_is_refused_and_anyway_reads_it(tmp_path):
+def test_a_pose_of_an_arms_path_that_jumps_is_refused_and_anyway_reads_it(tmp_path):
     recorded(tmp_path)
     path = tmp_path / "arm/a.npz"
     with np.load(path) as archive:
         data = dict(archive)
     data["tcp_pose"][45, 1] += 2.0
     np.savez(path, **data)
-    words = r"a\.npz: 1 pose leaps .* number 46 at 2\.25 s, by 2 m; leave such poses out of 'tcp_t' and 'tcp_pose'$"
+    words = r"a\.npz: 1 pose jumps .* number 46 at 2\.25 s, by 2 m; leave such poses out of 'tcp_t' and 'tcp_pose'$"
     with pytest.raises(ImplausibleError, match=words):
         import_swung_cloth(tmp_path / "a.npz", hanger=path)
     assert np.nanmax(import_swung_cloth(tmp_path / "a.npz", hanger=path, anyway=True).held[:, :, 1]) > 1.9
 
 
-def test_a_top_corner_that_leaps_is_refused_with_its_frame_and_names(tmp_path):
-    """By 50 mm: one that leaps farther counts as not seen, as every marker does."""
+def test_a_top_corner_that_jumps_is_refused_with_its_frame_and_names(tmp_path):
+    """By 50 mm: one that jumps farther counts as not seen, as every marker does."""
     tracks = hanging_tracks()
     tracks.positions[12, 0, 1] += 0.05
     path = write_marker_csv(tmp_path / "a.csv", tracks)
     corner = GARMENT.points[0].name
-    with pytest.raises(ImplausibleError, match=rf"1 frame leaps .* number 13 at .* by 0\.05 m; empty '{corner}' or"):
+    with pytest.raises(ImplausibleError, match=rf"1 frame jumps .* number 13 at .* by 0\.05 m; empty '{corner}' or"):
         import_marker_take(path, GARMENT)
     assert len(import_marker_take(path, GARMENT, MarkerOptions(anyway=True)).time) == 30
     tracks.positions[12, 0] = np.nan
@@ -164,10 +164,10 @@ def test_a_swatch_is_no_take_by_its_name(tmp_path):
 
 def test_a_wrong_ending_is_told_with_the_right_one(tmp_path):
     (tmp_path / "a.c3d").write_text(TRC * 9)
-    with pytest.raises(TakeError, match=r"its first block is none\); it is text: give it the ending \.trc"):
+    with pytest.raises(TakeError, match=r"it lacks a C3D header\); it is text: give it the ending \.trc"):
         read_marker_tracks(tmp_path / "a.c3d")
     (tmp_path / "b.c3d").write_bytes(bytes(600))
-    with pytest.raises(TakeError, match=r"its first block is none\); export it again"):
+    with pytest.raises(TakeError, match=r"it lacks a C3D header\); export it again"):
         read_marker_tracks(tmp_path / "b.c3d")
     (tmp_path / "a.csv").write_bytes(c3d_bytes(1e3 * drawn(), LABELS))
     with pytest.raises(TakeError, match=r"not a text file\); it looks like C3D: give it the ending \.c3d"):

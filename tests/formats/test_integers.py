@@ -45,8 +45,8 @@ def test_order_three_by_hand():
     assert table(bytes(coded), 6, 1) == values.tolist()
 
 
-def test_a_value_that_leaps_is_an_exception():
-    """A leap of 2^30 among steps of 1 costs 24 + 1 + k + 64 bits, not 2^30."""
+def test_a_value_that_jumps_is_an_exception():
+    """A jump of 2^30 among steps of 1 costs 24 + 1 + k + 64 bits, not 2^30."""
     values = np.tile([[0], [1]], (50, 1))
     values[60:] += 2**30
     coded = one(values)
@@ -77,7 +77,7 @@ def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):
         assert table(raw, count, columns) == values[start : start + count].tolist()
 
 
-@pytest.mark.parametrize("kind", ["noise", "walk", "drift", "glide", "leaps", "still"])
+@pytest.mark.parametrize("kind", ["noise", "walk", "drift", "glide", "jumps", "still"])
 def test_a_long_table_comes_back_from_ours_and_from_the_tiny_reader(kind):
     """Those of scans are decoded column by column."""
     rng, rows = np.random.default_rng(4), 5000
@@ -85,7 +85,7 @@ def test_a_long_table_comes_back_from_ours_and_from_the_tiny_reader(kind):
     values = {
         "noise": noise, "drift": noise + 40 * np.arange(rows)[:, None],
         "walk": np.cumsum(noise, axis=0), "glide": np.cumsum(np.cumsum(noise // 60, axis=0), axis=0),
-        "leaps": np.where(rng.random((rows, 3)) < 0.01, LARGEST_INTEGER, np.cumsum(noise, axis=0)),
+        "jumps": np.where(rng.random((rows, 3)) < 0.01, LARGEST_INTEGER, np.cumsum(noise, axis=0)),
         "still": 0 * noise - 7,
     }[kind]  # fmt: skip
     coded = one(values)

@@ -39,7 +39,7 @@ def written(tmp_path, name, places):
 def test_a_lost_coordinate_is_told_with_its_line_marker_and_time(tmp_path, name, axes):
     found = written(tmp_path, name, lacking((AT, 0, axes)))
     line, time = WHERE[name]
-    assert found.doubt == ONE.format(line, found.labels[0], time)
+    assert found.warning == ONE.format(line, found.labels[0], time)
     assert np.isnan(found.positions[AT, 0]).all()
 
 
@@ -47,8 +47,8 @@ def test_a_lost_coordinate_is_told_with_its_line_marker_and_time(tmp_path, name,
 def test_many_are_counted_and_whole_gaps_are_none_of_them(tmp_path, name):
     found = written(tmp_path, name, lacking((AT, 1, [2]), (AT + 1, 0, [1, 2]), (AT + 1, 2, [0]), (3, 2, [0, 1, 2])))
     line, time = WHERE[name]
-    told = f"3 places lack a coordinate and count as not seen: {found.labels[1]} in {line} at {time} s, "
-    assert found.doubt.startswith(told + found.labels[0])
+    told = f"3 positions lack a coordinate and count as not seen: {found.labels[1]} in {line} at {time} s, "
+    assert found.warning.startswith(told + found.labels[0])
 
 
 def test_zeros_without_a_coordinate_are_a_gap_and_a_cut_is_told_once(tmp_path):
@@ -57,7 +57,7 @@ def test_zeros_without_a_coordinate_are_a_gap_and_a_cut_is_told_once(tmp_path):
     whole = ONE.format("line 32", "a", "3.00")
     for last, told in (("0,0,,4,5,6", ""), ("1,2,,4,5,6", whole), ("1,2,3,4,5,", cut), ("1,2,3,4,5,-", cut)):
         (tmp_path / "a.csv").write_text(f"{OWN}{body}3.0,{last}\n")
-        assert read_marker_tracks(tmp_path / "a.csv").doubt == told
+        assert read_marker_tracks(tmp_path / "a.csv").warning == told
 
 
 def test_a_number_of_c3d_that_is_none_is_told_with_its_frame(tmp_path):
@@ -66,13 +66,13 @@ def test_a_number_of_c3d_that_is_none_is_told_with_its_frame(tmp_path):
     at = raw.index(struct.pack("<f", 1e3 * places[4, 1, 2]))
     raw[at : at + 4] = struct.pack("<f", np.nan)
     (tmp_path / "a.c3d").write_bytes(raw)
-    assert read_marker_tracks(tmp_path / "a.c3d").doubt == ONE.format("frame 5", "b", "0.04")
+    assert read_marker_tracks(tmp_path / "a.c3d").warning == ONE.format("frame 5", "b", "0.04")
 
 
 def test_a_file_of_two_coordinates_alone_says_why_no_marker_was_seen(tmp_path):
     (tmp_path / "a.csv").write_text(OWN + "".join(f"{k / 10},1.{k},2,NaN,4,5,NaN\n" for k in range(30)))
     words = (
-        "no marker was ever seen: 60 places lack a coordinate and count as not seen: a in line 2 at 0.00 s, "
+        "no marker was ever seen: 60 positions lack a coordinate and count as not seen: a in line 2 at 0.00 s, "
         "b in line 2 at 0.00 s, a in line 3 at 0.10 s and 57 more; export all"
     )
     with pytest.raises(TakeError, match=words):

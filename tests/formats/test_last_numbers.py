@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from formats.importers.broken_numbers import is_near
-from formats.importers.cell_forms import writing_of
 from formats.importers.cut_numbers import Ending, ending_of
-from formats.importers.decimal_signs import may_be_motion
+from formats.importers.decimal_separators import may_be_motion
 from formats.importers.marker_lines import Rows
+from formats.importers.number_formats import writing_of
 from tests.formats.test_cut_numbers import own
 from tests.formats.test_marker_tables import read
 
@@ -90,7 +90,7 @@ def test_a_separator_proves_a_number_and_its_lack_where_others_have_one_does_not
 
 def test_a_marker_that_was_not_seen_leaves_no_doubt_about_a_cut(tmp_path):
     found = read(tmp_path, own(3).rpartition("0.55555")[0] + "nan,-1", "m", "own.csv")
-    assert found.doubt == "line 4: b lacks a coordinate at 0.02 s, so it counts as not seen there"
+    assert found.warning == "line 4: b lacks a coordinate at 0.02 s, so it counts as not seen there"
     assert np.isnan(found.positions[-1, 1]).all()
 
 

@@ -11,7 +11,7 @@ from tests.formats.test_marker_tables import read
 
 AT = 60
 HOLE = "{} missing behind line {}, so its markers count as not seen"
-NO_DIGITS = "line 66: {!r} of a has not the 3 digits behind a point that its column has, so it counts as not seen there"
+NO_DIGITS = "line 66: {!r} of a lacks the 3 digits behind a point of its column, so it counts as not seen there"
 
 
 def with_cell(lines, change, column=4):
@@ -29,7 +29,7 @@ def unseen(found):
 def test_a_number_of_other_digits_than_its_column_has_is_no_place(tmp_path, change, column):
     lines, cell = with_cell(vicon(WRITERS["%.3f"], places()), change, column)
     found = imported(tmp_path, lines)
-    assert (found.doubt, unseen(found)) == (NO_DIGITS.format(cell), [[AT, 0]])
+    assert (found.warning, unseen(found)) == (NO_DIGITS.format(cell), [[AT, 0]])
 
 
 def test_several_numbers_are_counted_also_in_lines_whose_empty_cells_are_left_out(tmp_path):
@@ -42,14 +42,14 @@ def test_several_numbers_are_counted_also_in_lines_whose_empty_cells_are_left_ou
     told = (
         f"2 numbers have other than the 3 digits of their columns, so their markers count as not seen there: {first!r}"
     )
-    assert found.doubt == f"{told} of a in line 66, '410.5' of b in line 70"
+    assert found.warning == f"{told} of a in line 66, '410.5' of b in line 70"
     assert np.isnan(found.positions[[AT, AT + 4], [0, 1]]).all()
 
 
 @pytest.mark.parametrize("writer", ["%.0f", "%g", "%.6e", "repr"])
 def test_programs_that_leave_out_zeros_write_other_digits(tmp_path, writer):
     found = imported(tmp_path, vicon(WRITERS[writer], places()))
-    assert (found.doubt, unseen(found)) == ("", [])
+    assert (found.warning, unseen(found)) == ("", [])
 
 
 @pytest.mark.parametrize("value", ["0", "nan", "-", " 1205.340 ", "1205"])
@@ -58,7 +58,7 @@ def test_words_spaces_and_numbers_that_a_column_repeats_are_no_odd_numbers(tmp_p
     for k in (10, 60, 110):
         lines[k] = ",".join([*lines[k].split(",")[:4], value, *lines[k].split(",")[5:]])
     found = imported(tmp_path, lines)
-    assert "digits" not in found.doubt
+    assert "digits" not in found.warning
 
 
 def test_two_joined_lines_show_by_the_frames_that_are_missing(tmp_path):
@@ -67,9 +67,9 @@ def test_two_joined_lines_show_by_the_frames_that_are_missing(tmp_path):
     begin, end = lines[AT].split(","), lines[AT + 10].split(",")
     joined = ",".join([*begin[:4], begin[4][:1] + end[4][1:], *end[5:]])
     found = imported(tmp_path, [*lines[:AT], joined, *lines[AT + 11 :]])
-    assert (found.doubt, unseen(found)) == (HOLE.format("frames 62 to 71 are", 66), [[AT, 0], [AT, 1]])
+    assert (found.warning, unseen(found)) == (HOLE.format("frames 62 to 71 are", 66), [[AT, 0], [AT, 1]])
     found = imported(tmp_path, [*lines[: AT + 1], *lines[AT + 2 :]])
-    assert (found.doubt, unseen(found)) == (HOLE.format("frame 62 is", 66), [[AT, 0], [AT, 1]])
+    assert (found.warning, unseen(found)) == (HOLE.format("frame 62 is", 66), [[AT, 0], [AT, 1]])
 
 
 @pytest.mark.parametrize(("lost", "is_told"), [(1, False), (2, True), (10, True)])
@@ -79,20 +79,20 @@ def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is
     head = "time_s," + ",".join(f"{name}_{axis}_m" for name in "ab" for axis in "xyz") + "\n"
     text = head + "\n".join([*lines[:AT], *lines[AT + lost :]]) + "\n"
     found = read(tmp_path, text, None, "own.csv")
-    assert found.doubt == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_told else "")
+    assert found.warning == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_told else "")
 
 
 def test_programs_that_leave_out_frames_in_many_places_lost_no_bytes(tmp_path):
     lines = vicon(WRITERS["%.3f"], places())
     found = imported(tmp_path, [line for k, line in enumerate(lines) if k % 20 != 7])
-    assert (found.doubt, unseen(found)) == ("", [])
+    assert (found.warning, unseen(found)) == ("", [])
 
 
 def test_a_line_without_a_clock_begins_with_a_place_and_not_with_the_number_of_a_frame(tmp_path):
     head = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t1\nFREQUENCY\t100\nMARKER_NAMES\ta\n"
     rows = "".join(f"{k + 9 * (k > 20)}\t200\t{k}\n" for k in range(30))
     found = read(tmp_path, head + rows, None, "a.tsv")
-    assert (found.doubt, unseen(found)) == ("", [])
+    assert (found.warning, unseen(found)) == ("", [])
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_a_file_of_zeros_is_empty_and_ctrl_z_ends_a_text(tmp_path):
 
 @pytest.mark.parametrize("row", ["0,5,1,25,2,5,3,5,4,5,5,5,6,5", "0,5,1,2,3,4,5,6", "0,5,1,2,3,4,,,"])
 def test_a_comma_that_parts_cells_and_decimals_is_named_with_the_way_out(tmp_path, row):
-    words = r"line 2 has \d+ cells, not 7, none with a decimal point; where commas part decimals too, export with"
+    words = r"line 2 has \d+ cells, not 7, none with a decimal point; where commas are decimal separators too, export"
     with pytest.raises(TakeError, match=words):
         read(tmp_path, OWN + row + "\n")
     with pytest.raises(TakeError, match=r"line 10 has 15 cells, not 8, none with a decimal point"):

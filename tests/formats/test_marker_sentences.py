@@ -37,8 +37,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
          f"no line names the columns; line 2 begins with 'Time [s]'; put above the frames {COLUMNS}; {NO_COLUMNS}"),
         (f"{'x' * 50},1,2\n", None, f"no line names the columns; line 1 begins with '{'x' * 40}'; put above the frames "
          f"{COLUMNS}; {NO_COLUMNS}"),
-        (OWN + "0,1,2,3,4,5,6,7\n", None, "line 2 has 8 cells, not 7, none with a decimal point; where commas part "
-         "decimals too, export with decimal points, or with semicolons between cells"),
+        (OWN + "0,1,2,3,4,5,6,7\n", None, "line 2 has 8 cells, not 7, none with a decimal point; where commas "
+         "are decimal separators too, export decimal points, or semicolons between cells"),
         (OWN + '0,1,"2,3",4,5,6\n', None,
          "line 2 has 6 cells, not 7: quotation marks join some of them; take the quotation marks out of that line"),
         (OWN + FIRST, "mm", f"states its lengths in m, not mm; leave out --unit, or {MEND_UNIT}"),
@@ -103,7 +103,7 @@ def test_a_unit_that_nobody_knows_is_the_options_fault(tmp_path):
     ],
 )  # fmt: skip
 def test_a_file_of_more_frames_than_it_states_is_read_whole_with_a_doubt(tmp_path, text, doubt):
-    assert read(tmp_path, text).doubt == doubt
+    assert read(tmp_path, text).warning == doubt
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ from formats.errors import TakeError
 from formats.exporters.marker_files import at_one_rate
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.missing_values import as_seen
 from formats.importers.number_cells import number_of
 from formats.importers.units import metres_of, other_unit
-from formats.importers.unseen_places import as_seen
 
 
 def tracks(*labels, time=(0.0,)):

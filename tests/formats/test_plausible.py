@@ -196,12 +196,12 @@ def test_times_and_a_stated_rate_agree_to_a_fifth(rate, is_one):
     assert re.search("at 1 frames a second.*--anyway", two)
 
 
-def test_times_that_leap_by_more_than_ten_minutes_are_refused_at_the_leap():
+def test_times_that_jump_by_more_than_ten_minutes_are_refused_at_the_jump():
     """A simulation would go through the gap; one of 5e9 s asked for a terabyte."""
     time = np.arange(60) / 30
     check_plausible_times(np.where(np.arange(60) < 30, time, time + 599.0), "a file")
-    for leap in (601.0, 5e9):
-        said = refused(check_plausible_times, np.where(np.arange(60) < 30, time, time + leap), offers_anyway=True)
+    for jump in (601.0, 5e9):
+        said = refused(check_plausible_times, np.where(np.arange(60) < 30, time, time + jump), offers_anyway=True)
         assert re.search(r"its times leap by .* s after 0.97 s; split the recording there, .*--anyway", said)
 
 

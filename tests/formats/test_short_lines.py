@@ -36,7 +36,7 @@ def test_a_number_of_a_frame_that_is_cut_is_refused(tmp_path):
     with pytest.raises(TakeError, match=f"line 35 ends after 1 of its 8 cells, {LATER}$"):
         read(tmp_path, VICON + "".join(lines) + "13\n", None, "v.csv")
     found = read(tmp_path, VICON + "".join(lines) + "130\n", None, "v.csv")
-    assert (found.doubt, len(found.time)) == (SHORT.format(35, 1), 30)
+    assert (found.warning, len(found.time)) == (SHORT.format(35, 1), 30)
 
 
 @pytest.mark.parametrize("last", ["30\t0.29", "30\t0.29\t", WHOLE[29].rpartition("\t4")[0], f"{SEEN[29]}\t"])
@@ -46,26 +46,26 @@ def test_a_last_line_that_alone_is_short_is_read_and_warned_of(tmp_path, last):
         assert len(found.time) == 30
         is_seen = last.endswith("2.25\t3.29\t")  # nothing but a separator shows that a number is whole
         assert np.isfinite(found.positions[-1]).tolist() == [[is_seen] * 3, [False] * 3]
-        assert found.doubt == SHORT.format(35, last.count("\t") + 1)
+        assert found.warning == SHORT.format(35, last.count("\t") + 1)
 
 
 def test_a_last_line_of_a_section_behind_which_another_one_follows_was_not_cut(tmp_path):
     lines = [f"{k + 1},0,1.5,2.5,3.5{',4.5,5.5,6.5' * (k < 27)}\n" for k in range(29)]
     for behind, doubt in (("", SHORT.format(35, 2)), ("\nModel Outputs\n100\n", "")):
-        assert read(tmp_path, f"{VICON}{''.join(lines)}30,0\n{behind}", None, "v.csv").doubt == doubt
+        assert read(tmp_path, f"{VICON}{''.join(lines)}30,0\n{behind}", None, "v.csv").warning == doubt
         doubt = doubt.replace("after 2", "after 6")
-        assert read(tmp_path, f"{VICON}{''.join(lines)}30,0,1.5,2.5,3.5,\n{behind}", None, "v.csv").doubt == doubt
+        assert read(tmp_path, f"{VICON}{''.join(lines)}30,0,1.5,2.5,3.5,\n{behind}", None, "v.csv").warning == doubt
 
 
 def test_a_line_in_between_is_a_gap_of_a_program_that_leaves_cells_out(tmp_path):
     """A cut loses all that follows, and a single frame without a marker is the commonest gap."""
-    assert trc(tmp_path, *WHOLE[:9], "10\t0.09", *WHOLE[10:]).doubt == ""
-    assert trc(tmp_path, *WHOLE[:9], SEEN[9], *WHOLE[10:]).doubt == ""
-    assert trc(tmp_path, "1\t0.00", *WHOLE[1:]).doubt == ""
-    assert trc(tmp_path, *WHOLE[:9], "10\t0.09", *WHOLE[10:20], *SEEN[20:]).doubt == ""
+    assert trc(tmp_path, *WHOLE[:9], "10\t0.09", *WHOLE[10:]).warning == ""
+    assert trc(tmp_path, *WHOLE[:9], SEEN[9], *WHOLE[10:]).warning == ""
+    assert trc(tmp_path, "1\t0.00", *WHOLE[1:]).warning == ""
+    assert trc(tmp_path, *WHOLE[:9], "10\t0.09", *WHOLE[10:20], *SEEN[20:]).warning == ""
     lines = [f"{k + 1},0,1.5,2.5,3.5,4.5,5.5,6.5\n" for k in range(3)]
-    assert read(tmp_path, f"{VICON}{''.join(lines)}4,0\n", None, "v.csv").doubt == SHORT.format(9, 2)
-    assert read(tmp_path, f"{VICON}{''.join(lines[:2])}4,0\n", None, "v.csv").doubt == ""
+    assert read(tmp_path, f"{VICON}{''.join(lines)}4,0\n", None, "v.csv").warning == SHORT.format(9, 2)
+    assert read(tmp_path, f"{VICON}{''.join(lines[:2])}4,0\n", None, "v.csv").warning == ""
 
 
 @pytest.mark.parametrize(
@@ -78,14 +78,14 @@ def test_a_line_in_between_is_a_gap_of_a_program_that_leaves_cells_out(tmp_path)
 )  # fmt: skip
 def test_files_whose_programs_leave_out_empty_cells_are_read_without_a_warning(tmp_path, lines):
     found = trc(tmp_path, *lines)
-    assert (found.doubt, len(found.time)) == ("", len(lines))
+    assert (found.warning, len(found.time)) == ("", len(lines))
 
 
 def test_a_last_line_that_alone_ends_behind_a_separator_is_warned_of(tmp_path):
     """Others are as short, since cells are left out there, and none has an empty last cell."""
-    assert trc(tmp_path, *WHOLE[:10], *SEEN[10:29], f"{SEEN[29]}\t").doubt == SHORT.format(35, 6)
+    assert trc(tmp_path, *WHOLE[:10], *SEEN[10:29], f"{SEEN[29]}\t").warning == SHORT.format(35, 6)
     two = f"{SEEN[28]}\t", f"{SEEN[29]}\t"
-    assert trc(tmp_path, *WHOLE[:10], *SEEN[10:28], *two).doubt == ""
+    assert trc(tmp_path, *WHOLE[:10], *SEEN[10:28], *two).warning == ""
 
 
 @pytest.mark.parametrize("last", ["1.25", "1.25\t", "1.25\t2.25", "1.25\t2.25\t"])
@@ -96,16 +96,16 @@ def test_a_marker_that_is_begun_and_not_ended_is_refused(tmp_path, last):
         with pytest.raises(TakeError, match=f"line 35 ends within a marker, after {cells} of its 8 cells"):
             trc(tmp_path, *WHOLE[:29], begun)
     else:
-        assert trc(tmp_path, *WHOLE[:29], begun).doubt == DOUBT.format(35)
+        assert trc(tmp_path, *WHOLE[:29], begun).warning == DOUBT.format(35)
 
 
 @pytest.mark.parametrize("last", ["4.5\t5.5\t", "4.5\t5.5\t-"])
 def test_a_whole_line_of_which_the_last_number_is_missing_is_warned_of(tmp_path, last):
     found = trc(tmp_path, *WHOLE[:29], f"{SEEN[29]}\t{last}")
     assert np.isnan(found.positions[-1, 1]).all()
-    assert found.doubt == DOUBT.format(35)
+    assert found.warning == DOUBT.format(35)
     for gap in ("\t\t", "-\t-\t-", "NaN\tNaN\tNaN", "0\t0\t"):
-        assert trc(tmp_path, *WHOLE[:29], f"{SEEN[29]}\t{gap}").doubt == ""
+        assert trc(tmp_path, *WHOLE[:29], f"{SEEN[29]}\t{gap}").warning == ""
 
 
 def test_an_import_warns_and_a_wrong_time_names_its_frame_and_no_column(tmp_path):
@@ -137,7 +137,7 @@ TRIMMED = [  # of 3 digits each, some of which are zeros; the second marker was 
 )  # fmt: skip
 def test_a_last_line_without_end_may_leave_out_cells_as_others_do(tmp_path, last, doubt):
     found = read(tmp_path, VICON + "".join(f"{line}\n" for line in TRIMMED[:-1]) + last)
-    assert (len(found.time), found.doubt) == (40, doubt)
+    assert (len(found.time), found.warning) == (40, doubt)
     assert np.isfinite(found.positions[:, 0]).all()
     assert np.isfinite(found.positions[:, 1]).all(1).tolist() == [k < 37 for k in range(40)]
 

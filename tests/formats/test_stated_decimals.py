@@ -12,16 +12,16 @@ from formats.errors import TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.number_cells import with_point
 from tests.fit.here import hangtime_here
-from tests.formats.test_decimal_signs import table
+from tests.formats.test_decimal_separators import table
 from tests.formats.test_marker_oddities import GARMENT
 
 PLACES = 1200 + np.arange(6) * 150 + 40 * np.sin(np.arange(30) / 8)[:, None]  # mm, (frames, 2 markers of x, y, z)
 SAY_WHICH = "say which with --decimal comma or --decimal point"
-NO_THOUSANDS = "export numbers without a sign between thousands"
+NO_THOUSANDS = "export numbers without a thousands separator"
 
 
 def rows(before, separator, comma):
-    """Lines of whole numbers with a sign between thousands, or of 1.200 to 2.000 with the same sign."""
+    """Lines of whole numbers with a thousands separator, or of 1.200 to 2.000 with the same sign."""
     quote = '"' if separator == "," else ""
     return "".join(
         separator.join([*before(k), *(f"{quote}{value:,.0f}{quote}".replace(",", comma) for value in row)]) + "\n"
@@ -66,11 +66,11 @@ def test_every_reader_of_text_reads_thousands_as_they_are_stated(tmp_path, name,
     found = read_marker_tracks(path, decimal=word)
     assert found.positions.reshape(30, 6) == pytest.approx(np.round(PLACES) / 1000)
     assert np.diff(found.time) == pytest.approx(0.01)
-    assert found.doubt == ""
+    assert found.warning == ""
 
 
 def test_the_option_is_the_way_out_of_two_readings(tmp_path):
-    """1,200 is 1200 mm or 1.2 mm; a stated frame count has a sign between thousands as well."""
+    """1,200 is 1200 mm or 1.2 mm; a stated frame count has a thousands separator as well."""
     path = tmp_path / "a.tsv"
     path.write_text(table(lambda value: f"{value:,.0f}")[0])
     with pytest.raises(TakeError, match=f"{SAY_WHICH}$"):
@@ -85,7 +85,7 @@ def test_the_option_is_the_way_out_of_two_readings(tmp_path):
 def test_points_beside_commas_are_refused_with_the_option_that_says_which_parts_thousands(tmp_path):
     path = tmp_path / "own.csv"
     path.write_text(files(",")["own.csv"])
-    words = f"line 2 holds '1,200' beside '0.00': which of them parts decimals? S{SAY_WHICH[1:]}"
+    words = f"line 2 holds '1,200' beside '0.00': which of them is the decimal separator? S{SAY_WHICH[1:]}"
     with pytest.raises(TakeError, match=re.escape(words)):
         read_marker_tracks(path)
     with pytest.raises(TakeError, match=r"line 2 holds '0\.00', which is no number with a decimal comma; give the o"):
@@ -146,7 +146,7 @@ def test_the_command_takes_the_option_for_text_alone(tmp_path):
     done = hangtime_here("import", "r.npz", *words, "comma", folder=tmp_path)
     assert "--decimal: is for motion capture, and r.npz is none" in done.stderr
     assert "is not one of" in hangtime_here("import", "m.tsv", *words, ";", folder=tmp_path).stderr
-    with pytest.raises(TakeError, match="--decimal: no sign is named ';'; give comma or point"):
+    with pytest.raises(TakeError, match="--decimal: there is no decimal separator ';'; give comma or point"):
         read_marker_tracks(tmp_path / "m.tsv", decimal=";")
 
 

@@ -39,7 +39,7 @@ def clocked(frames, clock=CLOCK):
 def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path, titles, lines, begin, end):
     found = read(tmp_path, HEAD + table(*titles, *(line + end for line in lines)), name="a.tsv")
     assert found.time == pytest.approx([begin + k / 50 for k in range(4)])
-    assert (found.labels, found.doubt, found.has_times) == (NAMES, "", begin > 0)
+    assert (found.labels, found.warning, found.has_times) == (NAMES, "", begin > 0)
     assert found.positions[0, 0] == FIRST
     assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
 
@@ -49,7 +49,7 @@ def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path,
 def test_a_first_frame_that_begins_with_a_gap_is_no_line_of_the_header(tmp_path, word, titles):
     gap = [[word] * 3 + cells[3:] for cells in FRAMES[:2]]
     found = read(tmp_path, HEAD + table(*titles, *gap, *FRAMES[2:]), name="a.tsv")
-    assert found.doubt == ""
+    assert found.warning == ""
     assert found.positions[:, 0, 0].tolist()[2:] == pytest.approx([2.25e-3, 3.25e-3])
     assert [bool(x != x) for x in found.positions[:, 0, 0]] == [True, True, False, False]
 
@@ -91,7 +91,7 @@ LEFT_OUT = [[str(k + (k > 1)), *cells] for k, cells in enumerate(TIMED)]
 def test_our_own_table_is_read_as_pandas_r_and_spreadsheets_write_it(tmp_path, head, lines, separator):
     found = read(tmp_path, ours(head, lines, separator))
     assert found.time.tolist() == [0.0, 0.02, 0.04, 0.06]
-    assert (found.labels, found.doubt, found.positions[0, 0]) == (NAMES, "", FIRST)
+    assert (found.labels, found.warning, found.positions[0, 0]) == (NAMES, "", FIRST)
     assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
 
 
@@ -132,7 +132,7 @@ def test_rows_that_a_script_left_out_are_no_lost_bytes(tmp_path):
     """30 rows of a table whose numbers lack one: its own times lack a frame as well, as they do without numbers."""
     lines = [[str(k), f"{k / 50:.2f}", *FRAMES[k % 4]] for k in range(31) if k != 9]
     found = read(tmp_path, ours(["", "time_s", *MM], lines))
-    assert (found.doubt, len(found.time)) == ("", 30)
+    assert (found.warning, len(found.time)) == ("", 30)
 
 
 def test_a_marker_that_motive_computed_from_a_body_is_none_that_cameras_saw(tmp_path):
@@ -147,7 +147,7 @@ def test_a_marker_that_motive_computed_from_a_body_is_none_that_cameras_saw(tmp_
     rows = [f"{k},{k / 100}," + ",".join(["1.5"] * 48) for k in range(2)]
     path = tmp_path / "a.csv"
     path.write_text("\n".join([head, *rows, ""]))
-    export = "export it again with `Markers`, whose places cameras measured"
+    export = "export it again with `Markers`, whose positions cameras measured"
     with pytest.raises(TakeError) as refused:
         import_marker_take(path, garment)
     assert str(refused.value) == (

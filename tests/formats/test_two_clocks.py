@@ -110,7 +110,7 @@ def test_marks_of_frames_say_what_was_measured_in_them(tmp_path):
         ({"tcp_pose": np.full((96, 7), 1e300) * [0, 0, 0, 1, 1, 1, 1]}, "a rotation in 'tcp_pose' is no unit quat"),
         ({"tcp_to_corner_m": np.full((2, 3), 1001)}, "a place lies 1001 m away"),
         ({"tcp_pose": np.ones((96, 7))}, "a rotation in 'tcp_pose' is no unit quaternion"),
-        ({"tcp_to_corner_m": np.full((2, 3), np.nan)}, "the array 'tcp_to_corner_m' holds what is no number"),
+        ({"tcp_to_corner_m": np.full((2, 3), np.nan)}, "the array 'tcp_to_corner_m' holds a value that is not finite"),
         ({"tcp_t": np.arange(96) + 900.0}, "its frames are 1 s apart in the median"),
         ({"tcp_t": np.arange(96) * 0.05 + 900.0}, "its times are none of the recording's"),
     ],

@@ -10,7 +10,7 @@ import pytest
 from formats.errors import TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import Wanted, write_marker_csv
-from formats.importers.stated_values import doubt_of_count
+from formats.importers.stated_values import warning_of_count
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_marker_oddities import GARMENT, hanging
@@ -19,13 +19,13 @@ NAMES = GARMENT.point_names
 FRAMES = 60
 
 
-def with_another(*, leap=None, sign=None, part=None):
-    """The hanging swatch and a marker `spare`; (frame, marker) of which leaps, is -1, or lacks its z."""
+def with_another(*, jump=None, sign=None, part=None):
+    """The hanging swatch and a marker `spare`; (frame, marker) of which jumps, is -1, or lacks its z."""
     tracks = hanging(FRAMES)
     places = np.concatenate([tracks.positions, tracks.positions[:, :1] + 0.5], 1)
     places[..., 0] += 0.01 * np.sin(np.arange(FRAMES) / 9)[:, None]
-    if leap:
-        places[leap] += 0.7
+    if jump:
+        places[jump] += 0.7
     if sign:
         places[sign] = -1.0
     if part:
@@ -44,7 +44,7 @@ def written(tmp_path, tracks, ending):
 
 DAMAGED = pytest.mark.parametrize(
     ("damage", "ending"),
-    [("leap", ".csv"), ("sign", ".csv"), ("part", ".csv"), ("leap", ".c3d"), ("sign", ".c3d")],
+    [("jump", ".csv"), ("sign", ".csv"), ("part", ".csv"), ("jump", ".c3d"), ("sign", ".c3d")],
 )
 SPARE, LATE, EARLY = (20, 16), (50, 3), (20, 3)
 
@@ -52,7 +52,7 @@ SPARE, LATE, EARLY = (20, 16), (50, 3), (20, 3)
 @DAMAGED
 def test_damage_to_a_marker_that_the_garment_lacks_is_not_told(tmp_path, damage, ending):
     path = written(tmp_path, with_another(**{damage: SPARE}), ending)
-    assert read_marker_tracks(path).doubt
+    assert read_marker_tracks(path).warning
     take = import_marker_take(path, GARMENT)
     assert "file" not in take.notes
     assert take.notes["markers"] == "16 of the 17 markers in the file"
@@ -85,19 +85,21 @@ def test_zero_blocks_of_c3d_matter_to_their_markers_and_frames_alone(tmp_path):
     raw[begin : begin + 512] = bytes(512)
     path = tmp_path / "a.c3d"
     path.write_bytes(raw)
-    assert read_marker_tracks(path).doubt.startswith("frames 41 to 42 hold 1 block of 512 zero bytes")
+    assert read_marker_tracks(path).warning.startswith("frames 41 to 42 hold 1 block of 512 zero bytes")
     assert import_marker_take(path, GARMENT).notes["file"].startswith("frame 42 holds 1 block of 512 zero bytes")
     assert "file" not in import_marker_take(path, GARMENT, MarkerOptions(frames=41)).notes
-    assert read_marker_tracks(path, wanted=Wanted(tuple(spare[:4]))).doubt == ""
+    assert read_marker_tracks(path, wanted=Wanted(tuple(spare[:4]))).warning == ""
 
 
 def test_more_frames_than_stated_matter_where_they_are_wanted(tmp_path):
-    assert doubt_of_count(9, 6, None, tmp_path) == "the file states 6 frames and holds 9; all of them were read"
+    assert warning_of_count(9, 6, None, tmp_path) == "the file states 6 frames and holds 9; all of them were read"
     assert (
-        doubt_of_count(9, 6, 9, tmp_path) == doubt_of_count(9, 6, 12, tmp_path) == doubt_of_count(9, 6, None, tmp_path)
+        warning_of_count(9, 6, 9, tmp_path)
+        == warning_of_count(9, 6, 12, tmp_path)
+        == warning_of_count(9, 6, None, tmp_path)
     )
-    assert doubt_of_count(9, 6, 8, tmp_path) == "the file states 6 frames and holds 9; the first 8 were read"
-    assert doubt_of_count(9, 6, 6, tmp_path) == ""
+    assert warning_of_count(9, 6, 8, tmp_path) == "the file states 6 frames and holds 9; the first 8 were read"
+    assert warning_of_count(9, 6, 6, tmp_path) == ""
 
 
 def test_markers_that_were_not_seen_in_the_kept_frames_are_those_of_the_garment(tmp_path):

@@ -42,9 +42,9 @@ def written(tmp_path, tracks, ending):
 def test_zeros_to_which_the_path_of_a_marker_leads_are_told_with_their_number(tmp_path, ending, where):
     """The corner begins to move in frame 22, by 10 mm; steps are 10 mm at most."""
     found = read_marker_tracks(written(tmp_path, swung(20), ending))
-    assert found.doubt == (
-        f"0, 0, 0 counts as not seen, first in {where}: {CORNERS[0]} 21 times, with places 10 mm from there beside "
-        "them; if markers were there, move the origin and export again"
+    assert found.warning == (
+        f"0, 0, 0 counts as not seen, first in {where}: {CORNERS[0]} 21 times, with a position 10 mm from there in a "
+        "neighbouring frame; if markers were there, move the origin and export again"
     )
     assert np.isnan(found.positions[:21, 0]).all()
 
@@ -56,20 +56,20 @@ def test_zeros_of_a_gap_far_from_the_origin_are_not_told(tmp_path, ending):
     tracks.positions[:, 0, 1] += 0.015
     tracks.positions[30:40, 0] = 0
     found = read_marker_tracks(written(tmp_path, tracks, ending))
-    assert found.doubt == ""
+    assert found.warning == ""
     assert np.isnan(found.positions[:, 0, 0]).sum() == 10
 
 
 @pytest.mark.parametrize(
     ("zeros", "gone", "sentence"),
     [
-        ([0], [], f"'{CORNERS[0]}' was never seen: 0, 0, 0 stands for '{CORNERS[0]}' 60 times and counts as not seen; "
+        ([0], [], f"'{CORNERS[0]}' was never seen: '{CORNERS[0]}' is at 0, 0, 0 60 times, which counts as not seen; "
          f"{HELD}; {MOVE}"),
-        ([0, 3], [], f"'{CORNERS[0]}' and '{CORNERS[1]}' were never seen: 0, 0, 0 stands for '{CORNERS[0]}' 60 times "
-         f"and counts as not seen; {HELD}; {MOVE}"),
+        ([0, 3], [], f"'{CORNERS[0]}' and '{CORNERS[1]}' were never seen: '{CORNERS[0]}' is at 0, 0, 0 60 times, "
+         f"which counts as not seen; {HELD}; {MOVE}"),
         ([], [3], f"'{CORNERS[1]}' was never seen; {HELD}"),
-        ([0], [3], f"'{CORNERS[0]}' and '{CORNERS[1]}' were never seen: 0, 0, 0 stands for '{CORNERS[0]}' 60 times "
-         f"and counts as not seen; {HELD}; {MOVE}"),
+        ([0], [3], f"'{CORNERS[0]}' and '{CORNERS[1]}' were never seen: '{CORNERS[0]}' is at 0, 0, 0 60 times, "
+         f"which counts as not seen; {HELD}; {MOVE}"),
         ([5], [3], f"'{CORNERS[1]}' was never seen; {HELD}"),
     ],
 )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers.decimal_signs import may_be_motion
+from formats.importers.decimal_separators import may_be_motion
 from formats.importers.marker_text import read_marker_text
 from tests.formats.test_marker_tables import read
 
@@ -29,13 +29,13 @@ def test_thousands_that_commas_part_are_refused_with_both_readings(tmp_path, sta
         read(tmp_path, text, None, "a.tsv")
     first = next(cell for cell in text.split() if "," in cell)
     assert str(refused.value) == (
-        f"{tmp_path}/a.tsv: commas may part decimals or thousands: {first!r} is {first.replace(',', '.')} or "
+        f"{tmp_path}/a.tsv: commas may separate decimals or thousands: {first!r} is {first.replace(',', '.')} or "
         f"{first.replace(',', '')}; say which with --decimal comma or --decimal point"
     )
 
 
 def test_decimal_commas_of_moving_markers_are_read_though_each_number_has_three_digits(tmp_path):
-    """As thousands, the 0.1 mm of noise would be leaps of 100 mm from frame to frame."""
+    """As thousands, the 0.1 mm of noise would be jumps of 100 mm from frame to frame."""
     text, places = table(lambda value: f"{value:.3f}".replace(".", ","), noise=0.1, start=100.0)
     found = read(tmp_path, text, None, "a.tsv")
     assert found.positions.reshape(30, 6) == pytest.approx(places / 1000, abs=1e-6)
@@ -43,7 +43,7 @@ def test_decimal_commas_of_moving_markers_are_read_though_each_number_has_three_
 
 @pytest.mark.parametrize("one", ["0,125", "1234,125", "1,25", "1,2345", "-0,125"])
 def test_one_number_that_no_comma_of_thousands_parts_decides(tmp_path, one):
-    """Beside 1.2 mm, 1234.125 mm leap."""
+    """Beside 1.2 mm, 1234.125 mm jump."""
     text, _ = table(lambda value: f"{value:,.0f}")
     cells = text.splitlines()[-1].split("\t")
     found = read(tmp_path, text.replace(cells[0], one), None, "a.tsv")
@@ -52,7 +52,7 @@ def test_one_number_that_no_comma_of_thousands_parts_decides(tmp_path, one):
     assert found.positions[-1, 1, 0] == pytest.approx(float(cells[3].replace(",", ".")) / 1000)
 
 
-def test_places_that_leap_in_one_frame_of_twenty_and_times_of_seconds_are_no_motion():
+def test_places_that_jump_in_one_frame_of_twenty_and_times_of_seconds_are_no_motion():
     still = np.zeros((42, 1, 3))
     time = np.arange(42) / 100
     assert may_be_motion(time, still)
@@ -60,7 +60,7 @@ def test_places_that_leap_in_one_frame_of_twenty_and_times_of_seconds_are_no_mot
     assert not may_be_motion(time * 30, still)
     assert not may_be_motion(time[::-1], still)
     leaping = still.copy()
-    leaping[[20], :] = 0.046 / 2  # leaps by 23, 46 and 23 mm, of which the bound is 45 mm
+    leaping[[20], :] = 0.046 / 2  # jumps by 23, 46 and 23 mm, of which the bound is 45 mm
     assert may_be_motion(time, leaping)
     leaping[::2] = 0.046
     assert not may_be_motion(time, leaping)
@@ -76,8 +76,8 @@ def test_thousands_that_points_part_are_refused_where_semicolons_part_cells(tmp_
         read(tmp_path, text, None, "a.csv")
     first = next(cell for cell in text.replace("\n", ";").split(";") if "." in cell)
     assert str(refused.value) == (
-        f"{tmp_path}/a.csv: points may part decimals or thousands: {first!r} is {first} or {first.replace('.', '')}; "
-        "say which with --decimal comma or --decimal point"
+        f"{tmp_path}/a.csv: points may separate decimals or thousands: {first!r} is {first} or "
+        f"{first.replace('.', '')}; say which with --decimal comma or --decimal point"
     )
     for decimal, metres in ((",", start / 1000), (".", start / 1e6 if start > 1000 else 0.8)):
         found = read_marker_text(tmp_path / "a.csv", None, decimal)
@@ -94,14 +94,14 @@ def test_points_between_commas_or_tabs_and_of_moving_markers_part_decimals(tmp_p
 
 @pytest.mark.parametrize("separator", [",", "\t"])
 @pytest.mark.parametrize(("start", "first"), [(800.0, "1.100"), (965.0, "1.115"), (-1020.0, "-1.020")])
-def test_points_of_a_path_that_leaps_where_it_crosses_1000_part_thousands(tmp_path, start, first, separator):
-    """987 mm is beside 1.012, which is read as 1012 mm by no leap."""
+def test_points_of_a_path_that_jumps_where_it_crosses_1000_part_thousands(tmp_path, start, first, separator):
+    """987 mm is beside 1.012, which is read as 1012 mm by no jump."""
     text = vicon(lambda value: f"{value:,.0f}".replace(",", "."), start, noise=0.2).replace(";", separator)
     with pytest.raises(TakeError) as refused:
         read(tmp_path, text, None, "a.csv")
     assert str(refused.value) == (
-        f"{tmp_path}/a.csv: points may part decimals or thousands: {first!r} is {first} or {first.replace('.', '')}; "
-        "say which with --decimal comma or --decimal point"
+        f"{tmp_path}/a.csv: points may separate decimals or thousands: {first!r} is {first} or "
+        f"{first.replace('.', '')}; say which with --decimal comma or --decimal point"
     )
     found = read_marker_text(tmp_path / "a.csv", None, ",").positions[0]
     assert found.ravel() == pytest.approx(start / 1e3 + np.arange(6) * 0.15, abs=2e-3)
@@ -112,13 +112,13 @@ def test_thousands_beside_times_with_the_same_sign_ask_for_another_export(tmp_pa
     rows = table(lambda value: f"{value:,.0f}".replace(",", "."), start=965.0)[0].splitlines()[5:]
     head = "\t".join(["time_s", *(f"{name}_{axis}_mm" for name in "ab" for axis in "xyz")])
     text = "".join(f"{line}\n" for line in [head, *(f"{k / 100:.2f}\t{row}" for k, row in enumerate(rows))])
-    with pytest.raises(TakeError, match=r"'1\.115' is 1\.115 or 1115; export numbers without a sign between thousands"):
+    with pytest.raises(TakeError, match=r"'1\.115' is 1\.115 or 1115; export numbers without a thousands separator"):
         read(tmp_path, text, None, "a.tsv")
 
 
 @pytest.mark.parametrize("write", ["{:.3f}", "{:.6g}"])
 @pytest.mark.parametrize(("damage", "noise"), [(None, 0.0), (None, 0.1), ("1.234", 0.0), ("1234", 0.0), ("234", 0.0)])
-def test_three_decimals_between_tabs_are_read_also_where_a_marker_leaps(tmp_path, write, damage, noise):
+def test_three_decimals_between_tabs_are_read_also_where_a_marker_jumps(tmp_path, write, damage, noise):
     """Millimetres beside the origin, of which one may be another marker's or lack its point or first digit."""
     lines = table(write.format, start=160.0, noise=noise)[0].splitlines()
     if damage:
@@ -134,7 +134,7 @@ def test_metres_with_three_decimals_are_no_thousands_also_at_rest(tmp_path, sepa
     """As thousands, 1,234 m would be more than a kilometre."""
     text = vicon(lambda value: f"{value:.3f}".replace(".", sign), 1e3 * start, unit="m").replace(";", separator)
     found = read(tmp_path, text, None, "a.csv")
-    assert found.doubt == ""
+    assert found.warning == ""
     assert found.positions.reshape(30, 6) == pytest.approx(start + np.arange(6) * 0.15 + np.zeros((30, 6)), abs=1e-9)
 
 

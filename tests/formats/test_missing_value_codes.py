@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.unseen_places import take_out_signs
+from formats.importers.missing_values import remove_missing_value_codes
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_broken_numbers import CUT, FRAMES, imported, places, vicon
 from tests.formats.test_cut_numbers import VICON
 
-SIGN = "{} stands in all three coordinates of a marker {}, first in {}, and counts as not seen"
+SIGN = "{} is all three coordinates of a marker {}, first in {}, and is read as a missing-value code"
 LINE = f"line {CUT + 6}"
 
 
@@ -32,7 +32,7 @@ def with_sign(sign, *, frames=10, marker=1):
 )
 def test_one_number_far_out_in_all_three_cells_is_a_gap(tmp_path, sign, told, marker):
     found = imported(tmp_path, with_sign(sign, marker=marker))
-    assert found.doubt == SIGN.format(told, "10 times", LINE)
+    assert found.warning == SIGN.format(told, "10 times", LINE)
     gap = np.isnan(found.positions).all(2)
     assert np.flatnonzero(gap[:, marker]).tolist() == list(range(CUT, CUT + 10))
     assert not gap[:, 1 - marker].any()
@@ -40,11 +40,11 @@ def test_one_number_far_out_in_all_three_cells_is_a_gap(tmp_path, sign, told, ma
 
 def test_once_is_enough_and_each_sign_is_told(tmp_path):
     lines = with_sign("-9999", frames=1)
-    assert imported(tmp_path, lines).doubt == SIGN.format("-9999", "1 time", LINE)
+    assert imported(tmp_path, lines).warning == SIGN.format("-9999", "1 time", LINE)
     lines[CUT + 2] = with_sign("99999", frames=3)[CUT + 2]
     lines[CUT + 3] = with_sign("99999", frames=4)[CUT + 3]
     both = SIGN.format("99999", "2 times", f"line {CUT + 8}"), SIGN.format("-9999", "1 time", LINE)
-    assert imported(tmp_path, lines).doubt == "; ".join(both)
+    assert imported(tmp_path, lines).warning == "; ".join(both)
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_once_is_enough_and_each_sign_is_told(tmp_path):
 )  # fmt: skip
 def test_a_whole_number_or_nines_to_which_no_path_leads_is_a_sign(tmp_path, number, is_gap):
     """The nearest place of the path is 0.4 m away or more, and its longest step is 8 mm."""
-    found = imported(tmp_path, with_sign(number, frames=3, marker=0))  # a single one leaps
+    found = imported(tmp_path, with_sign(number, frames=3, marker=0))  # a single one jumps
     assert np.isnan(found.positions[CUT, 0]).all() == is_gap
-    assert bool(found.doubt) == is_gap
+    assert bool(found.warning) == is_gap
 
 
 @pytest.mark.parametrize("sign", ["-1", "9999", "-100"])
@@ -75,7 +75,7 @@ def test_a_sign_of_one_path_is_a_sign_at_every_place(tmp_path, sign, kind):
     else:
         found = imported(tmp_path, lines)
     first = min([*other, CUT]) + 6
-    assert found.doubt == SIGN.format(sign, f"{10 + len(other)} times", f"line {first}")
+    assert found.warning == SIGN.format(sign, f"{10 + len(other)} times", f"line {first}")
     gap = np.isnan(found.positions).all(2)
     assert set(np.flatnonzero(gap[:, 1]).tolist()) == gone
     assert np.flatnonzero(gap[:, 0]).tolist() == list(other)
@@ -86,17 +86,17 @@ def test_one_place_of_a_path_or_places_beside_a_short_one_are_no_signs(frames, t
     """A take may hold a point at (1, 1, 1) once, which other rules look at, or too few others to tell of its path."""
     where = np.random.default_rng(0).normal(0, 0.01, (frames, 2, 3))
     where[5 : 5 + times, 0] = 1.0
-    assert take_out_signs(where, np.ones(2), str) == ""
+    assert remove_missing_value_codes(where, np.ones(2), str) == ""
 
 
 def test_nines_once_are_a_sign_only_twice_as_far_out_as_all_others():
     """A single 999 within the room may be a place: a path of 0.6 m reaches 0.999 m, but hardly 1.5 m."""
     where = 0.6 + np.random.default_rng(0).normal(0, 0.01, (120, 2, 3))
     where[5, 0] = 0.999
-    assert take_out_signs(where, np.full(2, 0.001), str) == ""
+    assert remove_missing_value_codes(where, np.full(2, 0.001), str) == ""
     where = where * 0.6
     where[5, 0] = 0.999
-    assert take_out_signs(where, np.full(2, 0.001), str) == SIGN.format("999", "1 time", "5")
+    assert remove_missing_value_codes(where, np.full(2, 0.001), str) == SIGN.format("999", "1 time", "5")
 
 
 @pytest.mark.parametrize("rate", [5, 20, 100])
@@ -109,7 +109,7 @@ def test_paths_through_places_of_one_whole_number_are_read(rate, unit):
     swing[::7, 0, 0] += unit / 1e3
     swing[:, 1] += 0.3 * (time[:, None] > time[100])
     rests = np.concatenate([swing, np.ones((150, 1, 3))], 1)
-    assert take_out_signs(rests, np.full(3, unit / 1e3), str) == ""
+    assert remove_missing_value_codes(rests, np.full(3, unit / 1e3), str) == ""
 
 
 def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_places(tmp_path):
@@ -125,6 +125,6 @@ def test_a_c3d_file_names_the_frame(tmp_path, sign):
     where[CUT : CUT + 4, 1] = sign
     (tmp_path / "m.c3d").write_bytes(c3d_bytes(where, ["a", "b"]))
     found = read_marker_tracks(tmp_path / "m.c3d")
-    assert found.doubt == SIGN.format(f"{sign:.8g}", "4 times", f"frame {CUT + 1}")
+    assert found.warning == SIGN.format(f"{sign:.8g}", "4 times", f"frame {CUT + 1}")
     assert np.isnan(found.positions[CUT : CUT + 4, 1]).all()
     assert np.isfinite(np.delete(found.positions, range(CUT, CUT + 4), 0)).all()

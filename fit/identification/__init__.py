@@ -1,1 +1,1 @@
-"""Fit the parameters of a method to takes: request, trials, saved search, and what motion can tell."""
+"""Parameter identification: request of a fit, its search, and intervals that show which parameters are identifiable."""

@@ -1,4 +1,4 @@
-"""Fit a parameterisation to takes: the loop around every search, and the result with its errors and intervals.
+"""Fit the parameters of a method to takes: run the search, then report errors, intervals and combinations.
 
 Searches by distance (`fit.search.choice`) get free rollouts. Each candidate is simulated from the settled first shape
 through the whole take without any pull. The candidate's distance is the mean of the method's objective over the takes
@@ -75,28 +75,28 @@ LAYERED = (
 
 
 class Model:
-    """Simulators of some takes for vectors of a request's parameters; is_fitted: whether they are fitted to."""
+    """Simulators of some takes for parameter vectors of a request; is_fitted: whether the fit uses these takes."""
 
     def __init__(self, recordings: list[Recording], request: Request, *, is_fitted: bool = True) -> None:
         self.recordings, self.request = recordings, request
         for recording in recordings:
             check_geometry(recording)
-        # The method's own error refuses takes that it cannot be taken of before anything is simulated.
+        # The method's error measure refuses unsuitable takes before anything is simulated.
         self.objectives = [request.method.objective(r) for r in recordings] if is_fitted else []
         make = find_engine(request.engine)
         self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
 
     @property
     def weighed_density(self) -> float:
-        """Mean over the takes of the garment's weight per area [kg/m^2]."""
+        """Return the garment's mass per area [kg/m^2], averaged over the takes."""
         return float(np.mean([r.garment.areal_density for r in self.recordings]))
 
     def material(self, vector: Floats) -> dict[str, float]:
-        """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        """Return the SI material of one parameter vector at the weighed density, effects on the cloth included."""
         return dict(zip(MATERIAL_NAMES, self.material_rows(vector[None])[0].tolist(), strict=True))
 
     def material_rows(self, vectors: Floats) -> Floats:
-        """The same for many vectors, (candidates, parameters), as rows in the order of `NAMES`."""
+        """Return the materials of parameter vectors, (candidates, parameters), as rows in the order of `NAMES`."""
         count = len(self.request.method.parameters)
         rows = self.request.method.to_materials(vectors[:, :count], self.weighed_density).copy()
         for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
@@ -108,21 +108,21 @@ class Model:
         return rows
 
     def points(self, vectors: Floats) -> list[Floats]:
-        """Simulated points per take, each (candidates, frames, points, 3) [m]."""
+        """Simulate the points of each take [m], (candidates, frames, points, 3)."""
         return [engine.points(vectors) for engine in self.engines]
 
     def distances(self, vectors: Floats) -> Floats:
-        """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
+        """Return the method's objective, averaged over the takes, (candidates,); infinite after a blow-up."""
         return self.distances_of(self.points(vectors))
 
     def distances_of(self, points: list[Floats]) -> Floats:
-        """`distances` of points simulated already [m], (candidates, frames, points, 3) a take."""
+        """Return `distances` for points that are simulated already [m], (candidates, frames, points, 3) per take."""
         by_take = [objective.total(o, p) for o, p in zip(self.objectives, points, strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
 
     @functools.cached_property
     def error_before(self) -> ErrorFigure:
-        """Mean distance of the points with the initial parameters.
+        """Return the mean distance of the points with the initial parameters.
 
         Raises:
             BlowUpError: a take whose simulation does not stay finite.
@@ -130,7 +130,7 @@ class Model:
         return self.error(np.array([p.initial for p in self.request.parameters]))
 
     def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
-        """The objective and its parts before and after."""
+        """Return the objective and its parts before and after the fit."""
         both = self.points(np.stack([initial, fitted]))
         parts = np.mean([o.terms(p) for o, p in zip(self.objectives, both, strict=True)], axis=0)
         first = self.objectives[0]
@@ -140,7 +140,7 @@ class Model:
         )  # fmt: skip
 
     def error(self, vector: Floats) -> ErrorFigure:
-        """Mean distance of the points per frame of all takes, one after the other, for one vector.
+        """Return the mean distance of the points in each frame of all takes in turn, for one parameter vector.
 
         Raises:
             BlowUpError: a take whose simulation does not stay finite.
@@ -148,7 +148,7 @@ class Model:
         return self.errors_of([points[0] for points in self.points(vector[None])])[0]
 
     def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:
-        """Return the mean error of simulated points [m], (frames, points, 3) a take, and the error of each take.
+        """Return the mean error over all takes, and each take's, of simulated points [m], (frames, points, 3) per take.
 
         Raises:
             BlowUpError: a take whose simulation does not stay finite.
@@ -190,16 +190,16 @@ def calibrate(
     """Fit the request's parameters to the training takes and report errors before and after.
 
     - `prepared`: the result of `ready` for these takes, if the caller has it already
-    - `begun`: called once nothing refuses the takes any more, before anything is simulated
+    - `begun`: called after all checks of the takes, before the first simulation
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end. The next call
     continues from this file. Remove the file once the result is kept. Least squares saves every finished look and
     descent.
 
     Raises:
-        FitError: no take, takes of different garments, one that is given twice or cannot be simulated, or a saved
-            search that cannot be continued.
-        BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
+        FitError: no take, takes of different garments, a take that is given twice or cannot be simulated, or a saved
+        search that cannot be continued. BlowUpError: a take cannot be simulated with the initial or the fitted
+        parameters.
     """
     takes = prepared or ready(training, held_out)
     train, test = takes.training, takes.held_out
@@ -224,7 +224,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Found:
-    """The end of a search; simulations count each take."""
+    """Result of a search; `simulations` counts each take of each candidate."""
 
     vector: Floats
     intervals: Intervals
@@ -268,7 +268,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
     except KeyboardInterrupt:
         saved.save(search.state())
         raise
-    saved.save(search.state())  # the next step simulates again and may fail
+    saved.save(search.state())  # the following simulations may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws, search.best)
     else:
@@ -278,7 +278,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
-    """Least squares; the kept state is its looks and descents, and the distances on the way."""
+    """Run least squares; the saved state holds looks, descents and the distance after each simulation."""
     search, settings = begin_observed(request, model.recordings, model.distances_of)
     initial = np.array([p.initial for p in request.parameters])
     steps: list[Step] = []
@@ -294,7 +294,7 @@ def _least_squares(model: Model, request: Request, saved: SavedSearch, progress:
         nonlocal extra
         steps.append(step)
         distances = list(step.distances)
-        if not distances:  # of rollouts that were not free
+        if not distances:  # distances of rollouts under a pull are not D
             distances, extra = [float(model.distances(step.vector[None])[0])], extra + 1
         history.extend(float(d) for d in np.minimum.accumulate([history[-1], *distances])[1:])
         saved.save({"steps": [one.state() for one in steps], "history": history, "extra": extra})
@@ -345,7 +345,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
         notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if request.search in OBSERVED and model.objectives[0].name != "D":
-        notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
+        name = model.objectives[0].name
+        notes.append(f"{request.search} minimises the points' residuals; {name} is reported, not minimised.")
     if request.search in OBSERVED and (asked := request.settings.iterations) != AnnealingSettings().iterations:
         notes.append(f"{request.search} has no number of iterations; the given {asked} is ignored.")
     if has_short_intervals(request.search, request.settings.iterations):

@@ -1,4 +1,4 @@
-"""The combinations that motion depends on with any method: every stiffness over the density, and the dampings.
+"""Combinations of parameters that determine the motion: each stiffness over the density, and the dampings.
 
 Every force of the step is divided by the mass (`fit.cloth.rollout`). So motion depends on the material row only through
 k/rho, G/rho, B/rho, the two damping times and c. The parameters u are in shares of the box, and have the covariance V.
@@ -7,9 +7,9 @@ The slopes g = d ln(combination) / du come from central differences along the me
     variance = g' V g,   half width of the logarithm = sqrt(t^2 g' V g + (g . way)^2)
 
 The interval ends where the ranges end. A combination is identified by a parameter's rule (`fit.search.intervals`): the
-data shrink its deviation to less than half of the ranges' own, g' g / 12. A combination that hangs on one parameter is
-not identified where that parameter is not. Its interval is then between the ends of that parameter, for the slope at a
-bound tells too little.
+data shrink its deviation to less than half of the ranges' own, g' g / 12. A combination that depends mainly on one
+parameter is not identified where that parameter is not. Its interval is then between the values at the ends of that
+parameter's interval, because the slope at a bound underestimates it.
 
 A combination of one parameter alone has exactly this parameter's verdict, and the interval between its ends.
 
@@ -32,7 +32,7 @@ from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
 HANGS_ON = 0.9  # of the ranges' own variance of a combination's logarithm, that one parameter supplies
-LEAST = 1e-12  # in a combination's own unit, far below any cloth's: a damping may be 0, which has no logarithm
+LEAST = 1e-12  # in a combination's unit, far below any cloth's value: the logarithm of a damping of 0 is undefined
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -52,7 +52,7 @@ def combine(rows: Floats) -> Floats:
 def describe_combinations(
     materials: Callable[[Floats], Floats], space: BoundedSpace, initial: Floats, fitted: Floats, intervals: Intervals
 ) -> list[Combination]:
-    """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
+    """Return the combinations before and after a fit with 90 % intervals, except those that the method keeps fixed.
 
     - `materials`: maps vectors, (candidates, parameters), to material rows
     - `space`: of the parameters

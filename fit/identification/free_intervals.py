@@ -1,4 +1,4 @@
-"""Intervals of a search that knows distances alone, from the residuals of one more batch of free rollouts.
+"""90 % intervals for searches that minimise a distance, from the residuals of one more batch of free rollouts.
 
 The model is linearised about the search's best parameters. Each parameter moves once by a twentieth of its box
 (`fit.search.least_squares.DIFFERENCE`), wider than the ripples that folds make. The jackknife over half seconds then
@@ -46,7 +46,7 @@ def free_intervals(space: BoundedSpace, recordings: Sequence[Recording], points:
 
 
 def blocks_of(recordings: Sequence[Recording]) -> list[Integers]:
-    """Return for each recording the half second to which each of its numbers belongs; recordings share none."""
+    """Return the half-second block of each number, per recording; different recordings share no block."""
     found, first = [], 0
     for recording in recordings:
         half_second = (recording.time / BLOCK_SECONDS).astype(np.int64) + first

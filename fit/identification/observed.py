@@ -1,11 +1,13 @@
-"""Least squares on the points' residuals: looks at many places, then descents; free, or weakly pulled to the points.
+"""Least squares search on the points' residuals: simulate many parameter vectors, then descend from the best.
+
+The simulations are free rollouts, or the observer pulls the cloth weakly to the points.
 
 `fit.identification.trials` runs the trials and descents. A weak prior, the box's own spread about the start, holds
 parameters that the data cannot determine. With the observer's pull (`fit.observer.residuals`) each descent runs first
 with the pull, then free.
 
-Ripples leave many local minima, so the curvature of one says too little of a parameter's uncertainty. Rounding alone
-decides in which of them a search ends. Three estimates of a parameter's deviation exist. One is the jackknife's in the
+The cost has many local minima, so the curvature of one underestimates a parameter's uncertainty. Rounding alone decides
+in which local minimum a search ends. Three estimates of a parameter's deviation exist. One is the jackknife's in the
 best local minimum (`fit.search.intervals`). Another is the spread of draws over all places that the emulator knows,
 from
 
@@ -13,17 +15,17 @@ from
 
 with E the expected cost at u (`fit.search.posterior`). N is the number of independent residuals
 (`fit.search.correlation`), or 2 / s where this is less. Here s is the root mean square of ln(cost / least cost) over
-the ends of the trials. Trials differ by chance alone, so a difference of s in the cost tells nothing of the cloth. The
-third is the spread of the ends of all descents of all trials, each end with the weight
+the ends of the trials. Trials differ by chance alone, so a difference of s in the cost is no information on the cloth.
+The third is the spread of the ends of all descents of all trials, each end with the weight
 
     w_k = (cost_k / cost)^(-N/2)
 
-All estimates measure the same uncertainty, so the largest counts. The jackknife sees ripples that the emulator smooths.
-The draws see local minima that the jackknife does not. The ends are minima that the emulator may have smoothed away.
-Without looks, the spread of the descents' ends is added to the jackknife. Here N counts pieces of the recording of two
-seconds, because a ripple lasts for a swing or two. So an end that fits much worse counts little. Both formulas are the
-likelihood of Gaussian errors of unknown deviation, at its maximum over the deviation. These rules were chosen on takes
-that no published figure uses.
+All estimates measure the same uncertainty, so the largest counts. The jackknife includes ripples that the emulator
+smooths. The draws include local minima that the jackknife ignores. The ends are minima that the emulator may have
+smoothed away. Without looks, the spread of the descents' ends is added to the jackknife. Here N counts pieces of the
+recording of two seconds, because a ripple lasts for a swing or two. So an end that fits much worse counts little. Both
+formulas are the likelihood of Gaussian errors of unknown deviation, at its maximum over the deviation. These rules were
+chosen on takes that no published figure uses.
 """
 
 from __future__ import annotations
@@ -40,12 +42,12 @@ from formats.arrays import Floats
 
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
-MOST_LOOKS = 80  # candidates looked at: more of them find little
-TRIALS = 3  # times at most that one begins: a wrong valley is mostly left by the second, or told by the third
+MOST_LOOKS = 80  # candidates of the looks: more candidates hardly improve the best one
+TRIALS = 3  # at most: a second trial mostly leaves a wrong local minimum, and a third one decides between two
 
 
 class ObservedSearch(ObservedProblem):
-    """The search on some recordings for the parameters of a method and the amplitudes of some effects."""
+    """Least squares search for the parameters of a method and the amplitudes of effects on some recordings."""
 
     def run(
         self,
@@ -54,10 +56,10 @@ class ObservedSearch(ObservedProblem):
         progress: Progress = lambda step: None,
         known: Sequence[Step] = (),
     ) -> Observed:
-        """Search from the start, (parameters,); `progress` receives each look and each descent.
+        """Run the search from the start, (parameters,); `progress` receives each look and each descent.
 
-        `known` holds the first steps of an interrupted search of the same kind, which are not made again. Places of
-        looks are simulated again and not counted.
+        `known` holds the finished steps of an interrupted search with the same settings, which are not repeated. Places
+        of looks are simulated again, and these simulations are not counted.
 
         Raises:
             FitError: the recordings are too short for intervals.

@@ -1,4 +1,4 @@
-"""The residuals of takes as a function of parameters: the problem that least squares on points solve."""
+"""The least squares problem of a fit: residuals of tracked points as a function of the parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Distances = Callable[[list[Floats]], Floats]
 
 
 class ObservedProblem:
-    """Residuals of some recordings by the parameters of a method and the amplitudes of some effects."""
+    """Residuals of recordings as a function of a method's parameters and the amplitudes of effects."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class ObservedProblem:
     ) -> None:
         """Prepare the observer of the recordings, and the simulation of each of them.
 
-        - `windows`: the pulls of the settings act inside these alone
+        - `windows`: the observer's pull acts only inside these stretches of time
         - `distances`: returns D [m], (candidates,), of free rollouts' points, (candidates, frames, points, 3) [m] a
           take
         """
@@ -45,7 +45,7 @@ class ObservedProblem:
         self._distances = distances
 
     def simulate(self, vectors: Floats, pull: float) -> tuple[Floats, Floats]:
-        """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
+        """Return residuals, (candidates, numbers), not finite after a blow-up, and D [m], (candidates,) or empty."""
         observer = self.free.with_frequency(pull)
         points = observer.trajectories(vectors[:, : self.count], vectors[:, self.count :])
         residuals = observer.sound_residuals_of(points)

@@ -1,4 +1,4 @@
-"""The request of a fit: the parameters of a method and of effects, their bounds, and the search."""
+"""The settings of a fit: the parameters of a method and of effects, their bounds, and the search."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIDE_BY_SIDE = 16  # candidates a batch
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """The request of a fit."""
+    """Settings of a fit: method, effects, bounds and search."""
 
     method: Parameterisation
     effects: tuple[Effect, ...] = ()
@@ -33,11 +33,11 @@ class Request:
     width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
     engine: str = OWN_ENGINE  # the simulator, `fit.engines`
-    bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
+    bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: within the parameter's own range
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The method's parameters and one for each component of each effect, within the request's bounds."""
+        """Return the method's parameters and one for each effect's component, with the request's bounds."""
         narrowed = {name: (low, high) for name, low, high in self.bounds}
         return tuple(
             replace(p, minimum=low, maximum=high, initial=min(max(p.initial, low), high))
@@ -47,7 +47,7 @@ class Request:
 
     @property
     def space(self) -> BoundedSpace:
-        """The box of the parameters, and which of them have a log scale."""
+        """Return the box of the parameters, and which of them have a log scale."""
         return BoundedSpace(
             minimum=np.array([p.minimum for p in self.parameters]),
             maximum=np.array([p.maximum for p in self.parameters]),
@@ -74,7 +74,7 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The options of `hangtime fit`, as plain values that a worker or a notebook can hand on."""
+    """The options of `hangtime fit` as plain values, which a worker process or a notebook can pass on."""
 
     method: str = "si"
     effects: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ class Plan:
     engine: str = OWN_ENGINE
 
     def __post_init__(self) -> None:
-        """Choose the search, so that plans are equal if they do the same.
+        """Fill in the default search, so that plans with the same effect are equal.
 
         Raises:
             FitError: an unknown method.
@@ -125,13 +125,13 @@ def request_of(
     engine: str = OWN_ENGINE,
     search: str = "annealing",
 ) -> Request:
-    """Gather a request from plain values; bounds as NAME=LOW:HIGH.
+    """Check plain values and build a request from them; bounds are given as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
-            above 0; a spacing that is not above 0; iterations or a seed that is no count; bounds that are crossed,
-            malformed, given twice, of no parameter or
-            beyond its range.
+        FitError: an unknown effect, engine or search; an effect that is given twice or is part of the method; a gamma
+        or a spacing
+            that is not above 0; iterations or a seed that is no count; bounds that are crossed, malformed, given twice,
+            of an unknown parameter or beyond its range.
     """
     check_count(iterations, "iterations", least=1)
     check_count(seed, "seed", least=0)
@@ -181,7 +181,7 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
 
 
 def check_count(number: int, name: str, *, least: int) -> None:
-    """Refuse a number that counts nothing.
+    """Refuse a number that is no count.
 
     Raises:
         FitError: it is no whole number, or below the least.

@@ -1,4 +1,4 @@
-"""A search that is saved while it runs, so that the same command goes on with it after an interruption."""
+"""Checkpoint of a running parameter search, from which the same command continues after an interruption."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from formats.whole_files import write_whole
 
 
 class SavedSearch:
-    """The file of a search, with the key of what it is a search for; without a path nothing is saved."""
+    """Checkpoint file of a search, with a key that identifies takes and request; without a path nothing is saved."""
 
     def __init__(self, path: Path | None, key: dict[str, object]) -> None:
         self._path, self._key = path, key
@@ -23,11 +23,11 @@ class SavedSearch:
 
     @property
     def seconds(self) -> float:
-        """Time spent on the search, that before an interruption included, as far as it was saved [s]."""
+        """Time spent on the search [s], including the saved time before an interruption."""
         return self._before + clock.monotonic() - self._started
 
     def read(self) -> dict[str, Any] | None:
-        """Return the saved state, or None where there is none.
+        """Return the saved state, or None if no file exists.
 
         Raises:
             FitError: the file cannot be read, or is of another search.
@@ -49,14 +49,14 @@ class SavedSearch:
         return state  # type: ignore[no-any-return]
 
     def save(self, state: dict[str, Any]) -> None:
-        """Write the state, whole or not at all."""
+        """Write the state atomically: the file holds the old state or the new one."""
         if self._path is not None:
             whole = {"key": self._key, "seconds": self.seconds, "search": state}
             write_whole(self._path, json.dumps(whole).encode())
 
     @contextmanager
     def continuing(self) -> Iterator[None]:
-        """Say which file it is that a search cannot go on from."""
+        """Name the checkpoint file in an error that a search raises when it cannot continue."""
         try:
             yield
         except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:

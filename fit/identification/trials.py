@@ -1,4 +1,4 @@
-"""One run of least squares on the points' residuals: several trials, and a comparison of their ends.
+"""One least squares search on the points' residuals: several independent trials, and a comparison of their ends.
 
 A trial looks at many places: the start, scattered places, then the proposals of an emulator of the residuals
 (`fit.search.looks`). From the best place Levenberg-Marquardt descends by chords (`fit.search.least_squares`). Its
@@ -34,10 +34,10 @@ from fit.search.posterior import draw
 from fit.search.steps import Step
 from formats.arrays import Floats
 
-RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
-ROUNDS = 3  # times at most that one looks across valleys
-WORTH = 0.005  # of the cost, by which that must lower it to go on, and within which two trials agree
-NEXT_SEED = 7919  # added for another trial: far from the seeds that a user would count up
+RIPPLE_TIME = 2.0  # s: duration of the ripples in which descents end
+ROUNDS = 3  # at most: looks across the valleys about an end
+WORTH = 0.005  # of the cost: least gain for a further look across, and largest difference between two trials that agree
+NEXT_SEED = 7919  # added to the seed of each further trial, far from seeds that a user would choose in turn
 FIRST_SETTINGS = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
 LAST_SETTINGS = LeastSquaresSettings(
     is_chord=True, renewals=1, cost_tolerance=1e-4, step_tolerance=1e-3, step=0.02, max_iterations=8
@@ -49,7 +49,7 @@ class ObservedSettings:
     """The settings of a search.
 
     - `looks`: candidates before one descent from the best of them, 0 or at least SCATTERED
-    - `trials`: repetitions at most, while the rest exceeds the noise and no two ends agree
+    - `trials`: largest number of trials, while the residual exceeds the noise and no two ends agree
     - `starts`: of descents without looks
     - `pulls`: [Hz] of each descent in turn
     - `iterations`: under each pull
@@ -67,7 +67,7 @@ class ObservedSettings:
 
     @property
     def steps(self) -> int:
-        """Looks and descents there are at most."""
+        """Return the largest possible number of looks and descents."""
         if not self.looks:
             return self.starts * len(self.pulls)
         proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
@@ -76,7 +76,7 @@ class ObservedSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """The end of a search.
+    """Result of a search.
 
     - `vector`, (parameters,)
     - `ends`: cost and vector of each descent
@@ -95,7 +95,7 @@ Progress = Callable[[Step], None]
 
 
 def is_settled(costs: Sequence[float], noise: float) -> bool:
-    """Return whether no further trial is needed: the noise explains the least cost, or the two least costs agree.
+    """Return whether no further trial is needed: noise explains the least cost, or the two least costs agree.
 
     `noise` is the largest cost that noise alone may leave.
     """
@@ -104,16 +104,16 @@ def is_settled(costs: Sequence[float], noise: float) -> bool:
 
 
 def luck_of(costs: Sequence[float]) -> float:
-    """Return how far trials, (trials,), end above the best of them: the root mean square logarithm of their costs."""
+    """Return the root mean square of ln(cost / least cost) over the trials, from their costs, (trials,)."""
     best, *others = sorted(cost for cost in costs if math.isfinite(cost))
     return math.sqrt(sum(math.log(other / best) ** 2 for other in others) / len(others)) if others else 0.0
 
 
 def between_ends(apart: Floats, rise: Floats, pieces: float) -> Floats:
-    """Return the mean square of ends about the best one, (parameters, parameters); each counts by its likelihood.
+    """Return the likelihood-weighted mean square of ends about the best one, (parameters, parameters).
 
     - `apart`, (ends, parameters): from the best end
-    - `rise`, (ends,): logarithm of the cost over the best end's
+    - `rise`, (ends,): logarithm of each cost over the least cost
     - `pieces`: N, independent numbers
     """
     weights = np.exp(-0.5 * pieces * rise)
@@ -121,7 +121,7 @@ def between_ends(apart: Floats, rise: Floats, pieces: float) -> Floats:
 
 
 class Run:
-    """The places of a search so far, and the best of them."""
+    """State of a running search: the simulated places, their residuals, and the best place."""
 
     def __init__(
         self, search: ObservedProblem, start: Floats, settings: ObservedSettings, progress: Progress,
@@ -131,17 +131,17 @@ class Run:
         self.waiting, self.path = list(known), list[Step]()
         self.prior = Prior(mean=start, precision=np.diag((PRIOR_SD * search.space.scale) ** -2))
         self.unit = search.space.to_unit(start)
-        self.units = np.zeros((0, len(start)))  # that were looked at
-        self.first = 0  # place that this trial looked at
+        self.units = np.zeros((0, len(start)))  # simulated in looks
+        self.first = 0  # index of this trial's first place
         self.residuals: Floats | None = None
         self.costs = np.zeros(0)
         self.best: tuple[float, float] = (np.inf, np.inf)  # least cost, and D there
-        self.least: list[float] = []  # cost that each trial has ended at
+        self.least: list[float] = []  # final cost of each trial
         self.distances: list[float] = []  # since the last step
         self.before = search.free.simulations
 
     def run(self) -> Observed:
-        """Run trials until they suffice, descend from the best end, and return the last end with its intervals."""
+        """Run trials until they agree, descend from the best end, and return its final parameters with intervals."""
         ends = self._try()
         while len(self.least) < self.settings.trials and not is_settled(self.least, self._noise()):
             self.first = len(self.units)
@@ -163,7 +163,7 @@ class Run:
         return float(count + np.sqrt(2 * count))
 
     def _try(self) -> list[tuple[Step, LeastSquaresResult | None]]:
-        """Look, go down from the best places and across valleys, and return where that ended."""
+        """Run one trial: looks, descents from the best places and across valleys; return the best end."""
         if self.settings.looks:
             self._look()
         ends: list[tuple[Step, LeastSquaresResult | None]] = []
@@ -174,7 +174,7 @@ class Run:
                     raise self._blown_up()
                 place = descent.vector
                 if not np.isfinite(descent.cost):
-                    break  # a scattered start that cannot be simulated is no loss
+                    break  # a scattered start that cannot be simulated is skipped
             else:
                 ends.append((descent, found))
         for _ in range(ROUNDS if self.settings.looks and ends else 0):
@@ -186,7 +186,7 @@ class Run:
         return ends
 
     def _look(self) -> None:
-        """Look at scattered places, then at what is proposed, as often as the settings say."""
+        """Simulate scattered places, then the emulator's proposals, up to the number of looks in the settings."""
         space, looks = self.search.space, self.settings.looks
         while len(self.units) - self.first < looks:
             if self.waiting and self.waiting[0].is_look:
@@ -224,7 +224,7 @@ class Run:
         )  # fmt: skip
 
     def _across(self, step: Step, found: LeastSquaresResult | None) -> list[tuple[Step, LeastSquaresResult | None]]:
-        """Look across the valleys about an end, and go down from the best places there."""
+        """Simulate places across the valleys about an end, and descend from the best of them."""
         space, pull = self.search.space, self.settings.pulls[-1]
         known = self.waiting.pop(0) if self.waiting else None
         found = found or self._again(step, FIRST_SETTINGS)
@@ -261,7 +261,7 @@ class Run:
     def _descend(
         self, pull: float, start: Floats, manner: LeastSquaresSettings | None = None
     ) -> tuple[Step, LeastSquaresResult | None]:
-        """Go down from a start in some manner, or take the known descent; its result is not kept."""
+        """Descend from a start with the given settings, or return the known descent; the caller stores the result."""
         if self.waiting:
             known = self.waiting.pop(0)
             self.best = min(self.best, (known.cost, known.distances[-1] if known.distances else np.inf))
@@ -281,7 +281,7 @@ class Run:
         return step, found
 
     def _again(self, end: Step, manner: LeastSquaresSettings) -> LeastSquaresResult:
-        """Return the end of a descent of an interrupted search; the simulations that repeat it do not count."""
+        """Return the end of a descent of an interrupted search; its repeated simulations do not count."""
         counted, pull = self.search.free.simulations, self.settings.pulls[-1]
         manner = replace(manner, max_iterations=0)
         found = self._minimise(pull, end.vector, manner)
@@ -299,7 +299,7 @@ class Run:
         )  # fmt: skip
 
     def _simulate(self, vectors: Floats, pull: float) -> Floats:
-        """Residuals, (candidates, numbers); the values of D are noted."""
+        """Return residuals, (candidates, numbers), and record the values of D."""
         residuals, distances = self.search.simulate(vectors, pull)
         for cost, distance in zip(self._costs(vectors, residuals), distances, strict=False):
             self.best = min(self.best, (float(cost), float(distance)))
@@ -313,7 +313,7 @@ class Run:
     def _take(self, step: Step, *, is_known: bool) -> None:
         self.path.append(step)
         self.distances = []
-        if is_known:  # the former count counts, not the simulations that repeat it
+        if is_known:  # the saved count holds; repeated simulations are not added
             self.before = self.search.free.simulations - step.simulations
         else:
             self.progress(step)
@@ -329,7 +329,7 @@ class Run:
         )
 
     def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
-        """Return intervals in the best valley, at least as wide as the other places that fit."""
+        """Return intervals about the best end, at least as wide as the spread of other places that fit as well."""
         space, observer = self.search.space, self.search.free
         unit = space.to_unit(best.parameters)
         between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))

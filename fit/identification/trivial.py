@@ -1,4 +1,4 @@
-"""Trivial predictors of a take's points, which stand beside every fit: a fit that hardly beats them tells little.
+"""Trivial predictors of a take's points, the reference of every fit: a fit that hardly beats them is worth little.
 
     vertical   a rigid sheet that hangs straight down from the held edge
     pendulum   a rigid sheet on a hinge at the held edge, of length L and damping c:
@@ -27,11 +27,11 @@ from formats.nature import GRAVITY
 TIME_STEP = 0.005  # s of the pendulum: a two-hundredth of its period
 LENGTHS = np.round(np.arange(0.1, 1.01, 0.05), 2)  # m, from a handkerchief to a curtain
 DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a real hanging cloth had 2 x 1.25
-HARDLY = 0.1  # of the trivial predictor's error: a fit that removes less of it hardly beats it
+HARDLY = 0.1  # share of the trivial predictor's error that a useful fit removes at least
 
 
 class Judge(Protocol):
-    """Takes, and the error of points on them."""
+    """Interface of a set of takes that can compute the error of simulated points."""
 
     @property
     def recordings(self) -> list[Recording]:
@@ -39,12 +39,12 @@ class Judge(Protocol):
         ...
 
     def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:
-        """Return the mean error of points [m], (frames, points, 3) a take, and the error of each take."""
+        """Return the mean error over all takes, and each take's, of points [m], (frames, points, 3) per take."""
         ...
 
 
 def trivial_figures(training: Judge, held_out: Judge | None) -> list[TrivialFigure]:
-    """Return the errors of the trivial predictors on takes used for fitting and on those held out."""
+    """Return the errors of the trivial predictors on the fitted and on the held-out takes."""
     best = fitted_pendulum(training.recordings)
     made: tuple[tuple[str, dict[str, float], Callable[[Recording], Floats]], ...] = (
         ("vertical", {}, vertical),
@@ -60,7 +60,7 @@ def trivial_figures(training: Judge, held_out: Judge | None) -> list[TrivialFigu
 
 
 def describe_trivial(after: float, figures: Sequence[TrivialFigure], *, is_held_out: bool) -> str:
-    """Say how a fit's mean error [m] stands to the better of the trivial predictors, as a warning if hardly better."""
+    """Compare a fit's mean error [m] with the better trivial predictor, as a warning if the fit hardly beats it."""
     errors = [(one.held_out.mean_m if is_held_out and one.held_out else one.train.mean_m, one.name) for one in figures]
     if not errors:
         return ""
@@ -85,7 +85,7 @@ def pendulum(recording: Recording, length: float, damping: float) -> Floats:
 
 
 def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
-    """Return length [m] and damping [1/s] of the pendulum that is nearest to the points, on the grid."""
+    """Return length [m] and damping [1/s] of the pendulum with the smallest error on the grid."""
     lengths, dampings = (grid.ravel() for grid in np.meshgrid(LENGTHS, DAMPINGS))
     errors = np.zeros(len(lengths))
     for recording in recordings:
@@ -97,7 +97,7 @@ def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
 
 
 def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
-    """Return the angles of pendulums at the frames [rad], (pendulums, frames), at rest in the beginning."""
+    """Return the angles of pendulums at the frames [rad], (pendulums, frames), which start at rest."""
     instants = np.arange(0.0, recording.duration + TIME_STEP, TIME_STEP)
     ends = recording.held(instants)
     middle = ends.reshape(-1, 2, 3).mean(1)
@@ -114,7 +114,7 @@ def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
 
 
 def _sheet(recording: Recording) -> Callable[[Floats], Floats]:
-    """Return a rigid sheet: its points [m], (frames, points, 3), by its angle about the held edge [rad], (frames,)."""
+    """Return points of a rigid sheet [m], (frames, points, 3), for its angle about the held edge [rad], (frames,)."""
     ends = np.asarray(recording.garment.outline_m[:2], float)
     edge = ends[1] - ends[0]
     along = edge / np.linalg.norm(edge)

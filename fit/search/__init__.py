@@ -1,1 +1,1 @@
-"""Search for parameters: small objects with `ask()` and `tell()`; the caller owns the loop."""
+"""Search algorithms for parameters: each proposes candidates with `ask()` and learns their errors from `tell()`."""

@@ -1,4 +1,4 @@
-"""Simulated annealing with the printed formulas, asked for several proposals at a time.
+"""Simulated annealing by the published formulas, with several proposals evaluated in one batch.
 
     v_i    = theta_si tan(pi (p1 - 1/2)) mu T_t^sigma                        (2)
     T_t    = T_(t-1) / (1 + beta t)^alpha                                    (3)
@@ -43,7 +43,7 @@ from fit.search import bounds
 from fit.search.speculation import Branch, grow
 from formats.arrays import Floats
 
-OUTCOMES_KEPT = 64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
+OUTCOMES_KEPT = 64  # last proposals that estimate the next acceptance probability; changes speed only, never the chain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,9 @@ class AnnealingSettings:
         return temperature
 
     def lasting(self, iterations: int) -> AnnealingSettings:
-        """Return settings that cool to the same last temperature in so many iterations.
+        """Return settings that cool to the same last temperature within this number of iterations.
 
-        Cut off early, the printed schedule is all heat: of its first 40 proposals hardly one is better than the start.
+        A shortened published schedule would stay hot: of its first 40 proposals hardly one improves on the start.
         """
         if iterations == self.iterations:
             return self
@@ -120,7 +120,7 @@ class SearchBox:
 
 
 class Annealing:
-    """One annealing chain: `ask` for candidates, `tell` their distances, until `is_finished`."""
+    """One annealing chain: `ask` returns candidates and `tell` receives their distances, until `is_finished`."""
 
     def __init__(
         self, start: Floats, box: SearchBox, settings: AnnealingSettings, generator: np.random.Generator
@@ -132,7 +132,7 @@ class Annealing:
             )
         self.settings, self.box = settings, box
         self._generator = generator
-        self._draws: list[Floats] = []  # [p1 of each parameter, p2] of the iterations to come
+        self._draws: list[Floats] = []  # [p1 of each parameter, p2] of the future iterations
         self._temperature = settings.temperature(0) if settings.first_temperature == "T1" else math.nan
         self._asked: list[Branch] = []
         self._changes: list[float] = []
@@ -155,7 +155,7 @@ class Annealing:
         return np.array([step.best for step in self.steps])
 
     def ask(self, width: int = 1) -> Floats:
-        """Return the next 1 to `width` proposals, (candidates, parameters); none when finished."""
+        """Return the next 1 to `width` proposals, (candidates, parameters), or none if the search is finished."""
         if width < 1:
             raise ValueError("a batch needs at least one candidate")
         self._asked = grow(
@@ -171,7 +171,7 @@ class Annealing:
         return np.stack([branch.candidate for branch in self._asked])
 
     def tell(self, candidates: Floats, distances: Floats) -> int:
-        """Take the distances [m], (candidates,), of the last `ask`; return the iterations done.
+        """Receive the distances [m], (candidates,), of the last `ask`; return the iterations done.
 
         A distance that is not finite counts as infinitely far: it is rejected and counted in `non_finite`.
         """
@@ -198,7 +198,7 @@ class Annealing:
         return done
 
     def state(self) -> dict[str, Any]:
-        """Return everything needed to go on, as JSON can hold it; `ask` again after `restore`."""
+        """Return the state as plain values for JSON; call `ask` again after `restore`."""
         return {
             "settings": dataclasses.asdict(self.settings),
             "generator": _plain(self._generator.bit_generator.state),
@@ -217,7 +217,7 @@ class Annealing:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state made by `state()` with the same settings and kind of generator.
+        """Continue from a state that `state()` returned, with the same settings and kind of random generator.
 
         Raises:
             FitError: the state is of a search with other settings.
@@ -244,7 +244,7 @@ class Annealing:
         self.evaluations, self.non_finite = state["evaluations"], state["non_finite"]
 
     def _ahead(self, offset: int) -> tuple[Floats, float]:
-        """Random numbers and temperature of the iteration `offset` after the next one."""
+        """Return random numbers and temperature of the iteration `offset` after the next one."""
         while len(self._draws) <= offset:
             self._draws.append(self._generator.random(len(self.current) + 1))
         temperature = self._temperature
@@ -271,7 +271,7 @@ class Annealing:
         return bounds.reflect(moved, low, high)
 
     def _guess_acceptance(self, offset: int) -> float:
-        """Probability that the iteration is accepted, from its own p2 and what recent proposals did."""
+        """Estimate the probability that the iteration is accepted, from its p2 and recent proposals."""
         draws, temperature = self._ahead(offset)
         worst = -temperature / self.settings.gamma * math.log(max(draws[-1], 1e-300))  # largest rise that passes (5)
         passed = sum(change <= worst for change in self._changes)

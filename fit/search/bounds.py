@@ -1,4 +1,4 @@
-"""The treatment of a proposal beyond a bound."""
+"""Treatment of proposals that lie beyond a parameter's bound: reflection or redrawing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from formats.arrays import Floats
 
 
 def reflect(values: Floats, low: Floats, high: Floats) -> Floats:
-    """Return the values mirrored at the bounds as often as it takes, each (parameters,)."""
+    """Return values reflected at the bounds until they lie within them, each (parameters,)."""
     span = high - low
     folded = np.mod(values - low, 2 * span)
     return np.clip(low + np.where(folded > span, 2 * span - folded, folded), low, high)

@@ -1,4 +1,4 @@
-"""Independent annealing chains side by side, sharing each batch of simulations.
+"""Independent annealing chains that run in parallel and share each batch of simulations.
 
 Annealing finds a different local minimum from each seed. The spread of several chains' results shows how reliable one
 result is. Several chains fill the lanes of a batch without speculation. The paper used one chain of the full length.
@@ -30,8 +30,8 @@ class ParallelChains:
     ) -> None:
         """Start one chain at each row of `starts`, (chains, parameters).
 
-        With `is_split` the iterations are shared out, each chain cooling to the same last temperature in its
-        share.
+        With `is_split` the chains divide the iterations among them. Each chain cools to the same last temperature in
+        its part.
         """
         starts = np.atleast_2d(starts)
         own = settings.lasting(max(1, settings.iterations // len(starts))) if is_split else settings
@@ -41,7 +41,7 @@ class ParallelChains:
 
     @property
     def is_started(self) -> bool:
-        """Return whether every chain has its start's distance."""
+        """Return whether the distance of every chain's initial candidate is known."""
         return all(chain.is_started for chain in self.chains)
 
     @property
@@ -92,7 +92,7 @@ class ParallelChains:
         return sum(chain.non_finite for chain in self.chains)
 
     def ask(self, width: int) -> Floats:
-        """Return up to `width` candidates, (candidates, parameters): spare lanes go to those behind."""
+        """Return up to `width` candidates, (candidates, parameters); chains that lag get the spare slots."""
         waiting = sorted((c for c in self.chains if not c.is_finished), key=lambda chain: len(chain.steps))[:width]
         self._asked, batch = [], []
         for place, chain in enumerate(waiting):
@@ -103,7 +103,7 @@ class ParallelChains:
         return np.concatenate(batch) if batch else np.empty((0, len(self.chains[0].current)))
 
     def tell(self, candidates: Floats, distances: Floats) -> int:
-        """Take the distances [m], (candidates,), of the last `ask`; return all iterations done."""
+        """Receive the distances [m], (candidates,), of the last `ask`; return the iterations done by all chains."""
         if len(candidates) != sum(count for _, count in self._asked) or len(distances) != len(candidates):
             raise ValueError("tell() wants one distance for each candidate of the last ask()")
         done, first = 0, 0
@@ -114,11 +114,11 @@ class ParallelChains:
         return done
 
     def state(self) -> dict[str, Any]:
-        """Return everything needed to go on, as JSON can hold it."""
+        """Return the state of all chains as plain values for JSON, from which `restore` continues."""
         return {"chains": [chain.state() for chain in self.chains]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state made by `state()`.
+        """Continue from a state that `state()` returned.
 
         Raises:
             FitError: the state is of another number of chains, or of other settings.

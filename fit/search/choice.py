@@ -1,4 +1,4 @@
-"""The list of the searches that minimise the distance D of free rollouts, and the start of each."""
+"""Registry of the search algorithms that minimise the distance D of free rollouts, and the construction of each."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OBSERVED = ("least-squares", "short-windows")  # they minimise the points' resid
 
 
 class Search(Protocol):
-    """Ask for candidates, tell their distances; the loop lives in the caller."""
+    """Interface of a search: `ask` returns candidates, `tell` receives their distances; the caller runs the loop."""
 
     @property
     def best(self) -> Floats:
@@ -47,12 +47,12 @@ class Search(Protocol):
 
     @property
     def is_started(self) -> bool:
-        """Return whether the start's distance is known."""
+        """Return whether the distance of the initial candidate is known."""
         ...
 
     @property
     def is_finished(self) -> bool:
-        """Return whether nothing is left to ask."""
+        """Return whether the search has no further candidates to propose."""
         ...
 
     @property
@@ -67,7 +67,7 @@ class Search(Protocol):
 
     @property
     def non_finite(self) -> int:
-        """Candidates that blew up."""
+        """Number of candidates whose simulation did not stay finite."""
         ...
 
     def ask(self, width: int) -> Floats:
@@ -88,7 +88,7 @@ class Search(Protocol):
 
 
 def check_search(name: str) -> str:
-    """Return the name of a known search.
+    """Return the search's name if a search of this name exists.
 
     Raises:
         FitError: there is no such search.
@@ -99,9 +99,11 @@ def check_search(name: str) -> str:
 
 
 def has_short_intervals(name: str, iterations: int) -> bool:
-    """Return whether a search's 90 % intervals are too short: it explores one local minimum (docs/reference/search.md).
+    """Return whether a search's 90 % intervals are too short, because it explores one local minimum only.
 
-    Not those of least squares, nor of tempering where so many candidates leave draws enough for intervals of their own.
+        Intervals of least squares are not too short. Intervals of tempering are not where its candidates leave enough
+        draws.
+    See docs/reference/search.md.
     """
     from fit.search.tempering import FEWEST_DRAWS, TEMPERATURES
 
@@ -128,7 +130,7 @@ class Task:
 
 
 def begin(name: str, task: Task) -> Search:
-    """Return the search of this name at the start of its task.
+    """Return a new search of this name for the task.
 
     Raises:
         FitError: no search by distance has this name.
@@ -149,4 +151,4 @@ def begin(name: str, task: Task) -> Search:
         return ParallelChains(
             np.tile(initial, (RESTARTED_CHAINS, 1)), box, settings, np.random.default_rng(seed), is_split=True
         )
-    raise FitError(f"{name} is not told distances", where="search", advice=f"choose one of {', '.join(SEARCHES)}")
+    raise FitError(f"{name} does not minimise distances", where="search", advice=f"choose one of {', '.join(SEARCHES)}")

@@ -1,4 +1,4 @@
-"""Covariance matrix adaptation with restarts of growing populations, on the library `cmaes`.
+"""Covariance matrix adaptation (CMA-ES) with restarts of growing populations, by the library `cmaes`.
 
     x_k ~ m + sigma N(0, C),   k = 1 ... lambda,   lambda_0 = 4 + floor(3 ln n)
 
@@ -23,7 +23,7 @@ from fit.search.record import RecordedSearch
 from formats.arrays import Floats
 
 FIRST_SIGMA = 0.25  # share of the box: a quarter reaches every bound from most starts
-FLAT = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise tells nothing
+FLAT = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise is no difference
 NARROW = 1e-4  # share of the box: below what finite differences of a simulation resolve
 WORST = 1e6  # m, worse than any simulation
 

@@ -1,4 +1,4 @@
-"""The number of independent residuals of a recording: how many there are, less those that err together.
+"""Effective number of independent residuals of a recording, from their correlation in time and between points.
 
 Residuals r_i(t) of K series, one a point and axis, vary over T frames. Let A_ij(l) be the sum of r_i(t) r_j(t + l) over
 the P_ij(l) pairs of frames that lie l apart and are seen. A sum of correlated squares varies as much as one of N
@@ -6,9 +6,9 @@ independent squares:
 
     N = (sum_i A_ii(0))^2 / sum_l sum_ij A_ij(l)^2 / P_ij(l)
 
-Series without anything in common leave a sum over i and j of about (sum_i variance_i)^2 at each lag by chance. This
-much is taken off at lag 0. Another lag counts where it has more than twice as much. In white noise the sum is spread as
-chi square of k^2 degrees of freedom over k^2,
+Uncorrelated series leave a sum over i and j of about (sum_i variance_i)^2 at each lag by chance. This amount is
+subtracted at lag 0. Another lag counts where it exceeds twice this amount. In white noise the sum is spread as chi
+square of k^2 degrees of freedom over k^2,
 
     k = (sum_i variance_i)^2 / sum_i variance_i^2
 
@@ -38,7 +38,7 @@ RARE = 1e-3  # share of the lags of white noise that count all the same, where f
 
 
 def independent(takes: Sequence[Floats]) -> float:
-    """Return how many of residuals are independent: N, summed over the takes.
+    """Return the effective number N of independent residuals, summed over the takes.
 
     takes: of each (frames, ...), nan where nothing is seen
     """
@@ -61,26 +61,26 @@ def _independent(take: Floats) -> float:
 
 
 def _at_lags(whole: Floats, seen: Floats, variances: Floats) -> tuple[Floats, Floats]:
-    """Return sum_ij A_ij(l)^2 / P_ij(l) at each lag l, (frames,), and as much as chance leaves of it, (frames,).
+    """Return sum_ij A_ij(l)^2 / P_ij(l) at each lag l, (frames,), and its expected value by chance, (frames,).
 
     - `whole`, (frames, series), 0 where nothing is seen
     - `seen`, (frames, series), 1 where something is seen
     - `variances`, (series,)
     """
     frames, series = whole.shape
-    length = 2 ** math.ceil(math.log2(2 * frames))  # no lag comes around
+    length = 2 ** math.ceil(math.log2(2 * frames))  # no lag wraps around
     squares, chance = np.zeros(frames), np.zeros(frames)
     spectra = [np.fft.rfft(numbers, length, axis=0) for numbers in (whole, seen)]
     for one in range(series):
         found, pairs = (np.fft.irfft(s[:, [one]].conj() * s, length, axis=0)[:frames] for s in spectra)
-        has_pairs = pairs > 0.5  # whole numbers but for rounding
+        has_pairs = pairs > 0.5  # whole numbers except for rounding errors
         squares += np.where(has_pairs, found**2 / np.maximum(pairs, 0.5), 0.0).sum(1)
         chance += variances[one] * (has_pairs @ variances)
     return squares, chance
 
 
 def _exceeded(variances: Floats) -> float:
-    """Return how many times the chance a lag must have to count, from the variance of each series, (series,)."""
+    """Return the factor by which a lag must exceed chance to count, from the variance of each series, (series,)."""
     from scipy.special import chdtri
 
     freedom = float(variances.sum() ** 2 / (variances**2).sum()) ** 2

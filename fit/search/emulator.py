@@ -1,4 +1,4 @@
-"""Predict the residuals at places that were not simulated: Kriging of whole residual vectors at once.
+"""Predict residuals at parameters that were not simulated: Kriging of whole residual vectors at once.
 
 All numbers of a residual vector r(u), (m,), share one correlation k over the unit box, a constant mean and their own
 variance. The best linear unbiased prediction is then one set of weights for all of them,
@@ -33,7 +33,7 @@ RANGES, NUGGETS = (0.3, 10.0), (1e-6, 0.3)  # bounds of both
 
 
 class Emulator:
-    """Residual vectors as they are known from some places of the unit box."""
+    """Kriging model of residual vectors that were simulated at some places of the unit box."""
 
     def __init__(self, units: Floats, gram: Floats) -> None:
         """Fit the correlation to two or more places.
@@ -56,7 +56,7 @@ class Emulator:
         self._variance = float((self._projected * gram).sum()) / (len(units) - 1)
 
     def _invert(self, logs: Floats) -> tuple[Floats, Floats, Floats, float]:
-        """K^-1, K^-1 1, P and log |K| + log 1'K^-1 1."""
+        """Return K^-1, K^-1 1, P and log |K| + log 1'K^-1 1."""
         scaled = np.sqrt(5 * (self._apart / np.exp(2 * logs[:-1])).sum(-1))
         whole = (1 + scaled + scaled**2 / 3) * np.exp(-scaled) + np.exp(logs[-1]) * np.eye(len(scaled))
         inverse = np.linalg.inv(whole)
@@ -65,7 +65,7 @@ class Emulator:
         return inverse, sums, projected, float(np.linalg.slogdet(whole)[1] + np.log(sums.sum()))
 
     def _surprise(self, logs: Floats) -> tuple[float, Floats]:
-        """Minus the logarithm of likelihood and prior, and its slope."""
+        """Return the negative logarithm of likelihood times prior, and its gradient."""
         inverse, _, projected, volume = self._invert(logs)
         free = len(inverse) - 1
         floor = max(1e-12 * float(np.trace(self.gram)), 1e-300)  # where all residuals are alike
@@ -81,7 +81,7 @@ class Emulator:
         return value, 0.5 * INDEPENDENT * slope + off / self._prior_sd
 
     def costs(self, units: Floats, caution: float) -> tuple[Floats, Floats]:
-        """Return w' G w + caution s^2 v, (candidates,), and its slopes, (candidates, parameters).
+        """Return w' G w + caution s^2 v, (candidates,), and its gradients, (candidates, parameters).
 
         units, (candidates, parameters); caution: 1 is the expected cost, less trusts the prediction more.
         """

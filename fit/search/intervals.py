@@ -1,4 +1,4 @@
-"""The interval of each parameter: the jackknife over blocks of the recording, about a linearised model.
+"""90 % interval of each parameter: the jackknife over half-second blocks of the recording, on the linearised model.
 
 The residuals r(u) are in units of their deviation. J is their Jacobian in working coordinates, and P the precision of a
 weak prior. A block b is half a second of the recording, left out as a whole, because errors within a block are
@@ -8,16 +8,16 @@ correlated. Then
     V = (G - 1)/G sum_b d_b d_b' + H^-1 P H^-1,   d_b = u_(b) - mean of u_(b)
 
 The prior alone supplies the second term. A direction that no block determines keeps the prior's spread. A search may
-stop short of the least squares. The remaining way, H^-1 s, then counts as well:
+stop before the minimum. The remaining step, H^-1 s, then counts as well:
 
     half width = sqrt(t^2 V + (H^-1 s)^2),   t: 95 % of Student's distribution with G - 1 degrees of freedom
 
 A parameter is identified when its deviation is less than half of the prior's, and when it is not at its bound.
 
 A parameter within a hundredth of its range of an end is at its bound. Its interval is one-sided and reaches the bound.
-Rounding decides on which side of the bound the linear model sees the least squares, so the verdict does not ask. With
-the least squares beyond the bound, the slope says little of how far the value can be trusted. The half width is then at
-least that of a parameter at the limit of being identified.
+Rounding decides on which side of the bound the linear model has its minimum, so the verdict ignores the side. If the
+minimum lies beyond the bound, the slope is a poor measure of the uncertainty. The half width is then at least that of a
+parameter at the limit of being identified.
 
 Source: J. G. MacKinnon, M. O. Nielsen, M. D. Webb, "Fast and reliable jackknife and bootstrap methods for
 cluster-robust inference", J. Appl. Econometrics 38 (2023), their CV3J. The prior's term is that of a linear estimate
@@ -36,18 +36,18 @@ from formats.arrays import Booleans, Floats, Integers
 
 SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
-AT_BOUND = 0.01  # of the box: a parameter nearer to its bound was stopped by it
+AT_BOUND = 0.01  # of the box: a parameter nearer to its bound is at its bound
 FEWEST_BLOCKS = 3
-NORMAL_90 = 1.645  # standard deviations: within so many of its mean lie 90 % of a normal distribution
+NORMAL_90 = 1.645  # standard deviations: half the central 90 % interval of a normal distribution
 
 
 @dataclass(frozen=True)
 class Intervals:
     """90 % intervals, (parameters, 2), and marks for parameters that are identified and at a bound, (parameters,).
 
-    `covariance`, (parameters, parameters), is that of the linearised model or of draws. `way`, (parameters,), leads to
-    the least squares. All are in the parameters' own units. `spread` is half a 90 % interval in deviations, for a `way`
-    of zero.
+    `covariance`, (parameters, parameters), belongs to the linearised model or to draws. `way`, (parameters,), is the
+    remaining step to the minimum. All are in the parameters' own units. `spread` is half a 90 % interval in deviations,
+    for a `way` of zero.
     """
 
     ends: Floats
@@ -59,7 +59,7 @@ class Intervals:
 
 
 def check_blocks(block: Integers) -> None:
-    """Refuse, before anything is searched for, numbers of too few blocks, (m,), for intervals.
+    """Refuse a recording with too few half-second blocks for intervals, from the block of each number, (m,).
 
     Raises:
         FitError: fewer than three blocks.
@@ -91,7 +91,7 @@ class LinearModel:
 def block_intervals(
     space: BoundedSpace, model: LinearModel, *, between: Floats | float = 0.0, spread: Floats | float = 0.0
 ) -> Intervals:
-    """Return intervals about the parameters of a linearised model.
+    """Return 90 % intervals about the parameters of a linearised model.
 
     - `between`, (p, p): covariance that is added, in squared shares of the box
     - `spread`, (p,): a lower limit of the deviations, in shares of the box, known from elsewhere
@@ -141,9 +141,9 @@ def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Interval
 
 
 def jackknife(residuals: Floats, jacobian: Floats, place: Integers) -> tuple[Floats, Floats]:
-    """Return the covariance, (p, p), and the way to the least squares, (p,), in shares of the box.
+    """Return the jackknife covariance, (p, p), and the remaining step to the minimum, (p,), in shares of the box.
 
-    place: the blocks' numbers from 0.
+    place, (m,): the number of each residual's block, counted from 0.
     """
     count = int(place.max()) + 1
     prior = np.eye(jacobian.shape[1]) / PRIOR_SD**2

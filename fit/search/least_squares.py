@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt within bounds, for a simulator that takes many candidates at once.
+"""Levenberg-Marquardt least squares within bounds, for a simulator that evaluates many candidates in one batch.
 
     cost(u) = sum_j rho(r_j(u)) + (z(u) - z0)' P (z(u) - z0)
     (J' W J + P_u + lambda diag(J' W J + P_u)) s = -(J' W r + P_u (u - u0))
@@ -10,7 +10,8 @@ between its bounds.
 One batch gives all columns of J by finite differences. The next batch tries a ladder of dampings lambda side by side
 and keeps the best. The projected gradient leaves parameters at a bound out of the step. So the search reaches an
 optimum on a bound exactly, and leaves the bound when the slope turns. A ladder is tried even if the linear model
-predicts little gain. Cloth's residuals ripple, and long steps cross ripples that hold finite differences.
+predicts little gain. The cost of cloth has small ripples, and long steps cross the ripples that trap finite
+differences.
 
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3. The projection:
 Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local convergence properties for solving
@@ -30,8 +31,8 @@ from fit.errors import BlowUpError, FitError
 from formats.arrays import Booleans, Floats
 
 DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
-UNJUDGED, HOPELESS = 4, 1.1  # iterations after which a search is given up that costs this many times what is known
-SLOW_FALL = 0.01  # of the cost in one iteration, less than which gives up a search that is still above what is known
+UNJUDGED, HOPELESS = 4, 1.1  # iterations after which a search stops if its cost is this many times the known cost
+SLOW_FALL = 0.01  # relative fall of the cost in one iteration, below which a search above the known cost stops
 
 Residuals = Callable[[Floats], Floats]
 
@@ -83,7 +84,7 @@ class BoundedSpace:
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """A Gaussian belief: mean in own units, (p,); precision in working coordinates, (p, p)."""
+    """Gaussian prior: mean in the parameters' units, (p,); precision in working coordinates, (p, p)."""
 
     mean: Floats
     precision: Floats
@@ -91,25 +92,25 @@ class Prior:
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquaresSettings:
-    """When to stop, and how many candidates a batch holds."""
+    """Stopping rules, step sizes and batch width of a least squares search."""
 
     width: int = 8
     max_iterations: int = 30
     step: float = DIFFERENCE  # finite difference, share of the box
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
-    renewals: int = 2  # of the Jacobian of a search by chords that has come to a halt
+    renewals: int = 2  # of the Jacobian, when a search by chords finds no further step
     is_exact: bool = True  # the returned Jacobian is made of differences, at any cost
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
     cost_tolerance: float = 1e-6  # relative fall of the cost
     step_tolerance: float = 1e-6  # longest step, share of the box
-    known_cost: float = math.inf  # of a rival: a search that will hardly come below it is given up
+    known_cost: float = math.inf  # of a rival fit: a search that will hardly fall below this cost stops
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquaresResult:
-    """The end of the search.
+    """Result of a least squares search.
 
     - `parameters`, (p,); `residuals`, (m,)
     - `jacobian`, (m, p): d residual / d working coordinate, the logarithm for log parameters
@@ -182,9 +183,9 @@ def search(
     settings: LeastSquaresSettings | None = None,
     jacobian: Floats | None = None,
 ) -> Search:
-    """Return the search of `minimise`, (p,), that asks for residuals instead of calling for them.
+    """Return the search of `minimise` as a generator, so that its caller evaluates the residuals.
 
-    It yields candidates, (lanes, p), is sent their residuals, (lanes, m), and returns where it ended.
+    The generator yields candidates, (lanes, p), receives their residuals, (lanes, m), and returns its result.
     """
     return _Search(space, prior, settings or LeastSquaresSettings()).run(np.asarray(start, dtype=float), jacobian)
 
@@ -192,10 +193,10 @@ def search(
 def side_by_side(
     searches: Sequence[Search], evaluate: Callable[[list[Floats]], list[Floats]]
 ) -> list[LeastSquaresResult]:
-    """Advance several searches in step, so that one batch answers all of them; return where each ended.
+    """Advance several searches together, so that one batch evaluates the candidates of all; return each result.
 
-    evaluate: is given what each search asks, (lanes, p), nothing (0 lanes) of those that have ended, and returns
-    their residuals in the same order.
+    evaluate: receives the candidates of each search, (lanes, p), with 0 lanes for a finished search. It returns their
+    residuals in the same order.
     """
     ended: list[LeastSquaresResult | None] = [None] * len(searches)
     asked = [next(one) for one in searches]
@@ -251,7 +252,7 @@ class _Search:
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
             moved, reason = None, "no slope is left within the bounds"
             if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
-                # An inexact Jacobian may be the only fault, so differences are made anew before short steps are tried.
+                # An inexact Jacobian may be the only cause, so new finite differences come before short steps.
                 is_outdated = not is_fresh and renewals < settings.renewals
                 moved = yield from self._try_dampings(
                     u, cost, normal, slope, free, damping, ladders=1 if is_outdated else 3
@@ -273,9 +274,9 @@ class _Search:
             if reason and (is_fresh or renewals == settings.renewals):
                 break
             if self._is_hopeless(history, has_moved=moved is not None):
-                is_hopeless, reason = True, "it will hardly come below what is known"
+                is_hopeless, reason = True, "it will hardly fall below the known cost"
                 break
-            if reason:  # an updated Jacobian may be the only fault
+            if reason:  # the updated Jacobian may be the only cause
                 jacobian, made_at = (yield from self._jacobian(u, r)), u
                 is_fresh, renewals = True, renewals + 1
         else:
@@ -300,7 +301,7 @@ class _Search:
         )
 
     def _is_hopeless(self, history: list[float], *, has_moved: bool) -> bool:
-        """Return whether a search is far above what is known after a few iterations, or above it and falls no more."""
+        """Return whether a search is far above the known cost after a few iterations, or above it without falling."""
         cost, known = history[-1], self.settings.known_cost
         is_slow = not has_moved or cost > (1 - SLOW_FALL) * history[-2]
         return cost > known and (is_slow or (len(history) > UNJUDGED and cost > HOPELESS * known))
@@ -334,7 +335,7 @@ class _Search:
         return weighted @ jacobian + self.precision, weighted @ r + self.precision @ (u - self.mean)
 
     def _jacobian(self, u: Floats, r: Floats) -> Generator[Floats, Floats, Floats]:
-        """d residual / d u, (m, p); a column that blew up is taken from the other side, or is zero."""
+        """Return d residual / d u, (m, p); a column that blew up uses the opposite difference, or is zero."""
         h, count = self.settings.step, len(u)
         inward = np.where(u + h <= 1, h, -h)
         aside = u + np.diag(inward)
@@ -365,7 +366,7 @@ class _Search:
         damping: float,
         ladders: int,
     ) -> Generator[Floats, Floats, _Step | None]:
-        """Return the best lower place of up to three ladders of dampings, or None."""
+        """Return the best improvement from up to three ladders of damping values, or None."""
         rungs = self.settings.width
         # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
         factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
@@ -383,7 +384,7 @@ class _Search:
     def _trial(self, u: Floats, normal: Floats, slope: Floats, free: Booleans, damping: float) -> Floats:
         reduced = normal[np.ix_(free, free)]
         diagonal = np.diag(reduced)
-        # A column without any effect would make the system singular; a little of the largest keeps it still.
+        # A zero column would make the system singular; a small share of the largest diagonal prevents this.
         floor = 1e-9 * max(float(diagonal.max()), 1e-300)
         step = np.zeros_like(u)
         step[free] = np.linalg.solve(reduced + np.diag(damping * diagonal + floor), -slope[free])

@@ -1,4 +1,4 @@
-"""Choose the places to simulate: first scattered over the unit box, then where an emulator expects the least cost.
+"""Choose parameter vectors to simulate: first a Sobol sequence, then the minima that an emulator predicts.
 
 The start and a Sobol sequence come first. Then two places at a time are proposed (`fit.search.emulator`; caution 1 and
 0). One has the least expected cost. The other has the least cost of the prediction alone, which is the bolder choice.
@@ -19,7 +19,7 @@ from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD
 from formats.arrays import Floats
 
-SCATTER_MARGIN = 0.1  # of the box that scattered places leave out at each end: rarely true, often costly
+SCATTER_MARGIN = 0.1  # of the box, left out at each end: rarely true, often costly
 SCATTERED = 16  # places with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)
 NEAREST = 0.01  # share of the box: two places differ by as much in one parameter at least
@@ -30,12 +30,12 @@ DESCENTS = 3  # of them from which the least is sought
 
 
 def scatter(start: Floats, seed: int) -> Floats:
-    """Return the start, (parameters,), in shares of the box, and places beside it, (SCATTERED, parameters)."""
+    """Return the start, (parameters,), and scattered places, (SCATTERED, parameters) in all, in shares of the box."""
     return np.concatenate([start[None], spread(len(start), SCATTERED - 1, seed)])
 
 
 def spread(parameters: int, count: int, seed: int) -> Floats:
-    """Return the first places of a Sobol sequence over the box without its margins, (count, parameters)."""
+    """Return the first parameter vectors of a Sobol sequence over the box without its margins, (count, parameters)."""
     from scipy.stats import qmc
 
     sobol = qmc.Sobol(parameters, rng=np.random.default_rng(seed))
@@ -43,17 +43,17 @@ def spread(parameters: int, count: int, seed: int) -> Floats:
 
 
 def prior_cost(units: Floats, start: Floats) -> Floats:
-    """Return what the prior adds to the cost of places, (candidates, parameters) -> (candidates,)."""
+    """Return the prior's part of the cost of parameter vectors, (candidates, parameters) -> (candidates,)."""
     return np.asarray(((units - start) ** 2).sum(-1) / PRIOR_SD**2)
 
 
 def fewest(parameters: int) -> int:
-    """Places that an emulator needs more than."""
+    """Return the number of simulated places that an emulator must exceed."""
     return parameters + 1
 
 
 def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start: Floats, seed: int) -> Floats:
-    """Return the first places, then proposed ones up to `count`, (places, parameters), least cost first.
+    """Return the given and then proposed places, (places, parameters), `count` in all, least cost first.
 
     residuals: of places, (places, parameters) -> (places, numbers), not finite where it blew up
     """
@@ -68,7 +68,7 @@ def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start
 
 
 def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:
-    """Return the places to look at next, (candidates, parameters), none where too few simulations stayed finite.
+    """Return the next places to simulate, (candidates, parameters), or none if too few simulations stayed finite.
 
     units, (places, parameters), looked at so far; residuals, (places, numbers), not finite where it blew up; start,
     (parameters,): the prior's mean.
@@ -92,14 +92,14 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
 
 
 def _distance(place: Floats, others: Floats) -> float:
-    """Least over the others of the largest difference in one parameter."""
+    """Return the distance to the nearest of other places: the largest difference in one parameter."""
     return float(np.abs(others - place).max(1).min())
 
 
 def _least(
     emulator: Emulator, caution: float, best: Floats, start: Floats, random: np.random.Generator
 ) -> list[Floats]:
-    """Places by their emulated cost: first those at which a descent ended, then those drawn."""
+    """Return places of least emulated cost: first the ends of descents on the emulator, then randomly drawn places."""
     from scipy.optimize import minimize
 
     def cost(place: Floats) -> tuple[float, Floats]:

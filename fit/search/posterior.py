@@ -1,4 +1,4 @@
-"""Draw parameters from the posterior that an emulator describes.
+"""Sample parameters from the posterior that the emulator approximates, by differential evolution.
 
     p(u) ~ E(u)^(-N/2),    E: expected cost, prior included
 
@@ -31,9 +31,9 @@ LEAP_EVERY = 5
 
 
 def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: int) -> Floats:
-    """Return draws, (draws, parameters), in shares of the box.
+    """Return posterior draws, (draws, parameters), in shares of the box.
 
-    cost: E of places, (places, parameters) -> (places,); places, (places, parameters), to begin at, in turn;
+    cost: E of places, (places, parameters) -> (places,); places, (places, parameters): starts of the walkers, in turn;
     pieces: N.
     """
     random = np.random.default_rng(seed)

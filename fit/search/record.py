@@ -1,4 +1,4 @@
-"""Ask and tell with a record of all that was told, from which a search is rebuilt when it is resumed.
+"""Search that records every evaluated candidate and its distance, so that an interrupted search can be resumed.
 
 A search draws every random number from its own generator. The same answers therefore lead to the same proposals. So the
 search's state is its record: the candidates and their distances, in batches. `restore` asks and tells its way through
@@ -20,7 +20,7 @@ from formats.arrays import Floats
 
 
 class RecordedSearch(ABC):
-    """A search within bounds that spends a budget of evaluations; subclasses propose and learn in the unit box."""
+    """A bounded search with a budget of evaluations; subclasses propose and learn in the unit box."""
 
     name = "search"
 
@@ -37,20 +37,20 @@ class RecordedSearch(ABC):
 
     @abstractmethod
     def _propose(self, width: int) -> Floats:
-        """Return 1 to `width` places of the unit box to look at next, (candidates, parameters)."""
+        """Return the next 1 to `width` candidates in the unit box, (candidates, parameters)."""
 
     @abstractmethod
     def _learn(self, units: Floats, distances: Floats) -> None:
-        """Take their distances [m], infinite where a simulation blew up."""
+        """Learn the candidates' distances [m]; a distance is infinite where a simulation blew up."""
 
     @property
     def is_started(self) -> bool:
-        """Return whether anything was told."""
+        """Return whether any distance is known."""
         return bool(self._batches)
 
     @property
     def is_finished(self) -> bool:
-        """Return whether the budget is spent."""
+        """Return whether the budget of evaluations is spent."""
         return self.evaluations >= self.budget
 
     @property
@@ -70,7 +70,7 @@ class RecordedSearch(ABC):
         room = min(width, self.budget - self.evaluations)
         if room <= 0:
             return np.empty((0, len(self.start)))
-        # The start is looked at alone, so that a blow-up there is known before anything is spent.
+        # The initial candidate is evaluated alone, so that its blow-up is known before the budget is spent.
         self._asked = self.start[None] if not self.is_started else self._propose(room)
         return self.space.from_unit(self._asked)
 
@@ -93,7 +93,7 @@ class RecordedSearch(ABC):
         return len(candidates)
 
     def state(self) -> dict[str, Any]:
-        """Return everything needed to go on, as JSON can hold it."""
+        """Return the search's state as plain values for JSON, from which `restore` continues."""
         return {
             "name": self.name, "seed": self.seed, "budget": self.budget,
             "batches": [
@@ -102,7 +102,7 @@ class RecordedSearch(ABC):
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state of a search with the same start, bounds, budget and seed.
+        """Continue from the state of a search with the same start, bounds, budget and seed.
 
         Raises:
             FitError: the state is of another search.

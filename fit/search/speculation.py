@@ -1,4 +1,4 @@
-"""Choose the proposals of a sequential chain to evaluate side by side, before it is known which are reached.
+"""Choose the future proposals of a sequential chain that one batch evaluates before their predecessors are decided.
 
 Iteration t+1 starts from one of two places, depending on whether iteration t was accepted; so the later proposals form
 a binary tree. The chain reaches a node with the product of the guessed probabilities along the node's path. A batch
@@ -19,7 +19,7 @@ from formats.arrays import Floats
 
 @dataclass
 class Branch:
-    """A node: its candidate, and the batch index of the node that follows in either case, if in the batch."""
+    """A node of the tree: its candidate, and the batch index of the node after acceptance and after rejection."""
 
     candidate: Floats
     is_start: bool = False
@@ -36,7 +36,7 @@ def grow(
     propose: Callable[[Floats, int], Floats],
     acceptance: Callable[[int], float],
 ) -> list[Branch]:
-    """Return up to `width` nodes, likeliest first, no deeper than `depth` iterations.
+    """Return the up to `width` most probable nodes of the tree, most probable first, at most `depth` iterations deep.
 
     `propose(theta, offset)` makes the candidate of the iteration `offset` after the next from theta,
     (parameters,); `acceptance(offset)` guesses the probability that it is accepted. Before the start, theta

@@ -1,4 +1,4 @@
-"""The steps of least squares on the points' residuals: places looked at together, or one descent."""
+"""The steps of a least squares search: a look, which simulates a batch of parameter vectors, or one descent."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Step:
     slopes_at: Floats
 
     def state(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return the step as plain values for JSON."""
         return {
             "is_look": self.is_look, "vector": self.vector.tolist(),
             "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),

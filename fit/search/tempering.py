@@ -1,4 +1,4 @@
-"""Parallel tempering: chains at several temperatures that swap places; the coldest draws from the posterior.
+"""Parallel tempering: chains at several temperatures exchange parameters; the coldest chain samples the posterior.
 
 If the points' errors are isotropic with an exponential length of scale b, n independent lengths r have
 
@@ -33,7 +33,7 @@ TEMPERATURES = 8
 HOTTEST = 30.0  # N ln(D'/D) between the best and a poor candidate is 10 to 50: the hottest chain walks freely
 FIRST_STEP = 0.1  # share of the box
 WANTED_ACCEPTANCE = 0.25
-FEWEST_DRAWS = 50  # of the coldest chain, below which its spread says nothing
+FEWEST_DRAWS = 50  # of the coldest chain, below which their spread is no estimate
 
 
 class Tempering(RecordedSearch):
@@ -44,7 +44,7 @@ class Tempering(RecordedSearch):
     def __init__(
         self, start: Floats, space: BoundedSpace, budget: int, seed: int, *, numbers: float, chains: int = TEMPERATURES
     ) -> None:
-        """Numbers: N, how many independent numbers the distance is a mean of."""
+        """Create the chains; `numbers`: N, the number of independent numbers in the mean distance."""
         super().__init__(start, space, budget, seed)
         self._generator = np.random.default_rng(seed)
         self.numbers = numbers
@@ -60,7 +60,7 @@ class Tempering(RecordedSearch):
 
     @property
     def draws(self) -> Floats:
-        """The coldest chain's places in the second half, (draws, parameters), in own units."""
+        """Posterior draws, (draws, parameters): the coldest chain's parameters in the second half of the budget."""
         kept = np.array(self._draws) if self._draws else np.empty((0, len(self.start)))
         return self.space.from_unit(kept)
 
@@ -100,7 +100,7 @@ class Tempering(RecordedSearch):
         self._turn, self._proposed = [], np.empty((0, len(self.start)))
 
     def _swap(self) -> None:
-        """Offer every second pair of neighbours to swap, the others the next time."""
+        """Propose a swap for every second pair of neighbouring chains; the next call proposes the other pairs."""
         self._sweeps += 1
         for k in range(self._sweeps % 2, len(self.places) - 1, 2):
             colder = 1 / self.temperatures[k] - 1 / self.temperatures[k + 1]

@@ -1,4 +1,4 @@
-"""Choose new starts in other local minima, from the end of a descent.
+"""Choose starts of further descents in neighbouring local minima, from the end of one descent.
 
 Stretch and shear are nearly collinear, and folds ripple the cost between their local minima. So descents may agree in
 the wrong local minimum. Take an end u, in shares of the box. Each parameter k moves alone by s, up to 0.45 of its
@@ -18,7 +18,7 @@ import numpy as np
 
 from formats.arrays import Floats
 
-HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range that it is moved by alone
+HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range: displacements of one parameter
 HOPPED = 2  # places at most that are returned
 LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
 
@@ -26,13 +26,13 @@ LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest 
 def across(
     unit: Floats, jacobian: Floats, precision: Floats, cost: float, moved: int, judge: Callable[[Floats], Floats]
 ) -> Floats:
-    """Return starts in other local minima about an end, (places, parameters), at most HOPPED, least cost first.
+    """Return starts in local minima around a descent's end, (places, parameters), at most HOPPED, least cost first.
 
     - `unit`, (parameters,): the end
     - `jacobian`, (numbers, parameters), per share of the box
     - `precision`, (parameters, parameters): the prior's
     - `cost`: of the end
-    - `moved`: so many of the first parameters are moved alone
+    - `moved`: number of parameters, counted from the first, that are displaced one at a time
     - `judge`: returns the costs (places,) of places, (places, parameters); called once or never
     """
     normal = jacobian.T @ jacobian + precision

@@ -87,7 +87,7 @@ def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
     assert whole.is_converged
     assert len(hopeless.cost_history) == UNJUDGED + 1
     assert not hopeless.is_converged
-    assert hopeless.reason == "it will hardly come below what is known"
+    assert hopeless.reason == "it will hardly fall below the known cost"
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
 
 

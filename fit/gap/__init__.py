@@ -1,1 +1,1 @@
-"""The diagnosis: where the sim-to-real gap lies, which unmodelled effect causes it, how far it shrinks with it."""
+"""Diagnosis of the sim-to-real gap: its location, the unmodelled effect that causes it, and the share it closes."""

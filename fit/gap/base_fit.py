@@ -1,10 +1,10 @@
-"""The base fit: the model without any effect, under the weakest pull that keeps the takes predictable.
+"""Base fit: the model without any effect, fitted under the weakest pull that keeps the takes predictable.
 
 Scattered places over the box of parameters come first, then the places where an emulator of the residuals expects the
 least cost (`fit.search.looks`). They are simulated on a coarse mesh, under a pull that makes the response smooth. A
-hard pull would make every fabric follow. The best places are simulated once more on the fine mesh, under the weakest
-smooth pull, which shows more of the cloth. The model is fitted from the best two places that lie apart. While the best
-two fits disagree, another start is spent: the next best place, then the middle between the two.
+hard pull would force every fabric onto the points. The best places are simulated once more on the fine mesh, under the
+weakest smooth pull, which depends more on the fabric. The model is fitted from the best two places that lie apart.
+While the best two fits disagree, further starts follow: the next best place, then the middle between the two.
 
 Fits may agree in the wrong local minimum of stretch and shear. So two more fits begin across the valley from the best
 end (`fit.search.valleys`).
@@ -28,22 +28,22 @@ from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 
-FIRST_FREQUENCY = 1.0  # Hz: fits from anywhere end alike, and stiffnesses still show
-FIRST_LOOKS, LOOKS = 32, 24  # candidates looked at under that pull, and more of them under the one that is used
-CARRIED = 12  # places, the best, that are looked at under both
+FIRST_FREQUENCY = 1.0  # Hz: fits from any start agree, and the residual still depends on the stiffnesses
+FIRST_LOOKS, LOOKS = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
+CARRIED = 12  # best places, simulated under both pulls
 APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
 STARTS, MOST_STARTS = 2, 4
-COARSER = 1.5  # spacing of the mesh on which starts are looked for first
-COARSEST_LOOKED_AT = 0.06  # m, but for a mesh that is coarser itself
+COARSER = 1.5  # spacing of the mesh for the first search of starts
+COARSEST_LOOKED_AT = 0.06  # m, unless the mesh itself is coarser
 
 
 def fit_base(
     observer: Observer, progress: Progress, kept: Checkpoint, seed: int
 ) -> tuple[list[Fitted], Observer, Gate]:
-    """Return the base fits, best first, the observer with the pull that was chosen, and the gate that says so."""
+    """Return the base fits, best first, the observer with the chosen pull, and the predictability gate."""
 
     def look(where: Observer, first: Floats, count: int, share: float) -> Floats:
-        """Return places looked at, (count, parameters), least cost first."""
+        """Return simulated places, (count, parameters), least cost first."""
 
         def tell(done: float) -> None:
             progress(f"looking for starts, pull {where.frequency:g} Hz", share + 0.06 * done)
@@ -69,7 +69,7 @@ def fit_base(
             if len(fits) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
                 starts.append(spare.pop(0) if spare else middle(observer, fits))
         fits.sort(key=lambda f: f.cost)
-        # A take can be predictable at one fit and not at the next; no pull is tried twice.
+        # A take may be predictable at one fit and not at the next, so no pull is tried twice.
         tried.add(frequency)
         needed, gate = gates.choose_frequency(observer, fits[0].vector)
         if needed in tried and not has_hopped:
@@ -89,7 +89,7 @@ def fit_base(
 
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
-    """Return fits, of the same effects, that begin across the valleys about the end of one (`fit.search.valleys`)."""
+    """Return fits with the same effects, started across the valleys about a fit's end (`fit.search.valleys`)."""
     problem = Problem(observer, best.active, best.pinned)
 
     def costs(units: Floats) -> Floats:
@@ -107,7 +107,7 @@ def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
 
 
 def coarsened(observer: Observer) -> Observer:
-    """Return an observer on the coarse mesh on which starts are looked for first."""
+    """Return an observer on the coarse mesh of the first search of starts."""
     old = observer.resolution
     coarser = max(old.spacing, min(COARSER * old.spacing, COARSEST_LOOKED_AT))
     return observer.at_resolution(Resolution(spacing=coarser, step_share=old.step_share))
@@ -122,9 +122,9 @@ def scattered(observer: Observer, seed: int) -> Floats:
 def _looked_at(
     observer: Observer, first: Floats, count: int, seed: int, kept: Checkpoint, tell: Callable[[float], None]
 ) -> Floats:
-    """Return the first places, (places, parameters), and those that are proposed then, least cost first.
+    """Return given and then proposed places, (places, parameters), least cost first.
 
-    `tell` receives the finished share of the looks
+    `tell` receives the finished share of the simulations
     """
     done = 0
     space = Problem(observer).space
@@ -144,7 +144,7 @@ def _looked_at(
 
 
 def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
-    """Return the first place, (parameters,), and each later one that is far from all chosen before; STARTS at least."""
+    """Return at least STARTS places, (parameters,) each: the first, and each later one far from those chosen before."""
     units, chosen = Problem(observer).space.to_unit(places), [0]
     for n, unit in enumerate(units):
         if np.abs(units[chosen] - unit).max(1).min() > APART:
@@ -154,7 +154,7 @@ def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
 
 
 def middle(observer: Observer, fits: list[Fitted]) -> Floats:
-    """Parameters half way between the best two fits, (parameters,), on the scales on which they are searched."""
+    """Return the midpoint between the best two fits, (parameters,), on the scales of the search."""
     problem = Problem(observer)
     best = sorted(fits, key=lambda f: f.cost)[:2]
     return np.asarray(problem.space.from_unit(np.mean([problem.space.to_unit(f.vector) for f in best], axis=0)))

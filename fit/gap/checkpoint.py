@@ -1,4 +1,4 @@
-"""Keeps the fits of an unfinished diagnosis, so that the same command continues after an interruption.
+"""Checkpoint of a diagnosis: saves finished fits, so that the same command continues after an interruption.
 
 Each fit is one `.npz`, written whole or not at all. `key.json` beside it names the takes and options, and `spent.json`
 the cost of all fits.
@@ -25,14 +25,19 @@ from formats.whole_files import write_whole
 Key = dict[str, object]
 
 SPENT = "spent.json"
-UNREADABLE = (OSError, ValueError, EOFError, BadZipFile)  # of a file that a power cut left empty or cut short
+UNREADABLE = (
+    OSError,
+    ValueError,
+    EOFError,
+    BadZipFile,
+)  # of a file that a power cut left empty or truncated
 
 
 class Checkpoint:
-    """A folder of finished fits; without a folder it keeps nothing."""
+    """A folder of finished fits; without a folder nothing is saved."""
 
     def __init__(self, folder: Path | None, key: Key, count: Callable[[], int] = lambda: 0) -> None:
-        """Open or begin the folder.
+        """Open or create the folder.
 
         count: simulations run so far by this process
 
@@ -67,15 +72,15 @@ class Checkpoint:
 
     @property
     def spent(self) -> tuple[int, float]:
-        """Simulations and seconds since the diagnosis began, those of processes that were interrupted included."""
+        """Simulations and seconds since the diagnosis began, including those of interrupted processes."""
         simulations, seconds = self._earlier
         return simulations + self._count(), seconds + clock.monotonic() - self._started
 
     def recall(self, names: Sequence[str], make: Callable[[], list[Fitted]]) -> list[Fitted]:
-        """Return the kept fits of these names, or make all of them and keep them."""
+        """Return the saved fits of these names, or compute and save all of them."""
         if self.folder is None:
             return make()
-        # Fits that cannot be read are made again: it costs time and nothing else.
+        # Unreadable fits are computed again, at the cost of time only.
         with contextlib.suppress(*UNREADABLE, KeyError):
             return [_read(self.folder / f"{name}.npz") for name in names]
         found = make()
@@ -85,7 +90,7 @@ class Checkpoint:
         return found
 
     def recall_places(self, name: str, make: Callable[[], Floats]) -> Floats:
-        """Return the kept places of this name, (places, parameters), or make them and keep them."""
+        """Return the saved parameter vectors of this name, (places, parameters), or compute and save them."""
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npy"

@@ -1,4 +1,4 @@
-"""Closure, the share of the gap that an effect removes on motion that was not used to fit it.
+"""Closure: the share of the gap that an effect removes on held-out motion.
 
     closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2) = D / G
 
@@ -8,11 +8,11 @@ G = sum g_b. The variance of such a ratio is
     Var = (n - 1) / n sum ((d_b - closure g_b) / (G - g_b))^2 n_w / n_eff,   n_w = G^2 / sum g_b^2,
     n_eff = G^2 / (g' K g)
 
-the jackknife over n blocks. An effect that removes the same share in every block is sure, however much the motion of
-the blocks differs. Where one block holds most of the gap, nothing is. Blocks of one take are correlated by K
-(`fit.gap.correlation`). They count as n_eff, and Student's t has n_eff - 1 degrees of freedom. The same t tests whether
-an effect closes anything. A floor of its own standard error widens the interval. If the base error is hardly above the
-floor, the ratio means nothing and is not given.
+the jackknife over n blocks. The closure of an effect that removes the same share in every block is certain, whatever
+the motion of the blocks. If one block holds most of the gap, no closure is certain. Blocks of one take are correlated
+by K (`fit.gap.correlation`). They count as n_eff, and Student's t has n_eff - 1 degrees of freedom. The same t tests
+whether an effect closes anything. A floor of its own standard error widens the interval. If the base error is hardly
+above the floor, the ratio means nothing and is not given.
 
 Probabilities draw blocks at random (bootstrap), the errors of all models together. The ratio of each draw to the mean
 is raised to the power
@@ -37,15 +37,15 @@ from fit.observer.residuals import Observer
 from formats.arrays import Floats, Integers
 
 INTERVAL_REPLICAS = 1000
-SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
+SIGNIFICANT_GAP = 1.2  # squared ratio of base error to floor: below, no gap exists
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
-TINY = 1e-6  # of the gap, that is left of it without a block
-LEAST_BLOCKS = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
+TINY = 1e-6  # share of the gap that must remain without any one block
+LEAST_BLOCKS = 3.0  # independent blocks at least: two degrees of freedom, since the spread of fewer is unknown
 
 
 @dataclass(frozen=True)
 class BlockErrors:
-    """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
+    """Sum of squared errors per half-second block [mm^2], and the number of points in each block.
 
     - `residual` [mm], (numbers,): the errors themselves
     - `edge`: the remaining errors at the held edges
@@ -65,7 +65,7 @@ class BlockErrors:
 
     @property
     def between_blocks(self) -> Floats:
-        """Correlation of the sums of the blocks, (blocks, blocks)."""
+        """Correlation matrix of the block sums, (blocks, blocks)."""
         return np.eye(len(self.sums)) if self.correlation is None else self.correlation
 
     def draw(self, resampling: Resampling) -> Floats:
@@ -87,7 +87,7 @@ class Resampling:
 
 
 def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
-    """Gather a whitened residual, (numbers,), into blocks."""
+    """Sum a whitened residual, (numbers,), into half-second blocks."""
     block = observer.layout.moving(observer.layout.block)
     millimetres = 1e3 * observer.layout.metres(residual)
     squared = millimetres**2
@@ -99,7 +99,7 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
 
 
 def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
-    """Draw blocks, as correlated as a model's errors show."""
+    """Draw bootstrap samples of blocks, with the correlation that a model's errors show."""
     blocks = len(errors.sums)
     effective = max(effective_count(errors.between_blocks, np.ones(blocks)), LEAST_BLOCKS)
     wider = float(stdtrit(effective - 1, 0.95) / ndtri(0.95))
@@ -108,11 +108,11 @@ def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
 
 
 def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
-    """By how much mesh and solver may have moved each mean squared error, (replicas, errors) [mm^2].
+    """Draw the changes of each mean squared error by mesh and solver, (replicas, errors) [mm^2].
 
     An error d of the simulation adds 2 d.r to the squared residual r. It has the mean squared size N^2 and a random
     direction among DIRECTIONS of a smooth motion. Over hypotheses these are normal with covariance 4 N^2 / DIRECTIONS
-    <r_h r_k>. So two hypotheses with nearly the same residual are moved together.
+    <r_h r_k>. So the errors of two hypotheses with nearly the same residual change together.
     """
     residuals = np.stack([e.residual for e in errors])
     gram = residuals @ residuals.T / (residuals.shape[1] / 3.0)
@@ -124,7 +124,7 @@ def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -
 
 @dataclass(frozen=True)
 class Share:
-    """A share of an error that one model closes, with its standard error and the degrees of freedom of that."""
+    """Share of an error that one model closes, with its standard error and degrees of freedom."""
 
     value: float
     error: float
@@ -132,12 +132,12 @@ class Share:
 
     @property
     def p_value(self) -> float:
-        """Probability of so large a share, or a larger one, if nothing is closed."""
+        """Return the probability of this share or a larger one if nothing is closed."""
         return float(stdtr(self.freedom, -self.value / max(self.error, 1e-12)))
 
 
 def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
-    """Return the share of one model's error beyond a known one [mm^2] that another model closes."""
+    """Return the share of a model's error beyond a known error [mm^2] that another model closes."""
     gains, gaps = before.sums - after.sums, before.sums - known * before.counts
     value = float(gains.sum() / gaps.sum())
     whole, blocks, weights = float(gaps.sum()), len(gaps), np.maximum(gaps, 0.0)
@@ -151,7 +151,7 @@ def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
 def closure(
     base: BlockErrors, with_effect: BlockErrors, floor_mm: float, floor_error_mm: float = 0.0, replicas: int = 2
 ) -> tuple[float, tuple[float, float]] | None:
-    """Return closure and its 90 % interval, or None where there is hardly a gap.
+    """Return closure and its 90 % interval, or None if there is hardly a gap.
 
     floor_error_mm: standard error of the floor, a mean over so many replicas
     """
@@ -166,14 +166,14 @@ def closure(
 
 
 def has_share(errors: BlockErrors, floor_mm: float) -> bool:
-    """Return whether enough of an error is beyond the noise for a share of that to mean anything."""
+    """Return whether an error exceeds the noise by enough for a share of the excess to be defined."""
     return errors.squared_mm - floor_mm**2 >= SMALLEST_GAP * max(floor_mm**2, 1e-6)
 
 
 def gain_p_value(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
-    """p-value of one model's leaving less than another on motion that neither was fitted to.
+    """Return the p-value that one model's held-out error is no smaller than another's.
 
-    The share is of the error beyond the noise, or of the whole error where hardly any is beyond it.
+    The share refers to the error beyond the noise, or to the whole error if hardly any exceeds the noise.
     """
     return share_of(before, after, floor_mm**2 if has_share(before, floor_mm) else 0.0).p_value
 
@@ -181,13 +181,13 @@ def gain_p_value(before: BlockErrors, after: BlockErrors, floor_mm: float) -> fl
 def exceeds(errors: BlockErrors, resampling: Resampling, known: float) -> bool:
     """Return whether a squared error is clearly above a known one [mm^2], of noise or of mesh and solver.
 
-    Noise alone would make half-seconds independent. So their correlation is no reason to doubt a gap.
+    Noise alone would leave half-seconds independent, so their correlation does not weaken the evidence for a gap.
     """
     lowest = error_interval(errors, replace(resampling, spread=1.0))[0]
     return bool(errors.squared_mm > SIGNIFICANT_GAP * known and lowest**2 > known)
 
 
 def error_interval(errors: BlockErrors, resampling: Resampling) -> tuple[float, float]:
-    """90 % interval of the root mean square error [mm]."""
+    """Return the 90 % interval of the root mean square error [mm]."""
     low, high = np.quantile(np.sqrt(errors.draw(resampling)), [0.05, 0.95])
     return float(low), float(high)

@@ -1,6 +1,7 @@
-"""The correlation of a model's errors in time, and its effect on sums over half-seconds.
+"""Autocorrelation of a model's errors in time, and the resulting correlation of half-second block sums.
 
-A wrong model rings with the cloth: its residual is a damped oscillation and white noise, with the autocorrelation
+The error of a wrong model swings with the cloth: its residual is a damped oscillation plus white noise, with the
+autocorrelation
 
     rho(t) = a exp(-|t| / T) cos(2 pi f t),   t != 0,
 
@@ -25,10 +26,10 @@ import numpy as np
 from fit.observer.residuals import BLOCK_SECONDS, Layout, Observer
 from formats.arrays import Floats
 
-FREE_DIRECTIONS = 9  # degrees of freedom in space of a smooth error; fits to takes without any effect say so
+FREE_DIRECTIONS = 9  # degrees of freedom in space of a smooth error, from fits to takes without any effect
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
-SAMPLES_A_BLOCK = 12  # instants of a block at which the correlation is summed
+SAMPLES_A_BLOCK = 12  # instants per block in the sum of the correlation
 TRIED_FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz
 
 
@@ -41,7 +42,7 @@ class Ringing:
     share: float
 
     def between_blocks(self, count: int) -> Floats:
-        """Correlation of the sums over blocks 0, 1, 2, ... of one take with the first one's, (count,)."""
+        """Return the correlation of the sums over blocks 0, 1, 2, ... of one take with the first sum, (count,)."""
         within = (np.arange(SAMPLES_A_BLOCK) + 0.5) * BLOCK_SECONDS / SAMPLES_A_BLOCK
         apart = BLOCK_SECONDS * np.arange(count)[:, None, None] + within[:, None] - within
         summed = (np.exp(-2 * np.abs(apart) / self.decay) * np.cos(2 * np.pi * self.hertz * apart) ** 2).sum((1, 2))
@@ -52,14 +53,14 @@ NO_RINGING = Ringing(decay=float(DECAYS[0]), hertz=0.0, share=0.0)
 
 
 def autocorrelation(grids: list[Floats], lags: int) -> Floats:
-    """Autocorrelation at 0, 1, 2, ... frames, (lags,), pooled over takes, (frames, points, 3), nan where unseen."""
+    """Return the autocorrelation at 0, 1, 2, ... frames, (lags,), of takes, (frames, points, 3), nan where unseen."""
     products, counts = np.zeros(lags), np.zeros(lags)
     for grid in grids:
         seen = np.isfinite(grid).reshape(len(grid), -1)
         values = np.where(seen, grid.reshape(len(grid), -1), 0.0)
         shown = min(lags, len(grid))
         for found, columns in ((products, values), (counts, seen.astype(float))):
-            # Padded to twice its length a series does not meet its own beginning (Wiener-Khinchin).
+            # Padding to twice the length prevents a wrap-around of the series (Wiener-Khinchin).
             power = (np.abs(np.fft.rfft(columns, 2 * len(grid), axis=0)) ** 2).sum(1)
             found[:shown] += np.fft.irfft(power, 2 * len(grid))[:shown]
     covariance = products / np.maximum(np.round(counts), 1.0)
@@ -89,7 +90,7 @@ def ringing_of(grids: list[Floats], rate: float) -> Ringing:
 
 
 def block_correlation(layout: Layout, ringing: Ringing) -> Floats:
-    """Correlation of sums over the blocks of a residual's layout, (blocks, blocks)."""
+    """Return the correlation of sums over the blocks of a residual's layout, (blocks, blocks)."""
     count = int(layout.block.max()) + 1
     place, take = np.arange(count), np.full(count, -1)
     moving = layout.is_judged
@@ -100,7 +101,7 @@ def block_correlation(layout: Layout, ringing: Ringing) -> Floats:
 
 
 def correlation_of(observer: Observer, residual: Floats) -> Floats:
-    """Correlation of sums over blocks that a residual, (numbers,), of the observer's takes shows, (blocks, blocks)."""
+    """Return the correlation of block sums, (blocks, blocks), that a residual, (numbers,), of the takes shows."""
     recordings = observer.recordings
     rate = float(np.median([(len(r.time) - 1) / r.duration for r in recordings]))
     grids = observer.by_place(residual[observer.layout.is_judged])
@@ -108,5 +109,5 @@ def correlation_of(observer: Observer, residual: Floats) -> Floats:
 
 
 def effective_count(correlation: Floats, weights: Floats) -> float:
-    """Number of independent blocks of one weight that are worth correlated ones of these, (blocks,)."""
+    """Return the effective number of independent blocks for correlated blocks of these weights, (blocks,)."""
     return float(weights.sum()) ** 2 / max(float(weights @ correlation @ weights), 1e-30)

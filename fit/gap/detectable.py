@@ -1,8 +1,8 @@
-"""The smallest detectable amplitude of each effect in these takes, component by component.
+"""Smallest detectable amplitude of each effect's components in given takes.
 
-A component shows from the larger of two amplitudes on. The score test finds the first with power 0.8 beside the noise
-(`fit.gap.screening`). The second moves the points by as much as the rules of the verdict require. A component that
-moves the tracked held edge may show there at a smaller amplitude (`fit.gap.edge_fit`).
+A component is detectable from the larger of two amplitudes on. The score test finds the first with power 0.8 beside the
+noise (`fit.gap.screening`). The second moves the points by as much as the rules of the verdict require. A component
+that moves the tracked held edge may show there at a smaller amplitude (`fit.gap.edge_fit`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ LISTED_COMPONENTS = 4  # components that a sentence names
 
 
 def mesh_share(effect: Effect) -> float:
-    """Share of the squared error of mesh and solver that an effect must remove to be named."""
+    """Return the share of mesh and solver error, squared, that an effect must remove to be named."""
     return SOLVER_TIMES if effect.differs_by_solver else MESH_SHARE
 
 
 def resolvable(evidence: Evidence, effect: str) -> float:
-    """Return the amplitude from which a screened effect moves the points as far as the rules require.
+    """Return the amplitude at which a screened effect moves the points as far as the verdict's rules require.
 
     An effect is named only if it removes more than a share of mesh and solver error. The gap must also be clearly above
     the noise (`fit.gap.verdict`). A smaller amplitude cannot be named, even without noise.
@@ -39,9 +39,9 @@ def resolvable(evidence: Evidence, effect: str) -> float:
 
 
 def smallest_detectable(evidence: Evidence) -> dict[str, Floats]:
-    """Return the smallest amplitude of each screened effect's components that would have shown, (components,).
+    """Return the smallest detectable amplitude of each screened effect's components, (components,).
 
-    Infinite where a component moves nothing.
+    The amplitude is infinite if a component moves nothing.
     """
     observer, screened = evidence.observer, evidence.screened
     least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
@@ -56,7 +56,7 @@ def smallest_detectable(evidence: Evidence) -> dict[str, Floats]:
 
 
 def unseen(library: dict[str, Effect], smallest: dict[str, Floats]) -> list[str]:
-    """Say of which effects, at their typical sizes, nothing would have shown, and below which amplitude nothing would.
+    """Name the effects that are undetectable at their typical sizes, with their smallest detectable amplitudes.
 
     smallest: as `smallest_detectable` returns it; effects that move nothing in these takes are left out
     """

@@ -1,4 +1,4 @@
-"""The whole diagnosis: gates, base fit, floor, screening, refits, verdict, as in `docs/reference/diagnosis.md`."""
+"""Run a diagnosis: gates, base fit, noise floor, screening, refits, verdict (`docs/reference/diagnosis.md`)."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ Progress = Callable[[str, float], None]
 Deciding = Literal["rules", "evidence"]
 
 CELLS_ACROSS = 9  # across the smaller side of the garment
-FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
+FINEST, COARSEST = 0.02, 0.06  # m, of the automatically chosen mesh
 
 
 @dataclass(frozen=True)
 class Findings:
-    """A diagnosis, the takes and the two fits it rests on, for the report."""
+    """A diagnosis with its takes, base fit and named fit, for the report."""
 
     diagnosis: Diagnosis
     takes: Ready
@@ -85,8 +85,8 @@ def diagnose(
     - `added`: names of effects that are refitted and shown even if screening finds nothing
     - `checkpoint`: folder of finished fits; the caller deletes it when the result is safe
     - `prepared`: the result of `ready` for these takes, if the caller has it already
-    - `by`: the way to decide: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
-    - `begun`: called once nothing refuses the takes any more, before anything is simulated
+    - `by`: the decision method: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
+    - `begun`: called after all checks of the takes, before the first simulation
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
@@ -133,7 +133,7 @@ def diagnose(
         search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
     verdict = decide(evidence) if found is None else decide_by_mass(evidence, found)
-    # Two effects may hide each other, so that neither passes alone: pairs are tried where no single effect explains it.
+    # Two effects may hide each other, so that neither passes alone. So pairs are tried if no single effect suffices.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
     if (
         found is None
@@ -150,7 +150,7 @@ def diagnose(
         progress("holding the cloth where its edge was tracked", 0.92)
         by_edge = edge_driven.held_by_edge(observer, judge, base, kept)
     raw_mm = from_raw.raw_error_mm(observer, judge, training, held_out, base, kept)
-    progress("imagining the next recording", 0.93)
+    progress("simulating candidate recordings", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
     missing_force = find_missing_force(judge, base.vector)
@@ -158,7 +158,9 @@ def diagnose(
     notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)
     notes += describe_flaws([*training, *held_out])
     if verdict.verdict == "ambiguous" and proposal is None:
-        notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
+        notes.append(
+            "No motion of the menu would separate the named effects by one standard deviation more than these takes do."
+        )
     camera = describe_camera(train + test)
     gap = from_raw.with_raw(described.describe_gap(evidence, best, by_edge), raw_mm)
     diagnosis = Diagnosis(
@@ -195,10 +197,10 @@ def diagnose(
 
 
 def deciding(name: str) -> Deciding:
-    """Return the way to decide, by its name.
+    """Return the decision method of this name.
 
     Raises:
-        FitError: there is no such way.
+        FitError: there is no such method.
     """
     for known in get_args(Deciding):
         if name == known:

@@ -1,4 +1,4 @@
-"""The cloth held at its tracked edge, in place of the rig's held edge.
+"""Simulation of the cloth held at its tracked edge, instead of the edge that the hanger's path gives.
 
 A straight held edge has the ends e_0 and e_1. A point at the share f of the way lies at (1 - f) e_0 + f e_1. Least
 squares over the tracked points of the edge give the ends of each frame,
@@ -30,11 +30,11 @@ from fit.recordings.recording import Recording
 from fit.recordings.smoothing import best_cut_off
 from formats.take import LONGEST_GAP
 
-LEAST_SPREAD = 0.1  # of the determinant of all the edge's points, that those seen in a frame have, for it to count
+LEAST_SPREAD = 0.1  # of the determinant with all edge points: least value of the points seen in a frame that counts
 
 
 def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkpoint) -> Hypothesis | None:
-    """Return the base model held by its tracked edge, fitted and judged; None where the edge gives no path.
+    """Fit and judge the base model held by its tracked edge; return None if the edge gives no path.
 
     observer, judge: of the takes fitted to and judged on; base: the fit that is begun from
     """
@@ -50,7 +50,7 @@ def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkp
 
 
 def sentence(evidence: Evidence, found: Hypothesis | None) -> str:
-    """Say how much of the gap is left where the tracked edge holds the cloth; say nothing where that is not known."""
+    """Return a sentence on the gap that remains when the tracked edge holds the cloth, or nothing if unknown."""
     closed = evidence.closure_of(found) if found is not None else None
     if found is None or closed is None or closed.interval is None:
         return ""
@@ -68,7 +68,7 @@ def _all_driven(recordings: list[Recording]) -> list[Recording] | None:
 
 
 def driven_by_edge(recording: Recording) -> Recording | None:
-    """Return a recording whose held ends move as its tracked edge does; None where too little of it was seen."""
+    """Return a recording whose held ends follow its tracked edge; None if too little of the edge was seen."""
     on_edge = np.flatnonzero(~recording.judged)
     if recording.garment.held != "edge" or len(on_edge) < 2:
         return None

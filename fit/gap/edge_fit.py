@@ -1,4 +1,4 @@
-"""Sizes of effects that the held edge alone identifies, and the smallest sizes that it can show.
+"""Amplitudes of effects that the held edge alone identifies, and the smallest amplitudes that it can detect.
 
 Hanger and effects alone place a simulated edge, for any cloth (`fit.observer.edge`). The edge has the residual r. S is
 its change per unit of the amplitudes of a fit's effects that move it. The edge alone estimates these amplitudes as
@@ -33,14 +33,12 @@ from formats.arrays import Floats
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 DISPUTED = 2.0  # deviations
-LEADS = 2  # effects that are refitted because they would put the held edge right
-LARGEST_AMPLITUDE = (
-    1e3  # typical sizes, from which an effect that moves the edge by a solver's last digits does not move it
-)
+LEADS = 2  # effects that are refitted because they would explain the held edge's error
+LARGEST_AMPLITUDE = 1e3  # typical sizes: an effect that needs more moves the edge by rounding errors only
 
 
 def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
-    """Factor by which the cloth's residuals are overconfident where mesh and solver are wrong by so many mm."""
+    """Return the factor by which the cloth's residuals are overconfident, for an error of mesh and solver [mm]."""
     layout = observer.layout
     noise = float((layout.sd[layout.is_judged] ** 2).mean())
     wrong = (1e-3 * numerics_mm) ** 2 / 3.0
@@ -48,7 +46,7 @@ def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
 
 
 def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) -> Pinned | None:
-    """Amplitudes of a fit by the held edge, where they differ from the cloth's and put the edge right.
+    """Return a fit's amplitudes as estimated by the held edge, if they differ from the cloth's and explain the edge.
 
     without: residual of the model without the fit's effects, (numbers,)
     """
@@ -72,9 +70,9 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
 
 
 def beside_another(observer: Observer, start: Fitted, effect: str, rows: Floats) -> Pinned | None:
-    """Amplitudes by the held edge, of the effects that it decided in a fit and of one more effect, estimated together.
+    """Estimate from the held edge the amplitudes of the effects that it decided in a fit, jointly with one more effect.
 
-    Components that the edge does not identify are free. rows, (components, numbers): of the effect, in typical sizes
+    Components that the edge does not identify stay free. rows, (components, numbers): of the effect, in typical sizes
     """
     if start.pinned is None:
         return None
@@ -94,7 +92,7 @@ def beside_another(observer: Observer, start: Fitted, effect: str, rows: Floats)
 
 
 def leads(observer: Observer, screened: Screened, residual: Floats) -> list[str]:
-    """Return the screened effects that would put the held edge right, best first; residual, (numbers,)."""
+    """Return the screened effects that would explain the held edge's error, best first; residual, (numbers,)."""
     on_edge, before = observer.layout.is_edge, observer.edge_errors(residual)
     if not on_edge.any():
         return []
@@ -113,7 +111,7 @@ def leads(observer: Observer, screened: Screened, residual: Floats) -> list[str]
 
 
 def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) -> dict[str, float]:
-    """Smallest amplitude of each screened effect that the held edge of the takes judged on would show."""
+    """Return the smallest amplitude of each screened effect that the held edge of the judged takes would reveal."""
     found = dict.fromkeys(screened, float("inf"))
     frames, judged_on = (float((o.layout.is_edge & (o.layout.frame >= 0)).sum()) for o in (observer, judge))
     if min(frames, judged_on) == 0.0:
@@ -128,10 +126,10 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
 
 
 def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, Floats]:
-    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information.
+    """Solve for the step of components, rows (components, edge's numbers), against the edge's residual.
 
-    Also return the deviation of each component, (components,). The deviation is infinite, and the step zero, if the
-    edge identifies the component to no better than a typical size.
+    Return the step, its information matrix, and the deviation of each component, (components,). The deviation is
+    infinite, and the step zero, if the edge identifies the component to no better than a typical size.
     """
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]

@@ -1,4 +1,4 @@
-"""Evidence for a verdict: hypotheses with their held-out errors, the noise floor, the error of mesh and solver."""
+"""Evidence for a verdict: held-out errors of the hypotheses, noise floor, and error of mesh and solver."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.floor import NOISE_REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
-from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
+from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_favoured_by_edge, is_seen_on_edge
 from fit.observer.residuals import Observer
 from fit.search.intervals import AT_BOUND, NORMAL_90
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Figure, Gate
 
-SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
-MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
+SMALLEST_CLOSURE = 0.25  # share of the gap: an effect that removes less is not its cause
+MOST_LEFT = 0.6  # share of the gap that a cause may leave unexplained, beyond noise and mesh
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion. Of the gap they leave the square of
 # three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
-STUDENT_95 = 2.92  # of t with two degrees of freedom, 95 % one-sided: of the mean of three replicas of the noise
+STUDENT_95 = 2.92  # Student's t, 95 % one-sided, two degrees of freedom: for the mean of three replicas of the noise
 # One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
@@ -43,13 +43,13 @@ MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette 
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 MOST_OF_LEFT = 0.6
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
-LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
-NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
-RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
+LEAST_LEFT = 0.1  # of the squared noise: least squared error that a half-second is assumed to keep
+NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure: an effect that closes this share, or a collinear one, is a rival
+RIVAL = 0.1  # share of bootstrap draws won, from which an effect is a rival
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis, effect_name: str | None = None) -> bool:
-    """Whether an effect of a hypothesis, or the one it adds last, was stopped by the end of its physical range."""
+    """Return whether an effect of a hypothesis, or its last one, is at its bound: the end of its physical range."""
     name = effect_name or hypothesis.effects[-1]
     effect, amplitude = observer.library[name], hypothesis.fitted.amplitudes[observer.columns[name]]
     reach = AT_BOUND * (effect.high - effect.low)
@@ -58,12 +58,12 @@ def is_at_bound(observer: Observer, hypothesis: Hypothesis, effect_name: str | N
 
 
 def best_of(observer: Observer, singles: dict[str, Hypothesis]) -> list[Hypothesis]:
-    """Return the refitted effects that leave least first; those stopped by the end of their range come last."""
+    """Return the refitted effects by their remaining error, smallest first; effects at their bound come last."""
     return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
 def least_gain(observer: Observer, before: Hypothesis) -> float:
-    """Share of the gap that a further effect closes at least: as much as sound laws of those before it leave of it."""
+    """Return the share of the gap that a further effect must close: as much as laws of the earlier effects leave."""
     spread = max(observer.library[k].law_spread for k in before.effects)
     return float(np.clip((LAW_DEVIATIONS * spread) ** 2, LEAST_GAIN, LEAST_GAIN_BY_LAW))
 
@@ -71,7 +71,7 @@ def least_gain(observer: Observer, before: Hypothesis) -> float:
 def closes_enough(
     observer: Observer, gap: float, before: Hypothesis, after: Hypothesis, floor_mm: float, hope: float = 1.0
 ) -> bool:
-    """Whether a further effect closes enough of a gap [mm^2], or would if it closed `hope` times as much."""
+    """Return whether a further effect closes enough of a gap [mm^2], or would if it closed `hope` times as much."""
     was, now = before.errors, after.errors
     gain, usual = was.squared_mm - now.squared_mm, share_in_median_block(was, now, floor_mm)
     least = least_gain(observer, before)
@@ -79,16 +79,16 @@ def closes_enough(
 
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
-    """Largest error at the held edge that sound laws of these effects leave, in multiples of a certain error."""
+    """Return the largest error that sound laws of these effects leave at the held edge, in `EdgeErrors` units."""
     moving = (observer.library[k] for k in hypothesis.effects if observer.library[k].moves_edge)
     spread = max((effect.law_spread for effect in moving), default=0.0)
     return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
 
 
 def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
-    """Whether a further effect is seen on the held edge, beyond the error that laws of those before it may leave there.
+    """Return whether the held edge shows a further effect, beyond the error that laws of earlier effects may leave.
 
-    The held row of silhouettes has told stamps and place of the edge already, and shows nothing more.
+    The held row of silhouettes already corrected time stamps and edge, so it is no further evidence.
     """
     if any(recording.camera.is_placed for recording in observer.recordings):
         return False
@@ -96,14 +96,14 @@ def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, fo
 
 
 def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
-    """Whether a model has the held edge surely farther from where it was tracked than another one has it."""
-    return is_told_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
+    """Return whether a model's held edge is certainly farther from the tracked edge than another model's."""
+    return is_favoured_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
 
 
 def is_worth_adding(
     gap: float, left: float, gain: float, usual_share: float = 0.0, least: float = LEAST_GAIN_BY_LAW
 ) -> bool:
-    """Whether a further effect that closes `gain` of the rest of a gap is needed; mean squared errors [mm^2].
+    """Return whether a further effect is needed that closes `gain` of the rest of a gap; mean squared errors [mm^2].
 
     usual_share: `share_in_median_block` of it; least: `least_gain` beside the effects before it
     """
@@ -120,27 +120,27 @@ def are_worth_adding(
 
 
 def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
-    """Share of one model's error beyond the noise that another model closes, in the median half-second."""
+    """Return the share of one model's error beyond noise that another model closes, in the median half-second."""
     was, now = before.sums / before.counts, after.sums / after.counts
     left = np.maximum(was - floor_mm**2, LEAST_LEFT * max(floor_mm**2, 1e-6))
     return float(np.median((was - now) / left))
 
 
 def per_millimetre(observer: Observer, signature: Signature) -> float:
-    """Size at which a screened effect, the base model refitted, moves the points by 1 mm rms."""
+    """Return the size at which a screened effect moves the points by 1 mm rms, after a linear base refit."""
     moved = float(np.mean([observer.in_mm(row) ** 2 for row in signature.projected]))
     return signature.typical / float(np.sqrt(max(moved, 1e-12)))
 
 
 def wrong_by_mesh(numerics_mm: float, size_per_millimetre: float) -> float:
-    """Half of the 90 % interval of what mesh and solver, wrong by so many mm, add to a size, in its own unit."""
+    """Return half the 90 % interval of a size due to an error of mesh and solver [mm], in the effect's unit."""
     return NORMAL_90 * numerics_mm * size_per_millimetre / float(np.sqrt(FREE_DIRECTIONS))
 
 
 def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -> tuple[float, tuple[float, float]]:
-    """Return an effect's size and its 90 % interval, of noise and of mesh and solver; in its own unit.
+    """Return an effect's size and its 90 % interval from noise, mesh and solver, in the effect's unit.
 
-    wrong: half of the interval of what mesh and solver make; they do not move the held edge, where that decided
+    wrong: half of the interval due to mesh and solver; it does not count if the held edge decided the size
     """
     size, (low, high) = amplitude_of(fitted, observer, effect)
     is_off_mesh = fitted.pinned is not None and observer.library[effect].moves_edge
@@ -149,14 +149,14 @@ def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -
 
 
 def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: float) -> bool:
-    """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
+    """Return whether an effect's size exceeds noise and the error of mesh and solver, `wrong` (90 %, effect's unit)."""
     _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
     return low * high > 0
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence for a verdict: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
+    """All figures of a verdict: hypotheses with held-out errors, noise floor [mm], mesh error [mm], gates.
 
     - joint: hypotheses with further effects, each with the p-value of the last effect
     - instead: hypotheses of two effects, one of them in the place of a twin
@@ -181,43 +181,43 @@ class Evidence:
 
     @property
     def gap_mm2(self) -> float:
-        """Mean squared error of the base model beyond the noise [mm^2]."""
+        """The gap: mean squared error of the base model beyond the noise [mm^2]."""
         return self.base.errors.squared_mm - self.floor_mm**2
 
     @property
     def is_predictable(self) -> bool:
-        """Whether two simulations that hardly differ stay together in these takes."""
+        """Whether the takes are predictable: two nearly equal simulations stay close."""
         return all(g.passed for g in self.gates if g.name == "predictability")
 
     @property
     def is_coarse(self) -> bool:
-        """Whether the mesh alone is wrong by more than noise and solver together, so that it may hide a gap."""
+        """Whether the mesh error exceeds noise and solver error together, so that it may hide a gap."""
         solver = float(np.sqrt(max(self.numerics_mm**2 - self.mesh_mm**2, 0.0)))
         return self.mesh_mm > self.floor_mm + solver
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
-        """Share of the gap that a hypothesis closes; None where there is hardly a gap.
+        """Return the closure of a hypothesis, the share of the gap that it closes; None if there is hardly a gap.
 
-        The share is above 1 where the hypothesis leaves less than the noise was taken to be.
+        Closure exceeds 1 if the hypothesis leaves less error than the estimated noise.
         """
         found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.floor_error_mm, FLOOR_REPLICAS)
         return Figure(value=found[0], interval=found[1]) if found is not None else None
 
     def is_within_noise(self, hypothesis: Hypothesis) -> bool:
-        """Whether a hypothesis leaves no more than the noise may be, as far as that is known."""
+        """Return whether the error of a hypothesis is within the noise and the noise's uncertainty."""
         return hypothesis.errors.squared_mm <= (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2
 
     def error_of(self, hypothesis: Hypothesis) -> Figure:
-        """Root mean square held-out error of a hypothesis [mm]."""
+        """Return the root mean square held-out error of a hypothesis [mm]."""
         return Figure(
             value=float(np.sqrt(hypothesis.errors.squared_mm)),
             interval=error_interval(hypothesis.errors, self.resampling),
         )
 
     def p_value(self, effect: str) -> float:
-        """Family-wise p-value (Bonferroni) of a refitted effect's closing nothing.
+        """Return the family-wise p-value (Bonferroni) that a refitted effect closes nothing.
 
-        Where the takes judged on chose nothing, the family is every refitted effect. Else it is every screened one.
+        The family is every refitted effect if the judged takes chose none of them, else every screened effect.
         """
         family = len(self.singles) if self.is_held_out else len(self.screened)
         return min(1.0, family * gain_p_value(self.base.errors, self.singles[effect].errors, self.floor_mm))
@@ -225,9 +225,9 @@ class Evidence:
     def amplitude(
         self, effect: str, *, beside: Hypothesis | None = None, any_law: bool = True
     ) -> tuple[float, tuple[float, float]]:
-        """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
+        """Return a refitted effect's size and its 90 % interval from noise, mesh, solver and the spread of its laws.
 
-        - beside: a hypothesis of several effects, this one among them; without it the effect is taken alone
+        - beside: a hypothesis of several effects that includes this one; None: the effect alone
         - any_law: whether the interval holds for every sound law of the effect, or for the library's alone
         """
         wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
@@ -237,9 +237,9 @@ class Evidence:
         return size, (size - half, size + half)
 
     def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[str, Floats], list[Floats]]:
-        """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.
+        """Draw mean squared errors [mm^2] of the base model, of each refitted effect, and of several effects together.
 
-        Drawn are blocks of the held-out takes and an error of mesh and solver.
+        A draw chooses blocks of the held-out takes and an error of mesh and solver.
         """
         every = [h.errors for h in (self.base, *self.singles.values(), *several)]
         moved = solver_draws(every, self.numerics_mm, len(self.resampling.picks))
@@ -248,11 +248,11 @@ class Evidence:
 
     @functools.cached_property
     def draws(self) -> tuple[Floats, dict[str, Floats]]:
-        """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
+        """Draws of the mean squared error [mm^2] of the base model and of each refitted effect."""
         return self.drawn()[:2]
 
     def alternatives(self, several: Hypothesis) -> dict[str, dict[str, Hypothesis]]:
-        """Twins of each of two effects, which do nearly as well in its place, with their hypotheses.
+        """Return, for each of two effects, the twins that replace it with nearly equal closure, and their hypotheses.
 
         A twin closes at least the share NEAR_TWIN of the error that the effect closes beside the other one. Or it
         closes the share NEAR of this error, and leaves less in RIVAL of the draws.
@@ -268,7 +268,7 @@ class Evidence:
             is_often_better = (
                 np.mean(other.errors.draw(self.resampling) < several.errors.draw(self.resampling)) >= RIVAL
             )
-            if is_told_by_edge(other.errors.edge, several.errors.edge, self.singles[kept].errors.edge):
+            if is_favoured_by_edge(other.errors.edge, several.errors.edge, self.singles[kept].errors.edge):
                 continue
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
                 found.setdefault(replaced, {})[twin] = other
@@ -278,8 +278,8 @@ class Evidence:
     def contradicted(self) -> frozenset[str]:
         """Refitted effects that the held edge contradicts.
 
-        With the effect the edge lies surely farther off than without. Or it lies farther off than with another effect
-        that closes nearly as much.
+        The simulated edge is certainly farther from the tracked one with the effect than without it. Or it is farther
+        than with another effect that closes nearly as much.
         """
         base = self.base.errors.squared_mm
         closed = {k: base - h.errors.squared_mm for k, h in self.singles.items() if not is_at_bound(self.observer, h)}
@@ -292,21 +292,21 @@ class Evidence:
         return beside | {k for k, h in self.singles.items() if puts_edge_off(self.base, self.base, h)}
 
     @functools.cached_property
-    def told_by_edge(self) -> frozenset[str]:
-        """Refitted effects that the held edge alone identifies, whatever the cloth does.
+    def identified_by_edge(self) -> frozenset[str]:
+        """Refitted effects that the held edge alone identifies, without evidence from the cloth.
 
-        With the effect the edge of held-out takes lies where it was tracked, and certainly not without. The effect's
-        interval excludes zero, and the effect does not surely make the cloth worse. Of several effects, those count
-        that the edge cannot distinguish from the best one.
+        In held-out takes the simulated edge agrees with the tracked one with the effect, and certainly not without it.
+        The effect's interval excludes zero, and the effect does not certainly increase the cloth's error. Of several
+        effects, those count that the edge cannot distinguish from the best one.
         """
-        found = [k for k in self.singles if self._is_told_by_edge(k)]
+        found = [k for k in self.singles if self._is_identified_by_edge(k)]
         if not found:
             return frozenset()
         edges = {k: self.singles[k].errors.edge for k in found}
         nearest = min(edges.values(), key=lambda edge: edge.shown)
-        return frozenset(k for k in found if not is_told_by_edge(edges[k], nearest, self.base.errors.edge))
+        return frozenset(k for k in found if not is_favoured_by_edge(edges[k], nearest, self.base.errors.edge))
 
-    def _is_told_by_edge(self, effect: str) -> bool:
+    def _is_identified_by_edge(self, effect: str) -> bool:
         found = self.singles[effect]
         if not self.observer.library[effect].moves_edge or effect in self.contradicted:
             return False
@@ -323,20 +323,19 @@ class Evidence:
         return low * high > 0 and is_edge_explained(found.errors.edge, by_law)
 
     def alike(self, one: str, other: str) -> bool:
-        """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
+        """Return whether two effects are collinear on the residual, so that a small mesh error can swap them."""
         return abs(cosine(self.screened[one], self.screened[other])) > GROUP_COSINE
 
     @functools.cached_property
     def worth_naming(self) -> dict[str, Booleans]:
-        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,)."""
+        """Draws in which each refitted effect has the least error and is worth naming, each (replicas,)."""
         return self.are_worth_naming(*self.draws)
 
     def are_worth_naming(self, base: Floats, drawn: dict[str, Floats]) -> dict[str, Booleans]:
-        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
+        """Return the draws in which each refitted effect has the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
-        Two kinds of effects are no rivals, and never worth naming. The end of the physical range stopped the first
-        kind, and the held edge contradicts the second.
+        Effects at their bound and effects that the held edge contradicts are never worth naming.
 
         - base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
@@ -352,33 +351,33 @@ class Evidence:
         }
 
     def win_shares(self) -> dict[str, float]:
-        """Share of draws in which each refitted effect leaves the smallest error."""
+        """Return the share of draws in which each refitted effect has the smallest error."""
         if not self.singles:
             return {}
         winners = np.argmin(np.stack(list(self.draws[1].values())), axis=0)
         return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
 
     def exceeds(self, known: float) -> bool:
-        """Whether the base model's squared error is clearly above a known one [mm^2]."""
+        """Return whether the base model's squared error is clearly above a known one [mm^2]."""
         return exceeds(self.base.errors, self.resampling, known)
 
     def most_by_law(self, hypothesis: Hypothesis, gap: Floats) -> Floats:
-        """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""
+        """Return the largest mean squared error that sound laws of the effects leave of a gap, both (...,) [mm^2]."""
         spread = max(self.observer.library[k].law_spread for k in hypothesis.effects)
         share = max((LAW_DEVIATIONS * spread) ** 2, LEAST_BY_LAW)
         return np.asarray(self.most_by_noise + share * gap)
 
     @property
     def most_by_noise(self) -> float:
-        """Largest mean squared error that noise, mesh and solver leave of a right model [mm^2]."""
+        """Return the largest mean squared error that noise, mesh and solver leave of a correct model [mm^2]."""
         noise = min(SIGNIFICANT_GAP * self.floor_mm**2, (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2)
         return noise + MESH_TWICE * self.numerics_mm**2
 
     def is_law_of(self, before: Hypothesis, after: Hypothesis) -> bool:
-        """Whether a further effect may be no more than what sound laws of those before it leave.
+        """Return whether a further effect may only compensate for the laws of the earlier effects.
 
-        It closes no more than that may be, nor a tenth of the gap, and not all that is left. A small effect that is
-        there would leave noise, mesh and solver.
+        It closes no more than sound laws of these may leave, less than a tenth of the gap, and not all that is left. A
+        true small effect would leave only noise, mesh and solver.
         """
         spread = max(self.observer.library[k].law_spread for k in before.effects)
         saved = before.errors.squared_mm - after.errors.squared_mm
@@ -387,12 +386,12 @@ class Evidence:
 
     @property
     def is_silhouette(self) -> bool:
-        """Whether all points judged are a silhouette's, put at their material places."""
+        """Whether all judged points belong to silhouettes and were moved to their material positions."""
         recordings = self.judge.recordings
         return len(recordings) > 0 and all(recording.camera.is_placed for recording in recordings)
 
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
-        """Whether the error that a hypothesis leaves, beyond noise and mesh, is small against the gap."""
+        """Return whether a hypothesis' error beyond noise and mesh is small compared with the gap."""
         left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
         if self.is_silhouette:
             return left <= MOST_LEFT_OF_SILHOUETTE * self.gap_mm2

@@ -1,4 +1,4 @@
-"""Describe the diagnosis in the records of `formats.results`."""
+"""Convert a diagnosis into the result records of `formats.results`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fit.search.intervals import AT_BOUND, NORMAL_90
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.fit_records import FitParameter
 
-LISTED_EFFECTS = 3  # effects that were left out, in a sentence
+LISTED_EFFECTS = 3  # left-out effects that a sentence names
 PROBABILITIES = {
     "rules": "Probabilities are the shares of draws in which an effect is best and worth naming. A draw chooses "
     "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "
@@ -28,7 +28,7 @@ PROBABILITIES = {
 
 
 def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None) -> Gap:
-    """Describe the gap, with the figures of the hypothesis that the verdict names, and of the edge that drives."""
+    """Describe the gap: base error, floor, and the figures of the named hypothesis and of the held edge."""
     floor, error = evidence.floor_mm, STUDENT_95 * evidence.floor_error_mm
     return Gap(
         base_mm=evidence.error_of(evidence.base),
@@ -48,11 +48,11 @@ def describe_effects(
     evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation,
     weighed: dict[str, float] | None = None,
 ) -> list[EffectFinding]:  # fmt: skip
-    """Describe every effect of the library, the one that closes most first.
+    """Describe every effect of the library, largest closure first.
 
-    best: the hypothesis that the verdict names, if any; weighed: probabilities by evidence, where those decided
+    best: the hypothesis that the verdict names, if any; weighed: probabilities, if evidence decided the verdict
 
-    Of several effects that are named together amplitudes are of the fit with all of them.
+    The amplitudes of effects that are named together come from their joint fit.
     """
     screened, shares = evidence.screened, evidence.win_shares()
     several = best if best is not None and len(best.effects) > 1 else None
@@ -75,8 +75,8 @@ def describe_effects(
         beside = several if several is not None and name in several.effects else None
         sized = beside or hypothesis
         amplitude = sized.fitted.amplitudes[evidence.observer.columns[name]] if sized else signature.amplitude
-        # The held edge, several effects together and masses decide without this test.
-        by_other = beside is not None or weighed is not None or name in evidence.told_by_edge
+        # Verdicts by the held edge, on several effects or by masses do not use this test.
+        by_other = beside is not None or weighed is not None or name in evidence.identified_by_edge
         is_tested_by_closure = hypothesis is not None and not by_other
         is_held = sized is not None and is_at_bound(evidence.observer, sized, name)
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
@@ -126,7 +126,7 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
         )
         low, high = max(low, parameter.minimum), min(high, parameter.maximum)
         stopped = _stopped(parameter, value)
-        if stopped:  # how far it would have gone the fit cannot say
+        if stopped:  # the fit gives no value beyond the bound
             low, high = parameter.minimum, parameter.maximum
         described.append(
             FitParameter(
@@ -146,7 +146,7 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
 
 
 def _stopped(parameter: Parameter, value: float) -> bool:
-    """Whether a fit was stopped by the end of a base parameter's range."""
+    """Return whether a base parameter is at its bound."""
     low, high, at = parameter.minimum, parameter.maximum, value
     if parameter.is_log:
         low, high, at = float(np.log(low)), float(np.log(high)), float(np.log(value))
@@ -155,7 +155,7 @@ def _stopped(parameter: Parameter, value: float) -> bool:
 
 
 def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
-    """Say which parameters of the base fit were stopped by their bounds; nothing where none was."""
+    """Return a sentence that names the base parameters at their bounds, or nothing if there are none."""
     names = [
         f"{p.name.replace('_', ' ')} ({value:.3g} {p.unit})"
         for p, value in zip(model.parameters, fitted.vector.tolist(), strict=True)
@@ -181,7 +181,7 @@ def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
 def notes(
     training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool, by: str = "rules"
 ) -> list[str]:
-    """State the limits that a reader must know to judge the figures."""
+    """Return notes on the limits of the diagnosis' figures."""
     free = (
         "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
     )

@@ -1,4 +1,4 @@
-"""Fit base parameters, alone or jointly with effects, to the observer's residuals by least squares.
+"""Least squares fits of base parameters, alone or jointly with effects, to the observer's residuals.
 
 The unknowns are base parameters, on a log scale where they have one, and amplitudes in units of their typical size.
 Weak Gaussian priors (a factor of e^1.5 on log parameters) hold unidentifiable parameters near their initial values.
@@ -6,8 +6,8 @@ Covariance of the estimate, robust against correlation inside blocks of half a s
 
     V = H^-1 (sum_b s_b s_b^T) H^-1,    H = J^T J + prior,   s_b = J_b^T r_b
 
-A base parameter that the data do not move stays at its prior, where this covariance is zero. Its deviation also holds
-the prior's own share, H^-1 P H^-1 with the prior's precision P, as intervals of fits do (`fit.search.intervals`).
+A base parameter without influence on the data stays at its prior, where this covariance is zero. Its variance therefore
+includes the prior's share, H^-1 P H^-1 with the prior's precision P, as in `fit.search.intervals`.
 
 Source: K.-Y. Liang & S. L. Zeger, Biometrika 73 (1986), eq. 7 (cluster-robust covariance).
 """
@@ -36,14 +36,14 @@ PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial valu
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
 CANDIDATE_LANES = 12  # candidates that cost hardly more than one
-FEWEST_RUNGS, MOST_RUNGS = 3, 4  # steps that one fit tries at once
+FEWEST_RUNGS, MOST_RUNGS = 3, 4  # damping values that one fit tries in a batch
 
 
 @dataclass(frozen=True)
 class Pinned:
-    """Amplitudes that are known from elsewhere than the cloth, (components,) of all effects, in their own units.
+    """Amplitudes known from the held edge instead of the cloth, (components,) of all effects, in the effects' units.
 
-    sd: how well, infinite where they are not; trust: how many times the cloth's residuals believe themselves too much
+    sd: their deviations, infinite for unknown ones; trust: factor by which the cloth's residuals are overconfident
     """
 
     amplitudes: Floats
@@ -61,7 +61,7 @@ class Fitted:
     - `residual`, (numbers,)
     - `jacobian`, (numbers, parameters + components), and deviation, (parameters + components,): of logs, plain values
       and typical sizes
-    - `pinned`: what the held edge alone decided
+    - `pinned`: amplitudes that the held edge decided
     """
 
     vector: Floats
@@ -80,7 +80,7 @@ class Fitted:
 
 
 class Problem:
-    """The map between the searched numbers (base parameters, amplitudes in typical sizes) and the observer's."""
+    """Map between the fitted numbers (base parameters, amplitudes in typical sizes) and the observer's arguments."""
 
     def __init__(self, observer: Observer, active: tuple[str, ...] = (), pinned: Pinned | None = None) -> None:
         self.observer, self.active, self.pinned = observer, active, pinned
@@ -105,14 +105,14 @@ class Problem:
         mean = np.concatenate([method.initial, np.zeros(len(effects))])
         if pinned is not None:
             known = pinned.sd[self.columns] / np.sqrt(pinned.trust) / self.typical
-            is_told = known < PRIOR_AMPLITUDE
-            is_known = np.append(np.zeros(len(method.initial), bool), is_told)
-            self.prior_sd[is_known] = known[is_told]
-            mean[is_known] = (pinned.amplitudes[self.columns] / self.typical)[is_told]
+            is_precise = known < PRIOR_AMPLITUDE
+            is_known = np.append(np.zeros(len(method.initial), bool), is_precise)
+            self.prior_sd[is_known] = known[is_precise]
+            mean[is_known] = (pinned.amplitudes[self.columns] / self.typical)[is_precise]
         self.prior = Prior(mean=mean, precision=np.diag(self.prior_sd**-2))
 
     def pack(self, vector: Floats, amplitudes: Floats) -> Floats:
-        """Return the searched numbers for base parameters, (parameters,), and amplitudes, (effects,), within bounds."""
+        """Return the fitted numbers for base parameters, (parameters,), and amplitudes, (effects,), within bounds."""
         numbers = np.concatenate([vector, amplitudes[self.columns] / self.typical])
         return np.asarray(np.clip(numbers, self.space.minimum, self.space.maximum))
 
@@ -130,15 +130,14 @@ class Problem:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
+    """Specification of a fit: base parameters and amplitudes of the active effects, with their start values.
 
     - `vector`, (parameters,)
     - `amplitudes`, (components,) of all effects
-    - `renewals`: how often an outdated Jacobian is computed anew before a halt counts
-    - `is_rough`: the Jacobian of the end is not needed
-    - `known_cost`: of a fit of the same model from elsewhere, below which this one must come or is given up
-    - `jacobian`, (numbers, parameters + components): known near the start, it is updated by chords instead of made
-      anew.
+    - `renewals`: how often an outdated Jacobian is recomputed before the fit may stop
+    - `is_rough`: whether the Jacobian at the end is not needed
+    - `known_cost`: cost of another fit of the same model; this fit stops if it will not fall below
+    - `jacobian`, (numbers, parameters + components): a known one near the start, which chords update
     - `pinned`: amplitudes that are known from elsewhere
     """
 
@@ -154,7 +153,7 @@ class Task:
 
 
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
-    """Fit side by side: one batch simulates the next places of all fits, as many of each fit as the batch holds."""
+    """Run several fits together: each batch simulates the next candidates of all fits."""
     problems = [Problem(observer, task.active, task.pinned) for task in tasks]
     width = int(np.clip(CANDIDATE_LANES / len(tasks), FEWEST_RUNGS, MOST_RUNGS))
     searches = [
@@ -195,13 +194,13 @@ def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquare
 
 
 def from_prior(jacobian: Floats, prior_sd: Floats) -> Floats:
-    """Return the part of the deviations, (parameters,), that the prior alone supplies."""
+    """Return the prior's part of the deviations, (parameters,)."""
     inverse = np.linalg.inv(jacobian.T @ jacobian + np.diag(prior_sd**-2))
     return np.asarray(np.sqrt(((inverse / prior_sd) ** 2).sum(1)))
 
 
 def sandwich(jacobian: Floats, residual: Floats, block: Integers, prior_sd: Floats) -> Floats:
-    """Cluster-robust standard deviations, (parameters,), of a least-squares estimate."""
+    """Return cluster-robust standard deviations, (parameters,), of a least squares estimate."""
     hessian = jacobian.T @ jacobian + np.diag(prior_sd**-2)
     scores = np.zeros((int(block.max()) + 1, jacobian.shape[1]))
     np.add.at(scores, block, jacobian * residual[:, None])
@@ -214,7 +213,7 @@ def sandwich(jacobian: Floats, residual: Floats, block: Integers, prior_sd: Floa
 def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float, tuple[float, float]]:
     """Return the size of an active effect's amplitude and its 90 % interval, in its own unit.
 
-    The length of a vector estimated with noise is too long on average: |a|^2 - sum sd^2 is not. Its interval is that of
+    Noise lengthens an estimated vector on average, so the size is the root of |a|^2 - sum sd^2. Its interval is that of
     the component along the vector (delta method).
     """
     before = fitted.active[: fitted.active.index(effect)]
@@ -224,7 +223,7 @@ def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float
     if len(amplitude) == 1:
         middle, half = float(amplitude[0]), NORMAL_90 * float(deviation[0])
         return middle, (middle - half, middle + half)
-    # A component cannot be known worse than its prior, and one that is hardly known must not drown the others.
+    # A component's deviation is at most its prior's, so that an unidentified component does not dominate the sum.
     spread = np.minimum(deviation, np.abs(amplitude))
     length = size_of(amplitude)
     middle = float(np.sqrt(max(float((amplitude**2 - spread**2).sum()), 0.0)))

@@ -1,4 +1,4 @@
-"""The noise floor: the error that would be left if the model were perfect, from the noise of the takes alone.
+"""Noise floor: the error that a perfect model would have, from the noise of the takes alone.
 
 The method is simulation-extrapolation: add the noise to the data once more and score again with the same parameters.
 The growth of the squared error is the noise's own share, as seen by the whole pipeline. It is never below the points'
@@ -13,15 +13,15 @@ neighbours M r,
 
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
 
-Wrinkles that the mesh lacks are no noise, hence the limit. Without a grid, slow noise cannot be measured and the figure
-that the take states is a fallback: sigma = max(w, stated). The verdict says where a stated figure is contradicted.
-The measured path of the hanger, which drives the cloth, gets its own noise once more as well, through the same
-smoothing. The rest of this noise shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
+Wrinkles too fine for the mesh are no noise, hence the limit. Without a grid, slow noise is not measurable, and the
+figure that the take states is a fallback: sigma = max(w, stated). The verdict reports a contradicted stated figure. The
+measured path of the hanger, which drives the cloth, also receives its own noise once more, before the smoothing. The
+noise that passes the smoothing shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
 cloth can follow it. Sixth differences measure the path's noise, because a stated figure may be the error of a constant.
-A silhouette's camera leaves more than noise. The held row, on which no physics acts, is still off across the cloth when
-the camera's faults are taken out. All points of a frame share this error, which is added in squares.
-Sources: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994); T. Gasser, L. Sroka,
-C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regression", Biometrika 73 (1986).
+A silhouette's camera leaves more than noise. Its held row follows the hanger whatever the cloth does, and keeps an
+error across the cloth after the camera's faults are corrected. All points of a frame share this error, which is added
+in squares. Sources: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994); T. Gasser,
+L. Sroka, C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regression", Biometrika 73 (1986).
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from formats.arrays import Floats
 
 NOISE_REPLICAS = 3
 LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise
-FEWEST_NEIGHBOURS = 9  # points with opposite neighbours below which nothing is said
-CONTRADICTED = 1.25  # times smaller or larger, from which a stated noise is contradicted by what is measured
+FEWEST_NEIGHBOURS = 9  # points with opposite neighbours, below which no estimate is made
+CONTRADICTED = 1.25  # ratio of stated to measured noise, or its inverse, from which they contradict each other
 
 
 @dataclass(frozen=True)
 class Floor:
-    """The noise floor and its standard error over replicas, and the noise of points, measured and stated; all in mm."""
+    """Noise floor, its standard error over replicas, and the measured and stated noise of the points; all in mm."""
 
     mm: float
     error_mm: float
@@ -65,7 +65,8 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     every = [observer.of([noisier(*one, rng) for one in given]) for _ in range(NOISE_REPLICAS)]
     found = [r[0] for r in residuals_together([(o, vector[None], amplitudes[None]) for o in every])]
     grown = np.array([float(o.in_mm(r)) ** 2 for o, r in zip(every, found, strict=True)])
-    # If a model explains little of the motion, chance may lower an error by noise. The points' own noise stays.
+    # If a model explains little of the motion, added noise may reduce an error by chance. The points' noise is the
+    # limit.
     own = own_noise_mm(observer, noise)
     floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2) + row_off_mm(observer) ** 2)
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])
@@ -73,9 +74,9 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
 
 
 def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:
-    """Standard deviation per axis of the noise of each point [m], (points,) a take.
+    """Return the noise of each point per axis [m], (points,) a take, as a standard deviation.
 
-    Slow takes show noise only at rest. Where a take has no rest, its noise is that of the other takes.
+    Slow takes show noise only at rest. A take without rest gets the noise of the other takes.
     """
     any_colour = neighbour_noise(observer, residual)
     every_white = [white_noise(recording) for recording in observer.recordings]
@@ -92,27 +93,27 @@ def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:
 
 
 def own_noise_mm(observer: Observer, noise: list[Floats]) -> float:
-    """Root mean square distance [mm] by which the judged points are off by their own noise [m], (points,) a take."""
+    """Return the root mean square error [mm] of the judged points due to their noise [m], (points,) a take."""
     seen = [recording.counted.sum(0) for recording in observer.recordings]
     squares = sum(float((3 * own**2 * n).sum()) for own, n in zip(noise, seen, strict=True))
     return 1e3 * float(np.sqrt(squares / sum(int(n.sum()) for n in seen)))
 
 
 def row_off_mm(observer: Observer) -> float:
-    """Root mean square error [mm] that the held row of silhouettes still has; 0 of other points."""
+    """Return the root mean square error [mm] that the held row of silhouettes keeps; 0 for other points."""
     off = [(recording.camera.row_off, int(recording.counted.sum())) for recording in observer.recordings]
     return 1e3 * float(np.sqrt(sum(value**2 * n for value, n in off) / sum(n for _, n in off)))
 
 
 def noisier(recording: Recording, noise: Floats, rng: np.random.Generator) -> Recording:
-    """Return a recording with noise added once more to its points, of deviations [m], (points,), and to its hanger."""
+    """Return a recording with noise added to its points, of deviations [m], (points,), and to its hanger path."""
     points = recording.points + rng.normal(size=recording.points.shape) * noise[:, None]
     held = recording.held_seen + rng.normal(size=recording.held_seen.shape) * held_noise(recording)
     return recording.with_points(points).with_held(held)
 
 
 def neighbour_noise(observer: Observer, residual: Floats) -> list[float | None]:
-    """Standard deviation per axis [m] of noise that is independent from point to point; None of too few points."""
+    """Return the noise per axis [m] that is independent between points; None if too few points form a grid."""
     grids = observer.by_place(observer.layout.metres(residual))
     found: list[float | None] = []
     for recording, grid in zip(observer.recordings, grids, strict=True):

@@ -1,14 +1,14 @@
-"""The whole way from a camera's points to the gap: the base model judged on points as they were tracked.
+"""Closure from raw points: the base model's error on points before the camera's faults are corrected.
 
-The camera's faults are taken out of silhouettes before anything is fitted (`fit.recordings.camera`). A gap that begins
-afterwards does not show the gain of this step. So the base model is fitted once more, to the same takes with nothing
-taken out. The points are judged as if they stayed on the cloth. With the errors E of the raw points and of the
-verdict's model, and the noise floor,
+The camera's faults are corrected in silhouettes before any fit (`fit.recordings.camera`). A gap measured afterwards
+does not include the gain of this step. So the base model is fitted once more, to the same takes without corrections.
+The points are judged as if they stayed on the cloth. With the errors E of the raw points and of the verdict's model,
+and the noise floor,
 
     closure from raw = (E_raw^2 - E^2) / (E_raw^2 - floor^2)
 
-The two errors are of different points of the same takes, hence no interval. The points' error in the cloth's plane is
-gone by construction when they get their material places.
+The two errors are of different points of the same takes, hence no interval. Moving points to their material positions
+removes their error in the cloth's plane by construction.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LEAST_GAP = 0.1  # of the squared floor, which is itself known to some percent
 
 
 def raw_recordings(takes: Sequence[Take]) -> list[Recording]:
-    """Return recordings of takes from which none of a camera's faults was taken out."""
+    """Return recordings of takes without correction of the camera's faults."""
     return [prepare(replace(one, garment=changed(one.garment, points_are="material")), NO_STEPS) for one in takes]
 
 
@@ -42,7 +42,7 @@ def raw_error_mm(
     observer: Observer, judge: Observer, training: Sequence[Take], held_out: Sequence[Take], base: Fitted,
     kept: Checkpoint,
 ) -> float | None:  # fmt: skip
-    """Return the base model's error on the raw points [mm], fitted to them; None where the camera's were left alone.
+    """Return the base model's error [mm], fitted to and judged on raw points; None if nothing was corrected.
 
     observer, judge: of the takes fitted to and judged on; base: the fit that is begun from
     """
@@ -58,9 +58,9 @@ def raw_error_mm(
 
 
 def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
-    """Return a gap with the base model's error on the raw points, and the share closed on the way from there.
+    """Return the gap with the base model's error on the raw points and the closure from raw.
 
-    Raw points that hardly miss by more than the floor leave no gap to close a share of.
+    If the error on raw points hardly exceeds the floor, the closure from raw is undefined.
     """
     if raw_mm is None:
         return gap
@@ -71,7 +71,7 @@ def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
 
 
 def sentence(gap: Gap) -> str:
-    """Say how far it is from the raw points to the gap; nothing where nothing was taken out of them."""
+    """Return a sentence on the closure from raw points, or nothing if no fault was corrected."""
     if gap.raw_mm is None or gap.closure_from_raw is None:
         return ""
     after = (gap.with_effect_mm or gap.base_mm).value

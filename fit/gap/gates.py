@@ -1,4 +1,4 @@
-"""Gates of a diagnosis: enough moving data, predictable takes, a converged fit, a fine mesh."""
+"""Gates of a diagnosis: conditions on data, predictability, convergence of the fit, and mesh."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from formats.impossible_points import MOST_LEFT_OUT, describe_impossible
 SHORTEST_MOTION = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames
 SMALLEST_SWING = 0.03  # m of travel of the hanger
-LEAST_OWN_MOTION = 2.0  # times the noise: a board on the hanger would move by the noise alone
+LEAST_OWN_MOTION = 2.0  # times the noise: a rigid board on the hanger would show motion of the noise's size
 LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
 SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves
 CONVERGED = 0.15  # relative difference in cost between the best fits
 PULL_FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
-NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
+NUDGE = 1e-3  # relative change of the stiffnesses in the predictability test
 FORGOTTEN_SHARE = 0.2  # of the sensor's noise
 
 
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
-    """Is there enough data, and does anything move, both in the takes fitted to and in those judged on?
+    """Check that fitted and judged takes hold enough data and enough motion.
 
-    Single takes may be still: a hanger at rest shows what leans the cloth.
+    Single takes may be still: a hanger at rest shows the effects that lean the cloth.
     """
     groups = [group for group in (training, held_out) if group]
     every = [r for group in groups for r in group]
@@ -37,7 +37,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     swing = min(max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group) for group in groups)
     own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
-    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: too short a take is not rounded up to one that is long enough
+    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: rounded down, so that a short take never passes as long enough
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
@@ -75,12 +75,12 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
 
 
 def _unless(passed: bool, advice: str) -> str:
-    """Return the advice behind a sentence where the gate did not pass."""
+    """Return the advice after a gate's sentence, or nothing if the gate passed."""
     return "" if passed else f" {advice}"
 
 
 def _measured(imported: int) -> str:
-    """Say who measured gravity, depth and the held edge of takes, so many of which were imported."""
+    """Say whether gravity, depth and held edge were measured or imported; `imported`: number of imported takes."""
     if imported == 0:
         return "Gravity, depth and where the garment is held are measured."
     return (
@@ -90,12 +90,12 @@ def _measured(imported: int) -> str:
 
 
 def _noise(recording: Recording) -> float:
-    """Stated noise of a point's distance, root mean square [m]."""
+    """Return the stated noise of a point's position, root mean square distance [m]."""
     return float(np.sqrt(3 * np.mean(recording.point_sd**2)))
 
 
 def _own_motion(recording: Recording) -> float:
-    """Root mean square motion of the judged points in the hanger's frame [m]: a board that turns with it has none."""
+    """Return the root mean square motion of the judged points in the hanger's frame [m]; a rigid board has none."""
     held = recording.held(recording.time)
     middle = held.reshape(-1, 2, 3).mean(1)
     apart = (recording.points - middle[:, None])[:, recording.judged & recording.valid.any(0)]
@@ -104,7 +104,7 @@ def _own_motion(recording: Recording) -> float:
 
 
 def _repeated(recording: Recording) -> float:
-    """Share of the frames, with points that the one before has too, in which none of them moves in the least."""
+    """Return the share of frames that repeat the frame before: none of the points seen in both moves at all."""
     change = np.diff(recording.points, axis=0)
     is_seen = np.isfinite(change)
     same = (~is_seen | (change == 0)).all((1, 2))[is_seen.any((1, 2))]
@@ -112,7 +112,7 @@ def _repeated(recording: Recording) -> float:
 
 
 def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
-    """Return the weakest pull [Hz] under which the takes are predictable, and the gate that says so.
+    """Return the weakest pull [Hz] under which the takes are predictable, and the predictability gate.
 
     Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
     If no pull achieves this, the pull with the nearest simulations is taken. Hard pulls on noisy points crumple limp
@@ -129,7 +129,7 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
 
 
 def predictability_gate(observer: Observer, vector: Floats, amplitudes: Floats) -> Gate:
-    """Are takes predictable under the observer's own pull? Two simulations must stay within the noise of each other.
+    """Check that takes are predictable under the observer's pull: two simulations differ by less than the noise.
 
     vector, (parameters,); amplitudes, (components,) of all effects
     """
@@ -137,7 +137,7 @@ def predictability_gate(observer: Observer, vector: Floats, amplitudes: Floats) 
 
 
 def _apart(observer: Observer, vector: Floats, amplitudes: Floats) -> float:
-    """Return the distance [mm] by which a thousandth in every stiffness moves the points."""
+    """Return the distance [mm] by which a change of a thousandth in every stiffness moves the points."""
     nudged = np.stack([vector, vector * (1 + NUDGE)])
     both = observer.residuals(nudged, np.stack([amplitudes, amplitudes]))
     return float(observer.in_mm(both[1] - both[0]))
@@ -157,13 +157,13 @@ def _predictability_gate(observer: Observer, apart: float, frequency: float) -> 
 
 
 def disagreement(fits: list[Fitted]) -> float:
-    """By how much the second best fit's cost exceeds the best one's, relative to that."""
+    """Return the relative excess of the second best fit's cost over the best fit's cost."""
     costs = np.sort([f.cost for f in fits])
     return float(costs[1] / costs[0] - 1) if len(costs) > 1 else 0.0
 
 
 def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
-    """Do independent starts of the base fit end at the same cost, or at least much nearer than an effect brings them?
+    """Check that independent starts of the base fit agree in cost, compared with the gain by the best effect.
 
     best_effect: cost of the best refit, with an effect or, where none is better, of the base model.
     """
@@ -176,7 +176,7 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
 
 
 def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gate:
-    """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion.
+    """Check whether a finer mesh and step explain the gap; they are judged like an effect, by their closure.
 
     ratio: how many times finer
     """

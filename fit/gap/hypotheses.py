@@ -1,10 +1,10 @@
-"""Hypotheses for the gap: the base model with one effect of the library, or with several, refitted and judged.
+"""Hypotheses on the cause of the gap: the base model refitted with one or several effects, judged on held-out takes.
 
 Effects are shortlisted by two savings of a linear refit: of cost (`fit.gap.screening`), and of distance, by which
 hypotheses are judged. Shortlisted effects are refitted jointly with the base parameters, from the linear solution,
-along chords. Every hypothesis is judged by its error on the held-out takes. A further effect is added as long as it
-explains held-out error that is still there (forward selection).
-Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit" (1993), with refits.
+along chords. Every hypothesis is judged by its error on the held-out takes. A further effect is added while it explains
+remaining held-out error (forward selection). Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching
+pursuit" (1993), with refits.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from formats.arrays import Floats
 SHORTLIST = 5  # effects that are refitted
 REFIT_ITERATIONS = 5  # of each refit, along chords
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
-AMPLITUDE_STARTS = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
-TWIN_COSINE = 0.9  # cosine above which an effect is refitted because its twin is
+AMPLITUDE_STARTS = (0.3, 0.6, 1.0, 1.5)  # shares of the linear estimate of an amplitude, tried as starts
+TWIN_COSINE = 0.9  # cosine above which an effect is refitted together with its twin
 LEAST_SHARE = 0.05  # of the best predicted saving; effects that save less are not refitted
-# A constant offset weighs little in the cost beside hundreds of frames of noise, and may be most of the error in mm.
+# A constant offset adds little to the cost of hundreds of noisy frames, but may be most of the error in mm.
 MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
 
 
@@ -41,7 +41,7 @@ class Hypothesis:
 
 
 def shortlist(screened: Screened) -> list[str]:
-    """Return the effects that deserve a refit, most promising first."""
+    """Return the effects to refit, largest expected improvement first."""
     order = sorted(screened, key=lambda name: -screened[name].predicted)
     best = order[0]
     chosen = _not_trifling(screened, order[:SHORTLIST])
@@ -55,10 +55,10 @@ def shortlist(screened: Screened) -> list[str]:
 
 
 def further(screened: Screened, most: int) -> list[str]:
-    """Return the effects that are tried beside other effects, most promising first.
+    """Return the effects to try in combination with others, largest expected improvement first.
 
-    They are judged by distance. An effect that saves cost and brings no point nearer is left out. Static effects save
-    little cost, as in `shortlist`. So those that bring points nearest are tried as well.
+    An effect that reduces the cost but not the distance is left out. Static effects reduce the cost little, as in
+    `shortlist`, so the effects with the largest reduction of distance are tried as well.
     """
     nearest = max(one.predicted_mm2 for one in screened.values())
     nearer = [name for name, one in screened.items() if nearest <= 0.0 or one.predicted_mm2 >= LEAST_SHARE * nearest]
@@ -67,20 +67,20 @@ def further(screened: Screened, most: int) -> list[str]:
 
 
 def _seen_most(screened: Screened, chosen: list[str], most: int = MOST_SEEN) -> list[str]:
-    """Return the few effects that bring points nearest, less those chosen already."""
+    """Return the few effects with the largest reduction of distance, except those chosen already."""
     by_distance = sorted(screened, key=lambda name: -screened[name].predicted_mm2)
     least = SEEN_SHARE * max(screened[by_distance[0]].predicted_mm2, 0.0)
     return [name for name in by_distance[:most] if screened[name].predicted_mm2 > least and name not in chosen]
 
 
 def _not_trifling(screened: Screened, order: list[str]) -> list[str]:
-    """Of effects, most cost saved first, return the first one and those that save more than a small share of that."""
+    """Return the first of sorted effects and those that reduce the cost by a sizeable share of the first one's."""
     least = LEAST_SHARE * screened[order[0]].predicted
     return [name for name in order if screened[name].predicted > least or name == order[0]]
 
 
 def refits(observer: Observer, start: Fitted, screened: Screened, names: list[str]) -> list[Task]:
-    """Return the refits of a model with one more effect each, from the best of some shares of its linear solution."""
+    """Return refits of a model with one additional effect each, started from the best shares of the linear solution."""
     tries = [_tries(observer, start, screened[name], name) for name in names]
     every = [problem.unpack(np.array(numbers)) for problem, numbers, _ in tries]
     vectors, rows = (np.concatenate(column) for column in zip(*every, strict=True))
@@ -100,7 +100,7 @@ def refits(observer: Observer, start: Fitted, screened: Screened, names: list[st
 def _tries(
     observer: Observer, start: Fitted, signature: Signature, effect: str
 ) -> tuple[Problem, list[Floats], Floats]:
-    """The problem with one more effect, places near its joint linear solution, and its Jacobian."""
+    """Return the problem with one additional effect, starts near its joint linear solution, and its Jacobian."""
     active = (*start.active, effect)
     pinned = beside_another(observer, start, effect, signature.raw)
     problem = Problem(observer, active, pinned)
@@ -125,7 +125,7 @@ def _tries(
 
 
 def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
-    """Return fits with their held-out errors, simulated side by side."""
+    """Return fits with their held-out errors, simulated together."""
     if not fits:
         return []
     residuals = judge.residuals(np.stack([f.vector for f in fits]), np.stack([f.amplitudes for f in fits]))
@@ -133,5 +133,5 @@ def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
 
 
 def polishing(old: Fitted) -> Task:
-    """Fit on with a Jacobian of its own, which the intervals need."""
+    """Return the task that continues a fit with a Jacobian of finite differences, which the intervals need."""
     return Task(old.vector, old.amplitudes, old.active, iterations=POLISHING, pinned=old.pinned)

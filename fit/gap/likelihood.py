@@ -1,4 +1,4 @@
-"""The likelihood of a residual: measured noise, and a model discrepancy with a stated covariance.
+"""Gaussian likelihood of a residual: measured noise plus a model discrepancy with a stated covariance.
 
     y = f(theta, a) + d + e,    e ~ N(0, R),    d ~ N(0, s^2 K),    K = K_time x K_space x I_3
 
@@ -51,12 +51,12 @@ ACROSS, DOWN = 3, 3  # shapes of a hanging sheet: straight, tilted and bent acro
 KEPT_VARIANCE = 0.97  # of the variance of K_time
 FASTEST_MODE = 4.0  # Hz, of the modes of K_time: cloth that hangs swings below 2 Hz, and its second swing below 4
 MOST_ENTRIES = 3e7  # of the square root of K for a take: 240 MB
-FREE = 1e6  # standard deviations: an offset that nothing is known of
+FREE = 1e6  # standard deviations: an offset without prior knowledge
 
 
 @dataclass(frozen=True)
 class Sums:
-    """Products of some rows in the metric of each scale's covariance.
+    """Inner products of rows in the metric of each scale's covariance.
 
     inner, (scales, rows, rows): x' C^-1 y; log_det, (scales,): log |C| - log |C_0|
     """
@@ -66,12 +66,12 @@ class Sums:
 
 
 class Likelihood:
-    """The covariance of an observer's residuals, as a metric for rows of the same numbers."""
+    """Covariance of an observer's residuals, as a metric for inner products of rows."""
 
     def __init__(self, observer: Observer, noise: list[Floats], residual: Floats, scales: Floats) -> None:
         """Whiten each series of residuals, and decompose the covariance of the discrepancy.
 
-        noise: measured, per axis [m], (points,) a take; residual, (numbers,): shows how the discrepancy rings
+        noise: measured, per axis [m], (points,) a take; residual, (numbers,): gives the discrepancy's oscillation
         scales, (scales,): root mean square discrepancies [m], ascending
         """
         self.scales = scales
@@ -89,7 +89,7 @@ class Likelihood:
         self._decompose()
 
     def _decompose(self) -> None:
-        """Decompose G of one axis: all three are alike."""
+        """Decompose G for one axis; the three axes have the same G."""
         starts = np.cumsum([0, *(0 if r is None else r.shape[-1] for r in self._roots)])
         total = int(starts[-1])
         gram = np.zeros((total, total))
@@ -107,7 +107,7 @@ class Likelihood:
         self._shadows, self._starts = shadows, starts
 
     def of(self, rows: Floats) -> Sums:
-        """Return the products of rows, (rows, numbers), in every scale's metric."""
+        """Return the inner products of rows, (rows, numbers), in every scale's metric."""
         count = len(rows)
         plain = np.zeros((count, count))
         seen = np.zeros((count, 3, len(self._vectors)))
@@ -133,7 +133,7 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class _Series:
-    """Series of one take that are filtered side by side: points, or the four numbers of its held edge.
+    """Time series of one take that are filtered together: its points, or the four numbers of its held edge.
 
     - index, (frames, series, axes): places in the stacked residual, -1 where not seen
     - still, (series, axes): places of the means, -1 without
@@ -158,7 +158,7 @@ class _Series:
     place: Integers | None
 
     def innovations(self, rows: Floats) -> Floats:
-        """White innovations of rows, (rows, numbers) -> (frames, series, rows, axes); 0 where not seen."""
+        """Return white innovations of rows, (rows, numbers) -> (frames, series, rows, axes); 0 where not seen."""
         seen = (self.index >= 0)[..., None]
         values = np.where(seen, rows.T[np.maximum(self.index, 0)], 0.0)  # (frames, series, axes, rows)
         values = values * self.scale[..., None, None]
@@ -172,7 +172,7 @@ class _Series:
         return self._filtered(np.swapaxes(fields, 0, 1) / self.unit[..., None])
 
     def constant(self) -> Floats:
-        """Innovations of a constant offset of its own deviation, (frames, series)."""
+        """Return innovations of a constant offset of one deviation, (frames, series)."""
         ones = np.ones(self.sd.shape) * self.offset_sd / self.unit
         return self._filtered(ones)
 
@@ -212,7 +212,7 @@ def _offsets(every: list[_Series]) -> _Offsets:
 
 
 def _filter(time: Floats, seen: Booleans) -> tuple[Floats, Floats, Floats]:
-    """Gains and deviations, (frames, series), and memory, (frames,), of white and slow noise."""
+    """Return the Kalman filter's gains and deviations, (frames, series), and decay factors, (frames,)."""
     phi = np.exp(-np.diff(time, prepend=time[0]) / SLOW_LASTS)
     variance = np.full(seen.shape[1], SLOW_SHARE**2)
     gain, sd = np.zeros(seen.shape), np.ones(seen.shape)

@@ -1,4 +1,4 @@
-"""Describe the missing force from the observer's pull alone, without any library.
+"""Characterise the missing force from the observer's pull alone, without the library of effects.
 
 The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is the force that the model lacks. Sensor
 noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. The force
@@ -28,17 +28,15 @@ from fit.recordings.smoothing import low_pass
 from formats.arrays import Floats
 from formats.diagnosis_records import ForceAt, MissingForce
 
-FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
+FREQUENCY = 3.0  # Hz: strong enough for the observer's states to follow the data
 LOW_PASS = 2.0  # Hz
 VISIBLE = 0.2  # share of the pull that features must explain before its shape is described
-WITHIN_CLOTH = (
-    0.2  # share along the normal below which a force acts within the cloth; of a random direction it is a third
-)
+WITHIN_CLOTH = 0.2  # share along the normal, below which a force acts within the cloth; a random direction has a third
 EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
 
 def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
-    """Describe the pull that the base model needs on the observer's recordings."""
+    """Characterise the pull that the base model needs to follow the observer's recordings."""
     parts = [_pull(*one) for one in zip(*observer.asked(vector[None], observer.off[None]), strict=True)]
     pull, normal, below, odd, even, powers, point = (_joined([p[k] for p in parts]) for k in range(7))
     along = (pull * normal).sum(1)
@@ -65,7 +63,7 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
 
 
 def _places(observer: Observer, pull: Floats, along: Floats, point: Floats) -> list[ForceAt]:
-    """Root mean square pull per tracked point, along the normal and in the plane of the cloth."""
+    """Return the root mean square pull of each tracked point, along the normal and in the cloth's plane."""
     found = []
     for k, tracked in enumerate(observer.recordings[0].garment.points):
         mine = point == k
@@ -80,7 +78,7 @@ def _places(observer: Observer, pull: Floats, along: Floats, point: Floats) -> l
 
 
 def _pull(simulator: Simulator, material: Floats, amplitudes: Floats) -> tuple[Floats, ...]:
-    """Pull [m/s^2], normals, third of the height, odd and even features, powers of the speed, point; a row each."""
+    """Return pull [m/s^2], normal, third of the height, odd and even features, speed powers and point, row by row."""
     done = simulator.run(material, amplitudes, observer_hz=FREQUENCY, shapes=True)
     recording, mesh = simulator.recording, simulator.mesh
     time = recording.time
@@ -96,7 +94,7 @@ def _pull(simulator: Simulator, material: Floats, amplitudes: Floats) -> tuple[F
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     height = np.array([p.at_m[1] for p in recording.garment.points])
     third = np.clip(3 * (height.max() - height) / max(np.ptp(height), 1e-9), 0, 2.999).astype(int)
-    chosen: NDArray[Any] = recording.valid & (trust > 0) & recording.judged  # points in the hanger cannot be pulled
+    chosen: NDArray[Any] = recording.valid & (trust > 0) & recording.judged  # points on the held edge have no pull
     chosen[:3] = chosen[-3:] = False  # one-sided differences
     normal_speed = (velocity * normal).sum(2, keepdims=True)
     pressed = (acceleration * normal).sum(2, keepdims=True) * normal
@@ -115,7 +113,7 @@ def _joined(parts: list[Floats]) -> Floats:
 
 
 def _explained(target: Floats, features: Floats) -> float:
-    """Share of the power of the target, (n,) or (n, 3), that features, (n, k) or (n, k, 3), explain."""
+    """Return the share of a target's power, (n,) or (n, 3), that features, (n, k) or (n, k, 3), explain."""
     matrix = np.moveaxis(features, 1, -1).reshape(target.size, -1)
     solution, *_ = np.linalg.lstsq(matrix, target.ravel(), rcond=None)
     rest = target.ravel() - matrix @ solution
@@ -125,9 +123,9 @@ def _explained(target: Floats, features: Floats) -> float:
 def sentence_of(
     normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float], *, power: float
 ) -> str:
-    """Say in words how much of the force is along the normal, odd or even in velocity, and where it is largest.
+    """Describe the force in words: share along the normal, parity in velocity, and location of its maximum.
 
-    power [W/kg]: that it gives to the cloth
+    power [W/kg]: power of the force on the cloth
     """
     if odd + even < VISIBLE:
         return (

@@ -1,4 +1,4 @@
-"""Propose the recording that separates the remaining explanations: every motion of a menu is simulated and compared.
+"""Propose the next recording: the motion of a menu whose simulation best separates the remaining explanations.
 
 Two explanations i and j have contributions c_i and c_j: the change of the residual at their fitted amplitudes. The
 contributions cover the present takes and a new one together. Base parameters and the other amplitude can imitate a
@@ -31,12 +31,12 @@ from formats.diagnosis_records import NextExperiment
 SECONDS, RATE = 4.0, 30.0
 JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
 MOST_ALIVE = 4
-WORTH_IT = 1.0  # standard deviations that a recording must add
+WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One entry of the menu: path of the hanger's middle, (n,) s -> (n, 3) m, its yaw [rad], and effects that turn.
+    """One motion of the menu: path of the hanger's middle, (n,) s -> (n, 3) m, its yaw [rad], and turned effects.
 
     `turned` gives factors on the components of effects that change sign, or vanish, when cloth or rig is turned.
     """
@@ -99,9 +99,9 @@ MENU = (
 
 
 def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: list[float]) -> NextExperiment | None:
-    """Return the motion that best separates the living explanations, or None where none adds a standard deviation.
+    """Return the motion that best separates the remaining explanations, or None if none adds a standard deviation.
 
-    weights, (alive,): how probable each is; fewer than two explanations are compared with `no effect`.
+    weights, (alive,): probability of each explanation; a single explanation is compared with `no effect`.
     """
     alive, weights = alive[:MOST_ALIVE], weights[:MOST_ALIVE]
     if not alive:
@@ -138,7 +138,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
 
 
 def imagine(like: Recording, motion: Motion) -> Recording:
-    """Return a recording of a motion that has not been made yet, of the same garment, hanger and sensor."""
+    """Return a simulated recording of a motion of the menu, with the same garment, hanger and sensor."""
     time = np.asarray(np.arange(0, SECONDS, 1 / RATE))
     ends = like.held(np.zeros(1))[0].reshape(2, 3)
     middle, arm = ends.mean(0), (ends[1] - ends[0]) / 2
@@ -170,7 +170,7 @@ def imagine(like: Recording, motion: Motion) -> Recording:
 
 
 def followed(observer: Observer, recordings: list[Recording], base: Fitted) -> list[Recording]:
-    """Return imagined recordings whose points are where the base model would have them, for the pull to draw to."""
+    """Return simulated recordings whose points follow the base model, as targets of the observer's pull."""
     if observer.frequency == 0.0:
         return recordings
     found = observer.of(recordings).trajectories(base.vector[None], observer.off[None], frequency=0.0)
@@ -181,7 +181,7 @@ def followed(observer: Observer, recordings: list[Recording], base: Fitted) -> l
 
 
 def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]) -> list[Floats]:
-    """Amplitudes of each hypothesis' last effect alone, as they are where cloth or rig is turned, (components,)."""
+    """Return the amplitudes of each hypothesis' last effect, transformed for a turned cloth or rig, (components,)."""
     rows = []
     for hypothesis in alive:
         effect = hypothesis.effects[-1]
@@ -192,7 +192,7 @@ def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[f
 
 
 def _changes(observer: Observer, base: Fitted, rows: list[Floats]) -> list[Floats]:
-    """Change of the residual that amplitudes make beside the base parameters, each (numbers,)."""
+    """Return the change of the residual by amplitudes at the base parameters, each (numbers,)."""
     found = observer.residuals(np.tile(base.vector, (len(rows) + 1, 1)), np.stack([observer.off, *rows]))
     return list(found[1:] - found[0])
 
@@ -200,10 +200,10 @@ def _changes(observer: Observer, base: Fitted, rows: list[Floats]) -> list[Float
 def _imagined(
     observer: Observer, recordings: list[Recording], base: Fitted, alive: list[Hypothesis]
 ) -> list[tuple[Floats, list[Floats]]]:
-    """Of every motion of the menu, whose recordings these are, what the takes at hand have as well.
+    """Return Jacobian and changes of the residual for every motion of the menu, from its simulated recordings.
 
-    That is the Jacobian of the base parameters in working coordinates, (numbers, parameters), and every hypothesis'
-    change.
+    The Jacobian is of the base parameters in working coordinates, (numbers, parameters). The changes are by each
+    hypothesis.
     """
     problem = Problem(observer)
     unit = problem.space.to_unit(base.vector)
@@ -224,7 +224,7 @@ def _imagined(
 
 
 def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) -> float:
-    """By how much block scores of the residual exceed those of white noise of deviation 1; at least 1."""
+    """Return the excess factor of the residual's block scores over white noise of deviation 1, at least 1."""
     least = base.residual
     for c in contributions:
         least = least - c * float(c @ least) / max(float(c @ c), 1e-12)
@@ -237,7 +237,7 @@ def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) ->
 
 
 def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i: int, j: int) -> float:
-    """Norm of the rest of c_i beside base parameters and, unless j is -1, any multiple of c_j."""
+    """Return the norm of c_i after projecting out base parameters and, unless j is -1, c_j."""
     precision = np.diag(Problem(observer).prior_sd ** -2)
     columns = jacobian
     if j >= 0:

@@ -1,4 +1,4 @@
-"""Measure the error of mesh and step: the base model on a finer mesh, refitted once, on the same motion.
+"""Estimate the discretisation error: the base model on a finer mesh and step, refitted once, on the same motion.
 
 The larger difference between the meshes, refitted or not, also gives the base mesh's distance from a converged one. The
 error falls with the square of the spacing h. For meshes whose spacings stand as q to 1,
@@ -24,18 +24,18 @@ from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
 
-REFINEMENT = 1.5  # of the mesh spacing, as asked for
-LEAST_REFINEMENT = 1.3  # as it is: where whole elements make it less, a finer mesh is asked for
-REFINING_FACTOR = 1.1  # by so much, again and again
-SOLVER_SHARE = 0.015  # of the motion by which sound solvers of the same cloth differ: constitutive law, scheme, weave
+REFINEMENT = 1.5  # of the mesh spacing, as requested
+LEAST_REFINEMENT = 1.3  # actual ratio at least: where whole elements give less, a finer mesh is requested
+REFINING_FACTOR = 1.1  # factor of each further request
+SOLVER_SHARE = 0.015  # of the motion: sound solvers of one cloth differ by constitutive law, scheme and weave
 TRIED_STEPS = (0.0, 0.5, 1.0)  # of the refit's linear step
 
 
 @dataclass(frozen=True)
 class Refined:
-    """Held-out errors on the finer mesh, and by how much the mesh, and mesh and solver, may be wrong there [mm].
+    """Held-out errors on the finer mesh, and the error [mm] of the mesh alone and of mesh and solver.
 
-    ratio: how many times finer it is
+    ratio: coarse spacing over fine spacing
     """
 
     errors: BlockErrors
@@ -45,7 +45,7 @@ class Refined:
 
 
 def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
-    """Judge the base model on a finer mesh."""
+    """Refit and judge the base model on a finer mesh."""
     old = observer.resolution
     resolution = Resolution(spacing=old.spacing / REFINEMENT, step_share=old.step_share)
     while (fine := observer.at_resolution(resolution)).mesh.spacing * LEAST_REFINEMENT > observer.mesh.spacing:
@@ -78,7 +78,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
 
 
 def motion_mm(judge: Observer) -> float:
-    """Root mean square distance of the judged points from their mean places [mm]."""
+    """Return the root mean square distance of the judged points from their mean positions [mm]."""
     squares, count = 0.0, 0
     for recording in judge.recordings:
         seen = recording.counted

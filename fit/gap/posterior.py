@@ -1,27 +1,27 @@
-"""The posterior over subsets of effects: linear evidence says whom to refit, true joint refits say how likely each is.
+"""Posterior probability of subsets of effects: linear evidence selects subsets, and nonlinear joint refits weigh them.
 
 A fit has residual r, amplitudes a_0 of its own effects, and their columns S. About it the model is linear in the total
 amplitudes: r - S a_0 + J b + S a. All subsets are weighed there (`fit.gap.subsets`). Subsets that may win and were
-never fitted are refitted jointly, from shares of their linear solution. The best fit becomes the next place to be
-linear about. The search ends when no subset without a fit can win. Masses are those about the last of these places.
-Costs of fits do not decide how likely a subset is, because fits end in different ripples of the cloth's residual.
-The ripples differ by more than one effect makes.
+never fitted are refitted jointly, from shares of their linear solution. The model is then linearised about the best
+fit. The search ends when no subset without a fit can win. Masses are those about the last linearisation. Costs of fits
+do not decide how likely a subset is, because fits end in different ripples of the cloth's residual. The ripples differ
+by more than one effect makes.
 
 Mesh and solver imitate effects. Their error has mean square s^2 and a random direction among DIRECTIONS. It stands
 beside the covariance of `fit.gap.likelihood`, as an amplitude of every component that no effect makes, N(0, tau^2),
 
     tau = s / (sqrt(DIRECTIONS) m),   m: root mean square motion of the points by one typical size
 
-with base parameters refitted, so that a size that mesh and solver may make is no evidence. They do not move the held
-edge, which keeps its word.
-The size s has two priors, and they are two hypotheses. `known`: log-normal of width WIDTH about M, with
+with base parameters refitted, so that an amplitude within the error of mesh and solver is no evidence. Mesh and solver
+do not move the held edge, so its evidence stays. The size s has two priors, and they are two hypotheses. `known`:
+log-normal of width WIDTH about M, with
 
     M^2 = mesh and solver^2 + what the hanger's noise shakes^2 + sum over effects (law_spread x motion by the effect)^2
 
 where any law leaves LEAST_BY_LAW of a gap, to LAW_DEVIATIONS deviations (`fit.gap.evidence`).
 
-`wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: something is at work that the library does not hold.
-Twins, which look alike beside the base, are never in one subset: no take shows their difference.
+`wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: a cause outside the library is present. Twins, which are
+collinear given the base parameters, are never in one subset: no take shows their difference.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ Subset = tuple[str, ...]
 SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
 SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
 WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
-UNKNOWN = 1 / 6  # odds of a cause that the library does not hold
+UNKNOWN = 1 / 6  # odds of a cause outside the library
 DOZEN = 12  # subsets that are refitted in one round at most
 REFITTED_WITHIN = (
-    2.5  # of the best log mass: a subset farther behind is not refitted; one that gains nothing is 3.2 behind
+    2.5  # below the best log mass: a subset farther behind is not refitted; an effect without any gain is 3.2 behind
 )
 JOINT_ITERATIONS = 6  # of a joint refit, along chords
 JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
-LEAST_KEPT = 0.25  # of a promised size: a fit that keeps less found another valley
-TRIED = 3  # effects that are refitted, however unlikely, where the base model needs an unknown cause
+LEAST_KEPT = 0.25  # of a predicted amplitude: a fit that keeps less found another local minimum
+TRIED = 3  # effects that are refitted whatever their mass, if the base model needs an unknown cause
 LEAST_MOTION = 1e-3  # mm: an effect that moves the points less does not move them
 
 
@@ -75,7 +75,7 @@ LEAST_MOTION = 1e-3  # mm: an effect that moves the points less does not move th
 class Mass:
     """Log masses of subsets under a known and a wide discrepancy, each (subsets,), up to one constant.
 
-    sharp: as if the discrepancy were no more than mesh and solver, which says what explains most
+    sharp: log mass with mesh and solver as the only discrepancy, which ranks subsets by the explained error
     """
 
     among: list[Subset]
@@ -90,7 +90,7 @@ class Mass:
 
 
 class Linear:
-    """The linear model about a fit: every subset's evidence, and its joint solution."""
+    """The model linearised about a fit: evidence and joint solution of every subset."""
 
     def __init__(self, observer: Observer, likelihood: Likelihood, fitted: Fitted, rows: dict[str, Floats]) -> None:
         """Compute the sums from which every subset's evidence is solved.
@@ -133,7 +133,7 @@ class Linear:
         self.scales = likelihood.scales
 
     def masses(self, among: Sequence[Subset], known_mm: float) -> Mass:
-        """Return the masses of subsets; known_mm: by which mesh, solver and the hanger's noise are wrong."""
+        """Return the masses of subsets; known_mm: error of mesh, solver and the hanger's noise."""
         evidence = log_evidence(self.reduced, self.columns, among)
         spread = np.array([self.observer.library[name].law_spread for name in self.columns.effects])
         law = np.maximum(spread, np.sqrt(LEAST_BY_LAW) / LAW_DEVIATIONS)
@@ -157,13 +157,13 @@ class Linear:
         return [n for n, name in enumerate(self.columns.effects) if name in subset]
 
     def _solution(self, at: list[int], scale: int) -> Floats:
-        """Total amplitudes of columns in typical sizes, within their ranges, (columns,)."""
+        """Return the total amplitudes of columns in typical sizes, limited to their ranges, (columns,)."""
         normal = self.reduced.normal[scale][np.ix_(at, at)] + np.eye(len(at)) / SIZES**2
         found = np.linalg.solve(normal, self.reduced.pull[scale][at])
         return np.clip(found, self.columns.low[at], self.columns.high[at])
 
     def twins(self) -> set[frozenset[str]]:
-        """Pairs of effects of one component that look alike, base parameters refitted."""
+        """Return pairs of one-component effects that are collinear once base parameters are refitted."""
         alone = [n for n, name in enumerate(self.columns.effects) if self.columns.effects.count(name) == 1]
         lengths = np.maximum(np.linalg.norm(self.seen[alone], axis=1), 1e-12)
         cosines = np.abs(self.seen[alone] @ self.seen[alone].T) / lengths[:, None] / lengths
@@ -171,7 +171,7 @@ class Linear:
         return {frozenset((names[a], names[b])) for a, b in np.argwhere(cosines > GROUP_COSINE).tolist() if a < b}
 
     def sizes(self, subset: Subset) -> dict[str, float]:
-        """Largest component of each effect of a subset at its solution, in its own unit."""
+        """Return each effect's largest component at the subset's solution, in the effect's unit."""
         at = self._places(subset)
         found = self._solution(at, int(log_evidence(self.reduced, self.columns, [subset])[0].argmax()))
         names = [self.columns.effects[n] for n in at]
@@ -182,11 +182,11 @@ class Linear:
         }
 
     def joint(self, subset: Subset) -> Floats:
-        """Jacobian of base parameters and a subset's amplitudes, (numbers, parameters + components)."""
+        """Return the Jacobian of base parameters and a subset's amplitudes, (numbers, parameters + components)."""
         return np.concatenate([self.jacobian, *(self.rows[name].T for name in subset)], axis=1)
 
     def starts(self, subset: Subset) -> tuple[Floats, Floats]:
-        """Places from which to fit a subset truly: base parameters and amplitudes, a row per share."""
+        """Return starts of the nonlinear fit of a subset: base parameters and amplitudes, a row per share."""
         problem, at = Problem(self.observer, subset), self._places(subset)
         order = np.argsort([subset.index(self.columns.effects[n]) for n in at], kind="stable")
         scale = int(log_evidence(self.reduced, self.columns, [subset])[0].argmax())
@@ -218,7 +218,7 @@ class Found:
     twins: set[frozenset[str]] = field(default_factory=set)
 
     def shares(self) -> dict[Subset, tuple[float, float]]:
-        """Probability of each subset with a known and with a wide discrepancy."""
+        """Return the probability of each subset with a known and with a wide discrepancy."""
         assert self.mass is not None
         whole = logsumexp(self.mass.total)
         return {
@@ -232,7 +232,7 @@ Renew = Callable[[Fitted], dict[str, Floats]]
 
 
 class Search:
-    """The search for the subsets that explain a residual, as the module says."""
+    """Search for the subsets of effects that explain a residual, by alternating linear evidence and refits."""
 
     def __init__(
         self, observer: Observer, noise: list[Floats], base: Fitted, rows: dict[str, Floats], known_mm: float,
@@ -242,7 +242,7 @@ class Search:
 
         - `noise`: measured, per axis [m], (points,) a take
         - `rows`: signatures about the base fit in typical sizes
-        - `known_mm`: by which mesh, solver and the hanger's noise are wrong
+        - `known_mm`: error of mesh, solver and the hanger's noise
         - `refit`: fits tasks of some subsets
         - `renew`: signatures about another fit
         """
@@ -252,7 +252,7 @@ class Search:
         self.refuted: list[Subset] = []  # about the present fit
 
     def go(self, tell: Callable[[str], None] = lambda _: None) -> Found:
-        """Return the fitted models and the masses of all subsets."""
+        """Run the search; return the fitted models and the masses of all subsets."""
         found = self.found
         for turn in range(MOST_EFFECTS + 1):
             likelihood = Likelihood(self.observer, self.noise, self.about.residual, SCALES)
@@ -275,7 +275,7 @@ class Search:
         return found
 
     def _refutes(self, linear: Linear, fitted: Fitted) -> bool:
-        """Whether a true fit keeps nothing of the promised saving: of the cost, or of an effect's size."""
+        """Return whether a nonlinear fit contradicts the linear prediction of its cost or of an effect's size."""
         if fitted.cost >= (1 - COST_TOLERANCE) * self.about.cost:
             return True
         promised = linear.sizes(fitted.active)
@@ -283,10 +283,10 @@ class Search:
         return any(kept[name] < LEAST_KEPT * promised[name] for name in fitted.active)
 
     def _possible(self, mass: Mass) -> Mass:
-        """Masses without the subsets that fits refute: broken promises, and effects that are brought along.
+        """Return masses without the subsets that fits refute, or whose effects another effect's law already contains.
 
-        A secant of a strongly non-linear effect may promise a saving that no size of the effect keeps; it then promises
-        no more beside others. Brought along is an effect that a sound law of another one holds as well.
+        A secant of a strongly nonlinear effect may predict a saving that no amplitude reaches; its subsets with other
+        effects are then refuted too. A sound law of one effect may contain another effect as well.
         """
         for n, subset in enumerate(mass.among):
             fitted = self.found.fits.get(subset)
@@ -297,7 +297,7 @@ class Search:
         return mass
 
     def _polished(self, best: Subset, *, again: bool) -> Fitted:
-        """Fit the best subset on with a Jacobian of its own; the base model has another chance from where that ends."""
+        """Continue the best subset's fit with a Jacobian of finite differences; refit the base model from its end."""
         (fitted,) = self.refit([best], [polishing(self.found.fits[best])])
         if again and best:
             base = self.found.fits[()]
@@ -324,13 +324,13 @@ class Search:
 
 
 def _wanted(found: Found, turn: int) -> list[Subset]:
-    """Subsets that were not fitted and may win; one more effect at a time, for a refit changes what is linear."""
+    """Return subsets without a fit that may win, with one more effect per turn, as a refit changes the linear model."""
     assert found.mass is not None
     mass, total = found.mass, found.mass.total
     order = np.argsort(-total)
     likely = [mass.among[n] for n in order[:DOZEN] if total[n] > total[order[0]] - REFITTED_WITHIN]
     chosen = [one for one in likely if len(one) <= turn + 1] or likely[:TRIED]
-    # Where the base model needs an unknown cause the linear model says little of where a refit ends.
+    # If the base model needs an unknown cause, the linear model hardly predicts the end of a refit.
     base = mass.among.index(())
     if turn == 0 and mass.wide[base] > mass.known[base]:
         chosen += [mass.among[n] for n in np.argsort(-mass.sharp) if len(mass.among[n]) == 1][:TRIED]

@@ -1,4 +1,4 @@
-"""Probability that each effect is at work, from draws of the held-out error.
+"""Probability that each effect is present in the recorded cloth, from draws of the held-out error.
 
 A draw picks blocks of the held-out takes, an error of mesh and solver (`fit.gap.closure.solver_draws`), and a limit.
 The limit is the share of the gap that a true cause may leave unexplained beyond noise, mesh and solver. A true cause
@@ -7,16 +7,16 @@ LEFT_WIDTH. It was chosen on cases of known truth (`docs/reference/blind-check.m
 less than a tenth was the cause, and about half of those that left a fifth to three fifths. Sound laws of an effect
 leave some of the gap too, which is a second limit (`Evidence.most_by_law`).
 
-In a draw an effect is at work if it leaves the least error, is worth naming and leaves no more than both limits.
-Several effects are at work together where they leave no more than the limits and the last of them was worth adding.
-They share that probability, and each of them may be at work alone in the other draws. Where a twin does nearly as well
-in the place of one of them, the twin counts in the draws in which it leaves less.
+In a draw an effect is present if it has the least error, is worth naming and leaves no more than both limits. Several
+effects are present together if they leave no more than the limits and the last of them was worth adding. They share
+that probability, and each of them may be present alone in the other draws. A twin that replaces one of them nearly as
+well counts in the draws in which it leaves less error.
 
-Effects that the held edge contradicts (`Evidence.contradicted`) are not at work. An effect that the edge identifies
-(`Evidence.told_by_edge`) is at work wherever nothing else is; of several, the one that leaves least.
+Effects that the held edge contradicts (`Evidence.contradicted`) are absent. An effect that the edge identifies
+(`Evidence.identified_by_edge`) is present in draws without any other effect; of several, the one of least error.
 
-Shares of draws are too low. Take cases of known truth in which any effect is at work in a share S of the draws. The
-odds that an effect of the library was at work there were about ODDS times S / (1 - S). All shares are scaled alike.
+Shares of draws are too low. Take cases of known truth in which any effect is present in a share S of the draws. The
+odds that an effect of the library was truly present were about ODDS times S / (1 - S). All shares are scaled alike.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ODDS = 4.0  # on development cases, seven of seven with S between 0.3 and 0.65 h
 
 
 def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[str, float]:
-    """Return the probability of each effect that was refitted or is one of several that are named together."""
+    """Return the probability of each effect that was refitted alone or as one of several named effects."""
     twins = evidence.alternatives(several).values() if several else []
     teams = [several, *(h for others in twins for h in others.values())] if several else []
     base, drawn, joint = evidence.drawn(*teams)
@@ -63,11 +63,11 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[str, f
     for k, squared in drawn.items():
         limit = np.minimum(most, evidence.most_by_law(evidence.singles[k], base - noise))
         at_work[k] = worth[k] & (squared <= limit) & ~together
-    told = sorted(evidence.told_by_edge)
-    if told:
-        nothing = ~np.any([together, *(at_work[k] for k in drawn if k not in told)], axis=0)
-        nearest = np.argmin(np.stack([drawn[k] for k in told]), axis=0)
-        at_work.update({k: nothing & (nearest == n) for n, k in enumerate(told)})
+    identified = sorted(evidence.identified_by_edge)
+    if identified:
+        nothing = ~np.any([together, *(at_work[k] for k in drawn if k not in identified)], axis=0)
+        nearest = np.argmin(np.stack([drawn[k] for k in identified]), axis=0)
+        at_work.update({k: nothing & (nearest == n) for n, k in enumerate(identified)})
     found = {k: float(np.mean(draws)) for k, draws in at_work.items()}
     share = sum(found.values()) + float(np.mean(together))
     for n, team in enumerate(teams):

@@ -1,4 +1,4 @@
-"""The rounds of a diagnosis: effects one by one, then further ones beside the best, each refitted and judged."""
+"""Rounds of a diagnosis: refit and judge single effects first, then further effects together with the best one."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ from fit.gap.numerics import Refined
 from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, with_amplitude
 from fit.gap.subsets import MOST_EFFECTS
 from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
-from fit.observer.edge import is_edge_explained, is_told_by_edge
+from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
 from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 
-POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
-POLISHED_SHARE = 0.5  # of the cost that the best one saves; hypotheses that save less are not fitted on
-PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
-POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
-SECONDS_TRIED = 3  # further effects that are refitted beside the one that was found
-FITS_BETTER = 1.5  # times the cost that the best effect saves, from which another one is a start for further effects
-RIVAL_SHARE = 0.7  # of the closure of the best effect, from which the next best is a start for pairs as well
+POLISHED = 2  # hypotheses whose fit is continued with a Jacobian of finite differences
+POLISHED_SHARE = 0.5  # of the best hypothesis' saving of cost: the fit of a hypothesis that saves less is not continued
+PROMISING = 2.0  # times its closure: a further effect that would then suffice gets a continued fit
+POLISHED_WITHIN = 1.5  # of the squared error of two effects: limit within which a twin's fit is continued too
+SECONDS_TRIED = 3  # further effects that are refitted together with the first one
+FITS_BETTER = 1.5  # times the best effect's saving of cost: an effect that saves more is a start for pairs
+RIVAL_SHARE = 0.7  # of the best effect's closure: the next best effect is a start for pairs from this share on
 
 
 class Rounds:
-    """The hypotheses so far: the base model, one more effect each, and further effects beside the best of them."""
+    """Hypotheses of a running diagnosis: the base model, single effects, and combinations with the best effects."""
 
     def __init__(
         self, observer: Observer, judge: Observer, fits: list[Fitted], progress: Progress, kept: Checkpoint,
@@ -66,14 +66,14 @@ class Rounds:
         (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
         self.singles: dict[str, Hypothesis] = {}
-        self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
-        self.beside: dict[str, Screened] = {}  # all others beside one effect
+        self.joint: list[tuple[Hypothesis, float]] = []  # further effects, and the last one's p-value
+        self.beside: dict[str, Screened] = {}  # screening of the other effects, given one effect
         self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
 
     def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
-        """Screen, refit the shortlist, give the base model the same second chance.
+        """Screen the library and refit the shortlist; refit the base model with the same effort.
 
-        Without a gap there is nothing that an effect could explain: only those in `added` are refitted.
+        Without a gap no effect can explain anything, so only the effects in `added` are refitted.
         """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested)
@@ -91,7 +91,7 @@ class Rounds:
         best = [k for k in best if k == nearest or saved[k] >= POLISHED_SHARE * saved[by_cost[0]]]
         polished = judged(self.judge, self._fitted_on([self.singles[k].fitted for k in best]))
         self.singles.update(zip(best, polished, strict=True))
-        # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
+        # A base fit that compensates for an effect is a poor start for the fit with this effect, and vice versa.
         again = Task(self.least.vector, self.observer.off, known_cost=self.base.fitted.cost)
         self.fits += self.kept.recall(["base-again"], partial(fit, self.observer, [again]))
         if gate.disagreement(self.fits) > gate.CONVERGED:
@@ -103,14 +103,14 @@ class Rounds:
             self.screened = screen(self.observer, self.base.fitted, self.tested, self.screened)
 
     def sizes_by_edge(self, numerics: float) -> None:
-        """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
+        """Refit effects whose size the held edge disputes; numerics [mm]: error of mesh and solver."""
         again = self._by_edge(list(self.singles.values()), numerics)
         self.singles = dict(zip(self.singles, again, strict=True))
 
     def _by_edge(self, found: list[Hypothesis], numerics: float, came: str = "") -> list[Hypothesis]:
-        """Return hypotheses, fitted again where the held edge disputes their amplitudes.
+        """Return hypotheses, refitted where the held edge disputes their amplitudes.
 
-        came: where the hypotheses came from, for the names under which new fits are kept
+        came: the origin of the hypotheses, which is part of the names of their saved fits
         """
         if not self.observer.layout.is_edge.any():
             return found
@@ -131,11 +131,11 @@ class Rounds:
         return settled
 
     def _and_leads(self, names: list[str], screened: Screened, before: Fitted) -> list[str]:
-        """Return the effects that promise most, and then those that the held edge shows besides."""
+        """Return the most promising effects, and then further effects that the held edge shows."""
         return names + [name for name in leads(self.observer, screened, before.residual) if name not in names]
 
     def _fitted_on(self, found: list[Fitted]) -> list[Fitted]:
-        """Return fits as they end with Jacobians of their own: where they are, or across the valleys about them."""
+        """Return fits, continued with Jacobians of finite differences from their ends or across the valleys."""
         names = [kept_as(one.active) for one in found]
         tasks = [polishing(one) for one in found]
         polished = self.kept.recall([f"{name}-polished" for name in names], partial(fit, self.observer, tasks))
@@ -150,19 +150,19 @@ class Rounds:
 
     @property
     def least(self) -> Fitted:
-        """The refit of least cost, with an effect or without."""
+        """The refit of least cost, with or without an effect."""
         return min((h.fitted for h in (self.base, *self.singles.values())), key=lambda f: f.cost)
 
     def predictability(self) -> Gate:
-        """Return the gate for the refit of least cost: without an effect a fit may make limp cloth of stiff one."""
+        """Return the predictability gate for the refit of least cost, because a fit without effects may be too limp."""
         least = self.least
         return gate.predictability_gate(self.observer, least.vector, least.amplitudes)
 
     def further_rounds(self, floor: float, numerics: float) -> None:
-        """Add effects to the best one as long as there is something left to explain.
+        """Add effects to the best one while unexplained error remains.
 
         A further effect must close a share of the gap and of its rest, or show on the held edge (`fit.gap.evidence`).
-        Where less is left, none is looked for.
+        The rounds end when less than this share remains.
         """
         order = best_of(self.observer, self.singles)
         best, starts = order[0], [order[0], *self._rivals(order)]
@@ -195,38 +195,37 @@ class Rounds:
             best, starts = found, [found]
 
     def _is_needed(self, before: Hypothesis, found: Hypothesis, floor: float, hope: float = 1.0) -> bool:
-        """Whether a further effect closes enough, or would if it closed `hope` times as much, or shows on the edge."""
+        """Return whether a further effect closes enough (times `hope`), or shows on the held edge."""
         gap = self.base.errors.squared_mm - floor**2
         is_enough = closes_enough(self.observer, gap, before, found, floor, hope)
         return is_enough or puts_edge_right(self.observer, self.base, before, found)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
-        """Return the best of the further effects that were tried: the one of least held-out error.
+        """Return the hypothesis of least held-out error among those with a further effect.
 
-        It is the best of those that may be added. Without any it is the best of the hopeful ones, else of all. The same
-        effects, found in another order, may be added if either order may. Effects that put the held edge right come
-        first.
+        Hypotheses that may be added come first, then hopeful ones, then all. The same effects in another order may be
+        added if either order may. Effects that explain the held edge's error come first.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
         seen = [(h, p) for h, p in real if puts_edge_right(self.observer, self.base, before, h)]
         if seen:
             nearest = min((h.errors.edge for h, _ in seen), key=lambda edge: edge.shown)
-            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors.edge, nearest, before.errors.edge)]
+            real = [(h, p) for h, p in seen if not is_favoured_by_edge(h.errors.edge, nearest, before.errors.edge)]
         hopeful = [(h, p) for h, p in tried if self._is_hopeful(h, p)]
         return min(real or hopeful or tried, key=_held_out_error)
 
     def _is_hopeful(self, joint: Hypothesis, p_value: float) -> bool:
-        """Whether the last of several effects shows, however ill a few steps have fitted it, and is in its range."""
+        """Return whether the last of several effects is significant and within its range, even after a rough fit."""
         return p_value < FAMILY_WISE_LEVEL and not is_at_bound(self.observer, joint)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
-        """Return several effects as they fit with a Jacobian of their own."""
+        """Return a hypothesis of several effects whose fit was continued with a Jacobian of finite differences."""
         return judged(self.judge, self._fitted_on([joint.fitted]))[0]
 
     def _drop_idle(self, several: Hypothesis, p_value: float, numerics: float) -> None:
-        """Fit several effects again without the idle ones; the fit takes the place of all joint hypotheses.
+        """Refit several effects without the idle ones; the fit replaces all joint hypotheses.
 
-        An earlier effect may have made up for a later one. Beside the later one its size is then no larger than the
+        An earlier effect may have compensated for a later one. Together with the later one, its size is then within the
         error of noise, mesh and solver.
         """
         wrong = {k: wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened[k])) for k in several.effects}
@@ -244,10 +243,10 @@ class Rounds:
         self.joint = [(found, p_value)]
 
     def _each_alone(self, pair: Hypothesis, numerics: float) -> None:
-        """Fit each of two effects without the other from where both ended, and keep fits that are better than before.
+        """Refit each of two effects alone from the end of their joint fit, and keep the fits that improve.
 
-        An effect whose refit ended in a poor local minimum may need no other from there. Where the held edge disputes
-        a size, the fit has the edge's size, as before.
+        An effect whose first refit ended in a poor local minimum may need no second effect. Where the held edge
+        disputes a size, the fit has the edge's size, as before.
         """
         columns, both = self.observer.columns, pair.fitted
         amplitudes = {
@@ -265,10 +264,10 @@ class Rounds:
                 self.singles[k] = alone
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float, floor: float) -> Hypothesis:
-        """Return two effects, or a better hypothesis with a twin in the place of one of them.
+        """Return two effects, or a better hypothesis in which a twin replaces one of them.
 
-        A twin looks like the effect alone. The hypotheses that were tried are kept as `instead`. From them the verdict
-        says which effects the takes cannot tell apart.
+        A twin is collinear with the single effect. The tried hypotheses are kept as `instead`. From them the verdict
+        derives which effects the takes cannot distinguish.
         """
         found = [(pair, p_value)]
         for kept, replaced in (pair.effects[::-1], pair.effects):
@@ -281,20 +280,20 @@ class Rounds:
         return best
 
     def _twins(self, effect: str, kept: str) -> tuple[str, ...]:
-        """Effects that look like one of two, beside the other one where that was screened, or else alone."""
+        """Return effects collinear with one of two, screened together with the other one, or else alone."""
         screened = self.beside.get(kept, self.screened)
-        if effect not in screened:  # an effect that is not looked for beside another one was a start
+        if effect not in screened:  # an effect that is never combined as a second one was a start
             screened = self.screened
         own = screened[effect]
         alike = [name for name, other in screened.items() if abs(cosine(own, other)) > GROUP_COSINE]
         return tuple(name for name in alike if name not in (effect, kept))
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
-        """Return other starts for pairs: the next best effect, where it closes nearly as much, and the best fit.
+        """Return further starts for pairs: the next best effect, if it closes nearly as much, and the best fit.
 
-        While the other effect of two is missing, an effect may do little for held-out motion. Yet the fitted motion may
-        show most of it, or it may put the held edge right where the best one does not. This holds even for an effect
-        that the missing one drives to the end of its range.
+        While the other effect of a pair is missing, an effect may close little on held-out motion. Yet it may explain
+        most of the fitted motion, or the held edge where the best effect does not. This holds even for an effect that
+        the missing one drives to its bound.
         """
         base = self.base.errors.squared_mm
         least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
@@ -304,17 +303,17 @@ class Rounds:
         found = [*rivals, fits_best] if saved > FITS_BETTER * usual else rivals
         nearest = min(order, key=lambda h: h.errors.edge.shown)
         edge, by_law = order[0].errors.edge, edge_left_by_law(self.observer, self.base, order[0])
-        if not is_edge_explained(edge, by_law) and is_told_by_edge(edge, nearest.errors.edge, nearest.errors.edge):
+        if not is_edge_explained(edge, by_law) and is_favoured_by_edge(edge, nearest.errors.edge, nearest.errors.edge):
             found = [*found, nearest]
         return list({h.effects: h for h in found if h is not order[0]}.values())
 
     def _with_another(
         self, start: Hypothesis, floor: float, chosen: tuple[str, ...] | None = None
     ) -> list[tuple[Hypothesis, float]]:
-        """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
+        """Refit with one more effect each, the most promising or `chosen` ones; return hypotheses with p-values.
 
-        Effects that one of the start's effects may bring along are left out (`fit.gap.verdict.is_brought`). So are
-        effects that would put the held edge off.
+        Effects that a law of the start's effects may contain are left out (`fit.gap.verdict.is_brought`). So are
+        effects that would move the held edge away from the tracked one.
         """
         library = self.observer.library
         left = tuple(
@@ -337,9 +336,10 @@ class Rounds:
         ]
 
     def _p_value(self, before: Hypothesis, found: Hypothesis, refitted: int, floor: float) -> float:
-        """Family-wise p-value of a further effect, one of so many that were refitted, as `Evidence.p_value` has it.
+        """Return the family-wise p-value of a further effect among the refitted ones, as `Evidence.p_value` does.
 
-        An effect that puts the held edge right is certain, whatever it does for the cloth (`fit.observer.edge`).
+        An effect that explains the held edge's error is certain, whatever its closure on the cloth
+        (`fit.observer.edge`).
         """
         if puts_edge_right(self.observer, self.base, before, found):
             return 0.0
@@ -354,12 +354,12 @@ class Rounds:
         return judged(self.judge, self.kept.recall([kept_as(active) + kind for active in added], go))
 
     def refit_alone(self, names: list[str]) -> None:
-        """Refit each effect beside the base model and show it as one of those that were tried."""
+        """Refit each effect alone and add it to the tried hypotheses."""
         for hypothesis in self._refit(self.base.fitted, self.screened, names) if names else []:
             self.singles[hypothesis.effects[-1]] = hypothesis
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
-        """Return the hypotheses that a further recording should separate, and the weight of each."""
+        """Return the hypotheses that the next recording should distinguish, and the weight of each."""
         if verdict.verdict not in {"effect", "ambiguous", "unknown"}:
             return [], []
         shares = evidence.win_shares()
@@ -390,7 +390,7 @@ class Rounds:
 
 
 def kept_as(active: tuple[str, ...]) -> str:
-    """Return the name under which a fit with these effects is kept."""
+    """Return the checkpoint's name of a fit with these effects."""
     return "+".join(active)
 
 

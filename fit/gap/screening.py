@@ -1,4 +1,4 @@
-"""Screening: compare the signature of every effect with the residual of the base fit.
+"""Screening: compare every effect's signature with the base fit's residual, without a refit.
 
 A fit has the residual r and the Jacobian J. An effect's signatures S are the change of the residual per unit of
 amplitude, one column per component, at the typical size. The part that fitted parameters can imitate is projected out
@@ -7,10 +7,10 @@ of both:
     P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
     alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
 
-No effect is named for that: a refit is judged on other motion (`fit.gap.closure`). An effect may move no point, for
-example contact of cloth that never touches itself. Then there are no figures, and no amplitude could be found.
-Signatures are taken against the fit. Contact shortens the step, so its signatures are taken against contact too small
-to touch anything (`Effect.no_size`). Without contact they are then zero.
+Screening alone names no effect: a refit is judged on held-out motion (`fit.gap.closure`). An effect may move no point,
+for example contact of cloth that never touches itself. Then its figures are empty, and its amplitude is not
+identifiable. Signatures are taken against the fit. Contact shortens the step, so its signatures are taken against
+contact too small to touch anything (`Effect.no_size`). Without contact they are then zero.
 
 Some effects are far from linear, such as a ringing rod, or taut and slack cloth. They have further secants, at their
 `probes`. A secant counts if its own amplitude agrees with the amplitude that it finds. Of these, the secant with the
@@ -34,13 +34,13 @@ from formats.arrays import Floats, Integers
 
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
-RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
-AT_TOP = 0.02  # of a base parameter's largest value: nearer to it a fit was stopped by it
+RENEWED = 8  # effects whose signatures are recomputed although signatures about a nearby fit are known
+AT_TOP = 0.02  # of a base parameter's largest value: a nearer fitted value is at its bound
 SECANT_RANGE = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
 
 
 def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
-    """Place of the base parameter that an effect is more of, where a fit ended at the top of its range; else None."""
+    """Return the index of the base parameter that an effect extends, if it is fitted at its upper bound; else None."""
     kind, parameters = observer.library[effect], observer.parameterisation.parameters
     places = {p.name: n for n, p in enumerate(parameters)}
     if not kind.goes_beyond_base or kind.in_base not in places:
@@ -51,12 +51,12 @@ def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
 
 @dataclass(frozen=True)
 class Signature:
-    """Result of the screening for one effect.
+    """Screening result of one effect.
 
     - `amplitude`, (components,): of the linear refit
     - `raw`, `projected`: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint
       Jacobian
-    - `contribution`, (numbers,): what the effect alone would explain of the residual
+    - `contribution`, (numbers,): the part of the residual that the effect alone would explain
     - `predicted`: cost that a linear refit would save
     - `predicted_mm2`: mean squared error that it would save [mm^2]
     - `explained`: `predicted` as a share of what the fit left
@@ -77,14 +77,14 @@ class Signature:
 
     @property
     def secant(self) -> Secant:
-        """The signatures per unit of the effect's components."""
+        """Signatures per unit of the effect's components, (components, numbers)."""
         return Secant(self.raw / self.typical)
 
     def minimum_detectable(self, left: Floats, block: Integers, correlation: Floats) -> Floats:
-        """Smallest amplitude of each component that would have shown beside the others, (components,).
+        """Return the smallest detectable amplitude of each component, given the others, (components,).
 
-        Infinite where a component moves nothing.
-        left, (numbers,): residual of a model; correlation, (blocks, blocks): of its sums over blocks
+        The amplitude is infinite if a component moves nothing. left, (numbers,): residual of a model; correlation,
+        (blocks, blocks): of its sums over blocks
         """
         rows = self.projected
         moves = np.flatnonzero(rows.any(1))
@@ -105,7 +105,7 @@ Screened = dict[str, Signature]  # every screened effect, by its name
 
 
 def cosine(one: Signature, other: Signature) -> float:
-    """Cosine between two effects' parts of the residual, each explained alone; 0 where one explains nothing."""
+    """Return the cosine between the parts of the residual that two effects explain alone; 0 if one explains nothing."""
     lengths = float(np.linalg.norm(one.contribution) * np.linalg.norm(other.contribution))
     return float(one.contribution @ other.contribution) / lengths if lengths > 0.0 else 0.0
 
@@ -114,7 +114,7 @@ def cosine(one: Signature, other: Signature) -> float:
 class Secant:
     """Change of the residual per unit of each of an effect's components, (components, numbers).
 
-    at: the amplitude between which and the fit's it was taken, where it holds for that one alone; 0: for all.
+    at: amplitude at which the secant from the fit ends, if it is valid near this amplitude only; 0: valid everywhere
     """
 
     rows: Floats
@@ -127,7 +127,7 @@ class Secant:
 
 
 def secants_of(observer: Observer, fitted: Fitted, chosen: Collection[str]) -> dict[str, list[Secant]]:
-    """Secants of the chosen effects about a fit, of each at its typical size and then at its probes."""
+    """Return secants of the chosen effects about a fit, each at its typical size and then at its probes."""
     wanted = [_places(observer, fitted, name) for name in chosen]
     rows = np.array([row for places in wanted for row in places])
     moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), rows)
@@ -139,7 +139,7 @@ def secants_of(observer: Observer, fitted: Fitted, chosen: Collection[str]) -> d
 
 
 def _places(observer: Observer, fitted: Fitted, name: str) -> list[Floats]:
-    """Rows of amplitudes at which an effect's secants are taken: of its components, its probes, its no-size."""
+    """Return rows of amplitudes for an effect's secants: of its components, its probes and its no-size."""
     effect, columns, now = observer.library[name], observer.columns[name], fitted.amplitudes
     signs = (1.0,) if effect.is_one_sided else (1.0, -1.0)
     steps = [(c, sign * effect.typical) for c in range(columns.start, columns.stop) for sign in signs]
@@ -168,13 +168,13 @@ def _secants(observer: Observer, fitted: Fitted, name: str, places: Floats, move
             (moved[2 * c] - moved[2 * c + 1]) / (places[2 * c, first + c] - places[2 * c + 1, first + c])
             for c in range(count)
         ]
-        # An effect that resists one way only shows on one side. So both sides are tried alone, and all probes.
+        # An effect with a one-sided resistance shows on one side only. So each side is tried alone, and all probes.
         others = range(2 * count + 2 * len(effect.probes)) if effect.probes else range(0)
     return [Secant(np.array(main)), *(alone(n) for n in others if sizes[n] != 0.0)]
 
 
 def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | float) -> Floats:
-    """Return a row of amplitudes, (components,), with those of some columns changed."""
+    """Return a row of amplitudes, (components,), with the values of some columns replaced."""
     row = amplitudes.copy()
     row[columns] = changed
     return row
@@ -186,10 +186,10 @@ def screen(
     chosen: Sequence[str],
     known: Screened | None = None,
 ) -> Screened:
-    """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters.
+    """Screen the chosen effects against a fit, whose own effects are projected out like parameters.
 
-    `known` holds the same effects, screened against a nearby fit of the same takes. Their signatures there decide which
-    are computed anew, and stand in for the rest.
+    `known` holds the same effects, screened against a nearby fit of the same takes. These signatures decide which
+    effects are simulated again, and replace the signatures of the other effects.
     """
     # A parameter at its upper bound cannot imitate an effect that extends it.
     stopped = [ended_at(observer, fitted.vector, name) for name in chosen]
@@ -204,7 +204,7 @@ def screen(
     rest = project(fitted.residual[None])[0]
 
     def score(name: str, secants: list[Secant]) -> list[_Scored]:
-        """Return those of an effect's secants that hold for the amplitude that they find."""
+        """Return the scores of an effect's secants that are valid for their own estimated amplitude."""
         effect = observer.library[name]
         every = [(_score(secant, effect, project, fitted.residual, rest), secant) for secant in secants]
         return [one for one, secant in every if secant.holds(one.amplitude)]
@@ -233,8 +233,8 @@ def screen(
 class _Scored:
     """Result of one secant: amplitude, (components,), and rows in typical sizes, raw and projected.
 
-    contribution, (numbers,): what it would explain; predicted: cost that a linear refit would save; correlation:
-    multiple, of the residual with the raw rows
+    contribution, (numbers,): explained part of the residual; predicted: cost that a linear refit would save;
+    correlation: multiple, of the residual with the raw rows
     """
 
     amplitude: Floats
@@ -263,7 +263,7 @@ def _score(
 
 
 def _correlation(rows: Floats, residual: Floats, is_one_sided: bool) -> float:
-    """Multiple correlation of a residual, (numbers,), with rows; none where a one-sided effect would have to be off."""
+    """Return the multiple correlation of a residual, (numbers,), with rows; 0 if a one-sided effect would be off."""
     sums = rows @ residual
     if is_one_sided and sums[0] > 0:
         return 0.0
@@ -272,14 +272,14 @@ def _correlation(rows: Floats, residual: Floats, is_one_sided: bool) -> float:
 
 
 def block_scores(rows: Floats, residual: Floats, block: Integers) -> Floats:
-    """Products of rows, (components, numbers), with a residual, summed per block, (blocks, components)."""
+    """Return products of rows, (components, numbers), with a residual, summed per block, (blocks, components)."""
     found = np.zeros((int(block.max()) + 1, len(rows)))
     np.add.at(found, block, (rows * residual).T)
     return found
 
 
 def groups(screened: Screened) -> dict[str, str]:
-    """Return for each effect the first one of its group; a group is collinear in these takes (complete linkage)."""
+    """Return each effect's group, named by its first effect; effects of a group are collinear (complete linkage)."""
     leader: dict[str, str] = {}
     for name, own in screened.items():
         leader[name] = name

@@ -1,4 +1,4 @@
-"""The evidence of every subset of up to three effects, from signatures alone: nothing is simulated.
+"""Bayesian evidence of every subset of up to three effects, from their signatures, without simulation.
 
 About a fit with residual r and Jacobian J, an effect's signatures S (columns per typical size) make the residual
 r + J b + S a. Its covariance is C (`fit.gap.likelihood`). The priors are Gaussian, b ~ N(m, Lambda^-1) and a ~ N(0, T),
@@ -10,13 +10,12 @@ form. In the metric of C, with the base parameters projected out,
     A = G_M + T_M^-1,   base(s) = -1/2 r' Q r - 1/2 log |C| - 1/2 log |I + Lambda^-1 J' C^-1 J|
 
 where B(mu, V) is the share of a normal distribution that lies within the ranges (signs among them). For several
-components it is the product of conditional shares, one component after another. Each has the mean and variance that
-the truncation of those before it leaves (Mendell & Elston). The size s of the discrepancy has a log-normal prior. Its
-middle is the possible error of mesh, solver and the effects' laws; the size is summed out on a grid.
-Every effect is at work with odds CHANCE, independently of the others.
-Sources: E. I. George & R. E. McCulloch, JASA 88 (1993) (evidence of every subset); D. J. C. MacKay,
-"Information Theory, Inference, and Learning Algorithms" (2003), chapter 28; N. R. Mendell & R. C. Elston, Biometrics 30
-(1974).
+components it is the product of conditional shares, one component after another. Each has the mean and variance that the
+truncation of those before it leaves (Mendell & Elston). The size s of the discrepancy has a log-normal prior. Its
+median is the possible error of mesh, solver and the effects' laws; a sum over a grid marginalises the size. Each effect
+is present with odds CHANCE, independently of the others. Sources: E. I. George & R. E. McCulloch, JASA 88 (1993)
+(evidence of every subset); D. J. C. MacKay, "Information Theory, Inference, and Learning Algorithms" (2003), chapter
+28; N. R. Mendell & R. C. Elston, Biometrics 30 (1974).
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ from scipy.special import log_ndtr, logsumexp
 from fit.gap.likelihood import Sums
 from formats.arrays import Floats, Integers
 
-MOST_EFFECTS = 3  # at work together
-CHANCE = 1 / 24  # odds that one effect is at work: of about two dozen one, as often as not
+MOST_EFFECTS = 3  # present together
+CHANCE = 1 / 24  # odds that one effect is present: about two dozen effects give an even chance that one is present
 SIZES = 2.0  # standard deviation of an amplitude, in typical sizes, before its range cuts it
-TOGETHER = 256  # subsets worked out at once, so that their matrices stay small
+TOGETHER = 256  # subsets evaluated in one batch, which bounds the memory of their matrices
 LOG_ROOT = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Components of the effects that may be at work, in the order of the rows of `Sums` after residual and Jacobian.
+    """Components of the candidate effects, in the order of the rows of `Sums` after residual and Jacobian.
 
     effects: names, one per column; low, high, (columns,): ranges in typical sizes, less the fit's own sizes
     """
@@ -63,7 +62,7 @@ class Reduced:
 
 
 def reduced(sums: Sums, precision: Floats, offset: Floats) -> Reduced:
-    """Project nuisance parameters out of sums over rows: the residual, the nuisance parameters, the signatures.
+    """Project nuisance parameters out of sums over rows: residual, nuisance parameters, signatures, in this order.
 
     Nuisance parameters may imitate an effect; the base parameters come first.
 
@@ -85,7 +84,7 @@ def reduced(sums: Sums, precision: Floats, offset: Floats) -> Reduced:
 
 
 def log_evidence(found: Reduced, columns: Columns, among: Sequence[Sequence[str]]) -> Floats:
-    """Log evidence of the effects of each subset, (subsets, scales), whatever their prior odds."""
+    """Return the log evidence of each subset of effects, (subsets, scales), without their prior odds."""
     places = {name: [n for n, other in enumerate(columns.effects) if other == name] for name in columns.effects}
     at = [[n for name in subset for n in places[name]] for subset in among]
     gained = np.zeros((len(among), len(found.base)))
@@ -98,7 +97,7 @@ def log_evidence(found: Reduced, columns: Columns, among: Sequence[Sequence[str]
 
 
 def _gained(found: Reduced, columns: Columns, at: Integers) -> Floats:
-    """Return the gain of columns, (subsets, k), in log evidence, (subsets, scales)."""
+    """Return the gain in log evidence, (subsets, scales), by columns, (subsets, k)."""
     pull = np.moveaxis(found.pull[:, at], 0, 1)  # (subsets, scales, k)
     normal = np.moveaxis(found.normal[:, at[:, :, None], at[:, None, :]], 0, 1)
     low, high, count = columns.low[at], columns.high[at], at.shape[1]
@@ -113,7 +112,7 @@ def _gained(found: Reduced, columns: Columns, at: Integers) -> Floats:
 
 
 def log_share(mean: Floats, covariance: Floats, low: Floats, high: Floats) -> Floats:
-    """Logarithm of the share of normal distributions, (..., k) and (..., k, k), within ranges, (..., k) -> (...,)."""
+    """Return the log probability that normals, (..., k) and (..., k, k), lie within ranges, (..., k) -> (...,)."""
     mean, covariance = mean.copy(), covariance.copy()
     total = np.zeros(mean.shape[:-1])
     for n in range(mean.shape[-1]):
@@ -133,7 +132,7 @@ def log_share(mean: Floats, covariance: Floats, low: Floats, high: Floats) -> Fl
 
 
 def _log_between(below: Floats, above: Floats) -> Floats:
-    """Logarithm of the share of a standard normal distribution between two ends, however far out both are."""
+    """Return the log probability of a standard normal variable between two ends, stable far out in the tails."""
     flip = below > 0
     low, high = np.where(flip, -above, below), np.where(flip, -below, above)
     top, bottom = log_ndtr(high), log_ndtr(low)
@@ -143,7 +142,7 @@ def _log_between(below: Floats, above: Floats) -> Floats:
 def subsets(effects: Sequence[str], *, beside: Mapping[str, bool] | None = None) -> list[tuple[str, ...]]:
     """Return every subset of up to MOST_EFFECTS effects, the empty one first.
 
-    beside: whether an effect may be one of several
+    beside: whether an effect may be combined with others
     """
     able = [name for name in effects if beside is None or beside[name]]
     found = [(), *((name,) for name in effects)]
@@ -151,12 +150,12 @@ def subsets(effects: Sequence[str], *, beside: Mapping[str, bool] | None = None)
 
 
 def log_prior(count: int) -> float:
-    """Logarithm of the prior odds of so many effects against none."""
+    """Return the logarithm of the prior odds of this number of effects against none."""
     return count * float(np.log(CHANCE))
 
 
 def summed_out(log_evidences: Floats, log_scales: Floats, middle: Floats | float, width: float) -> Floats:
-    """Sum the discrepancy's size out of log evidences, (..., scales), with a log-normal prior about `middle`."""
+    """Marginalise log evidences, (..., scales), over the discrepancy's size, with a log-normal prior about `middle`."""
     apart = (log_scales - np.log(np.asarray(middle))[..., None]) / width
     weight = -0.5 * apart**2
     return np.asarray(logsumexp(log_evidences + weight - logsumexp(weight, axis=-1, keepdims=True), axis=-1))

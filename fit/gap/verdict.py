@@ -1,4 +1,4 @@
-"""From figures to a verdict, by fixed rules, and to a sentence that somebody at a bench understands."""
+"""Derive the verdict from the evidence by fixed rules, and word it as a sentence."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from formats.diagnosis_records import Figure, place_of
 
 FAMILY_WISE_LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
-SURELY_CLOSED = 0.5  # of the gap, at the lower end of its interval, by effects of which none passes alone
-MOSTLY_MESH = 0.5  # of an unexplained gap: with a larger error of mesh and solver the verdict is `numerics`
-LIKELY, SURE = 0.5, 0.8  # probabilities, from which the sentence says `probably` and then nothing of the kind
+SURELY_CLOSED = 0.5  # of the gap: lower end of the closure's interval for effects of which none passes alone
+MOSTLY_MESH = 0.5  # of an unexplained gap: if mesh and solver error exceeds this share, the verdict is `numerics`
+LIKELY, SURE = 0.5, 0.8  # probabilities from which the sentence says `probably`, and from which it is plain
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
-    """Whether the effect that a hypothesis adds last is significant, surely not nothing, and in its physical range."""
+    """Return whether a hypothesis' last effect is significant, certainly not zero, and within its physical range."""
     _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
     is_sure = p_value < FAMILY_WISE_LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
     return is_sure and not any(is_brought(observer, hypothesis.fitted, k) for k in hypothesis.effects)
 
 
 def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
-    """Whether one effect of a fit may be no more than a sound law of another one brings along."""
+    """Return whether an effect of a fit may be only part of another effect's law."""
     brought = 0.0
     for other in fitted.active:
         share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
@@ -51,7 +51,7 @@ def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict, the effects it names, the sentence, and the effects that may stand in the place of each."""
+    """The verdict, its named effects, its sentence, and the alternatives of each named effect."""
 
     verdict: str
     named: list[str]
@@ -60,31 +60,31 @@ class Verdict:
 
 
 def decide(evidence: Evidence) -> Verdict:
-    """Apply the rules in their order: gates, is there a gap, does an effect explain it, does it explain enough."""
+    """Apply the rules in order: gates, existence of a gap, an effect that explains it, and whether this is enough."""
     library = evidence.observer.library
     failed = [g for g in evidence.gates if not g.passed]
     numbers = gap_numbers(evidence)
-    told = evidence.told_by_edge
-    # The held edge goes with the hanger, however chaotic the cloth below it is.
-    passed_over = {"mesh and step", "base fit", *(["predictability"] if told else [])}
+    identified = evidence.identified_by_edge
+    # The held edge follows the hanger even if the cloth below is chaotic.
+    passed_over = {"mesh and step", "base fit", *(["predictability"] if identified else [])}
     blocking = [g for g in failed if g.name not in passed_over]
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     has_gap = evidence.exceeds(noise) and evidence.is_predictable
-    passing = passing_effects(evidence) if has_gap else told_effects(evidence)
+    passing = passing_effects(evidence) if has_gap else effects_identified_by_edge(evidence)
     several = _several(evidence, passing) if has_gap else None
     if several is None:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
         return no_gap(evidence, has_gap=has_gap)
-    if any(g.name == "base fit" for g in failed) and not told:
+    if any(g.name == "base fit" for g in failed) and not identified:
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
     causes = [evidence.singles[k] for k in passing] + ([several] if several else [])
     closures = [c.value for h in causes if (c := evidence.closure_of(h)) is not None]
-    # A finer mesh is a rival like any other: it counts where no effect closes more of the gap than it does.
-    if coarse is not None and not told and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
+    # A finer mesh is a rival like an effect: it decides if no effect closes more of the gap.
+    if coarse is not None and not identified and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None:
         return _name_several(evidence, several)
@@ -95,7 +95,7 @@ def decide(evidence: Evidence) -> Verdict:
         return Verdict("unknown", [], f"{_unnamed(evidence)} {numbers}{edge_is_off(evidence)}")
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
-    if not evidence.explains_enough(evidence.singles[best]) and best not in told:
+    if not evidence.explains_enough(evidence.singles[best]) and best not in identified:
         assert closed is not None
         return Verdict(
             "unknown",
@@ -107,7 +107,7 @@ def decide(evidence: Evidence) -> Verdict:
     rivals = [
         k
         for k in passing[1:]
-        if (k in told or best not in told)
+        if (k in identified or best not in identified)
         and (
             (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and _near(evidence, best, k, NEAR))
             or (evidence.alike(best, k) and _near(evidence, best, k, NEAR_TWIN))
@@ -127,12 +127,12 @@ def decide(evidence: Evidence) -> Verdict:
         f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({with_unit(evidence, best)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm"
         f"{share_closed(evidence, evidence.singles[best])}."
-        f"{_edge_says(evidence, best, closed) if best in told else ''}",
+        f"{_edge_says(evidence, best, closed) if best in identified else ''}",
     )
 
 
 def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
-    """Say that there is no gap beyond noise, mesh and solver, or why these takes cannot show one."""
+    """Word the verdict that no gap exceeds noise, mesh and solver, or the reason why these takes cannot show one."""
     numbers, wrong = gap_numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
     if has_gap and evidence.is_coarse:
         refine = f"mesh and solver may be wrong by {wrong}, and a gap may hide in that"
@@ -151,7 +151,7 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
 
 
 def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
-    """Say which share of the gap a hypothesis closes."""
+    """Return the words on a hypothesis' closure."""
     closed = evidence.closure_of(hypothesis)
     if closed is None:
         return ""
@@ -165,7 +165,7 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
 
 
 def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
-    """Say how the held edge identifies an effect, and that more is at work where the effect leaves too much."""
+    """Return the sentences on the held edge's evidence for an effect, and on a remaining unexplained gap."""
     hypothesis = evidence.singles[effect]
     before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
     said = (
@@ -180,7 +180,7 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
 
 
 def edge_is_off(evidence: Evidence) -> str:
-    """Say so where no effect was named and the held edge is not where the base model has it."""
+    """Return a sentence if no effect was named although the base model's held edge is in the wrong position."""
     edge = evidence.base.errors.edge
     return "" if is_edge_explained(edge) else f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise."
 
@@ -191,7 +191,7 @@ def _closed(evidence: Evidence, effect: str) -> float:
 
 
 def _unnamed(evidence: Evidence) -> str:
-    """Say that no effect is named, and which effect comes near on evidence that is too weak."""
+    """Word the verdict without a named effect, and mention the nearest effect with too weak evidence."""
     near = [
         k for k, h in evidence.singles.items()
         if evidence.explains_enough(h) and k not in evidence.contradicted and not is_at_bound(evidence.observer, h)
@@ -207,10 +207,10 @@ def _unnamed(evidence: Evidence) -> str:
 
 
 def passing_effects(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge identifies, then those that pass every test, both by their closure."""
+    """Return the effects that the held edge identifies, then those that pass every test, each sorted by closure."""
     passing = []
     for k, hypothesis in evidence.singles.items():
-        if k in evidence.told_by_edge:
+        if k in evidence.identified_by_edge:
             continue
         closed = evidence.closure_of(hypothesis)
         if closed is None or k in evidence.contradicted or is_at_bound(evidence.observer, hypothesis):
@@ -221,30 +221,30 @@ def passing_effects(evidence: Evidence) -> list[str]:
         is_certain = evidence.p_value(k) < FAMILY_WISE_LEVEL
         if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and low * high > 0:
             passing.append((closed.value, k))
-    return told_effects(evidence) + [k for _, k in sorted(passing, reverse=True)]
+    return effects_identified_by_edge(evidence) + [k for _, k in sorted(passing, reverse=True)]
 
 
-def told_effects(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge identifies, the one that closes most first."""
-    return sorted(evidence.told_by_edge, key=lambda name: (-_closed(evidence, name), name))
+def effects_identified_by_edge(evidence: Evidence) -> list[str]:
+    """Return the effects that the held edge identifies, largest closure first."""
+    return sorted(evidence.identified_by_edge, key=lambda name: (-_closed(evidence, name), name))
 
 
 def _likely(evidence: Evidence, passing: list[str]) -> list[str]:
-    """Return the passing effects, or none where it is likelier that none of them is worth naming."""
+    """Return the passing effects if most draws name one, else only those that the held edge identifies."""
     is_likely = sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY
-    return passing if is_likely else [k for k in passing if k in evidence.told_by_edge]
+    return passing if is_likely else [k for k in passing if k in evidence.identified_by_edge]
 
 
 def _near(evidence: Evidence, best: str, other: str, share: float) -> bool:
-    """Whether another effect closes at least a share of the best one's closure."""
+    """Return whether another effect closes at least a share of the best one's closure."""
     first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
     return first is not None and second is not None and second.value > share * first.value
 
 
 def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
-    """Return the largest joint hypothesis in which every added effect was needed, if one passes alone.
+    """Return the largest joint hypothesis in which every added effect was needed, if one effect passes alone.
 
-    Where none does, because each hides the other, both together must surely close half of the gap.
+    If none passes alone because each hides the other, both together must certainly close half of the gap.
     """
     if not evidence.joint:
         return None
@@ -257,14 +257,14 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         saved = before.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
-        # An effect that the held edge shows may close nothing of the gap, but must not surely widen the gap.
+        # An effect that the held edge shows may have zero closure, but must not certainly increase the error.
         is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= FAMILY_WISE_LEVEL
-        # As of the first effect: noise, mesh and solver together must not make its size.
+        # As for the first effect, its size must exceed the error of noise, mesh and solver.
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
         is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < FAMILY_WISE_LEVEL
         closes = is_certain and is_enough and is_resolved and low * high > 0
         closes = closes and not evidence.is_law_of(before, hypothesis)
-        is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
+        is_needed = (closes or is_shown) and _adds_to_identified(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
         is_needed = is_needed and not any(
             evidence.observer.library[k].differs_by_solver and k not in passing for k in hypothesis.effects
@@ -278,13 +278,13 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
     return accepted if closed and closed.interval and closed.interval[0] >= SURELY_CLOSED else None
 
 
-def _adds_to_told(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
-    """Whether two effects are both needed where the held edge identifies one of them; that one is there in any case."""
-    told = [evidence.singles[k] for k in evidence.told_by_edge & set(pair.effects)]
+def _adds_to_identified(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
+    """Return whether two effects are both needed if the held edge identifies one of them, which is certain."""
+    identified = [evidence.singles[k] for k in evidence.identified_by_edge & set(pair.effects)]
     return len(pair.effects) > 2 or all(
         closes_enough(evidence.observer, gap, alone, pair, evidence.floor_mm)
         or puts_edge_right(evidence.observer, evidence.base, alone, pair)
-        for alone in told
+        for alone in identified
     )
 
 
@@ -316,13 +316,13 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
 
 
 def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[str, ...]) -> str:
-    """Begin the sentence that names causes, of each the effects that may be it, as sure as the least probable is."""
+    """Return the beginning of the sentence that names causes, worded by the least probable cause."""
     likely = probabilities(evidence, several)
     return as_sure_as(min(sum(likely[k] for k in cause) for cause in causes))
 
 
 def as_sure_as(likely: float) -> str:
-    """Begin a sentence that names a cause, as sure as its probability is."""
+    """Return the beginning of a sentence that names a cause, worded by its probability."""
     return (
         "The model lacks"
         if likely >= SURE
@@ -333,7 +333,7 @@ def as_sure_as(likely: float) -> str:
 
 
 def gap_numbers(evidence: Evidence) -> str:
-    """Say the base model's error and the noise."""
+    """Return the sentence on the base model's error and the noise."""
     on = "on motion not used for fitting"
     if not evidence.is_held_out:
         on = "on the motion it was fitted to (no held-out take)"
@@ -344,7 +344,7 @@ def gap_numbers(evidence: Evidence) -> str:
 
 
 def with_unit(evidence: Evidence, effect: str, beside: Hypothesis | None = None) -> str:
-    """Say an effect's size, its interval and its place."""
+    """Return an effect's size, interval and location in words."""
     kind = evidence.observer.library[effect]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     middle, (low, high) = evidence.amplitude(effect, beside=beside)

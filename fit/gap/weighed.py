@@ -1,7 +1,7 @@
-"""The verdict as a posterior: `hangtime diagnose --by evidence`.
+"""Verdict from posterior probabilities of effects: `hangtime diagnose --by evidence`.
 
-Chosen on the takes fitted to alone (`fit.gap.posterior`); the takes judged on are opened once, for the closure of the
-chosen set. Probabilities are masses: of an effect, that of all subsets which hold it and leave a known discrepancy.
+The fitted takes alone select the set of effects (`fit.gap.posterior`). The held-out takes are used once, for the
+closure of this set. An effect's probability is the mass of all subsets that contain it under a known discrepancy.
 
 | most of the mass | verdict |
 |---|---|
@@ -10,9 +10,9 @@ chosen set. Probabilities are masses: of an effect, that of all subsets which ho
 | subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
 | subsets of two or three | `several`, with the effects that may stand in each one's place |
 
-The verdict names the heaviest set in which no size may be nothing; without such a set it names nothing.
-An effect that closes less than SMALLEST_CLOSURE of the gap on motion that nothing was chosen on is no cause: `unknown`.
-Gates and `numerics` are those of `fit.gap.verdict`.
+The verdict names the set of largest mass in which every effect's size certainly differs from zero. Without this set it
+names no effect. An effect that closes less than SMALLEST_CLOSURE of the held-out gap is no cause: `unknown`. Gates and
+`numerics` are those of `fit.gap.verdict`.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from formats.arrays import Floats
 
 
 def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]) -> Found:
-    """Weigh every subset of effects, refit those that may win, and judge the refits; `rounds` takes it all.
+    """Compute the masses of all subsets of effects, refit probable ones, judge the refits, and store all in `rounds`.
 
-    added: names of effects that are refitted and shown whatever their mass
+    added: names of effects that are refitted and reported whatever their mass
     """
     base = rounds.base.fitted
     rounds.screened = screen(rounds.observer, base, rounds.tested)
@@ -70,22 +70,22 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
 
 
 def known_error_mm(noise: Floor, refined: Refined) -> float:
-    """Error [mm] that mesh and solver make, and that the hanger's noise shakes beyond the points' own noise."""
+    """Return the error [mm] of mesh and solver, plus the cloth motion by hanger noise beyond the points' noise."""
     shaken = max(noise.mm**2 - noise.measured_mm**2, 0.0)
     return float(np.sqrt(refined.numerics_mm**2 + shaken))
 
 
 def inclusion(found: Found) -> dict[str, float]:
-    """Probability of each effect: the mass of the subsets that hold it and leave a known discrepancy."""
+    """Return each effect's probability: the mass of the subsets that contain it under a known discrepancy."""
     likely: dict[str, float] = {}
     for subset, (known, _) in found.shares().items():
         for name in subset:
             likely[name] = likely.get(name, 0.0) + known
-    return {name: min(mass, 1.0) for name, mass in likely.items()}  # sums of masses pass 1 by rounding
+    return {name: min(mass, 1.0) for name, mass in likely.items()}  # sums of masses exceed 1 by rounding
 
 
 def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
-    """Word the answer that has most of the mass."""
+    """Return the verdict with the largest mass, and its sentence."""
     failed = [g for g in evidence.gates if not g.passed and g.name not in {"mesh and step", "base fit"}]
     figures = gap_numbers(evidence)
     if failed:
@@ -130,7 +130,7 @@ def _judged(evidence: Evidence, subset: Subset) -> Hypothesis | None:
 
 
 def _is_sure(evidence: Evidence, hypothesis: Hypothesis | None) -> bool:
-    """Whether no effect of a hypothesis may be nothing, by noise, mesh and solver; an effect not judged may be."""
+    """Return whether every effect's size exceeds noise, mesh and solver; an effect that was not judged does not."""
     if hypothesis is None:
         return False
     sizes = (evidence.amplitude(name, beside=hypothesis, any_law=False) for name in hypothesis.effects)
@@ -138,7 +138,7 @@ def _is_sure(evidence: Evidence, hypothesis: Hypothesis | None) -> bool:
 
 
 def _instead(shares: dict[Subset, tuple[float, float]], best: Subset, name: str) -> list[str]:
-    """Effects that hold much of the mass in the place of one of the best subset's, likeliest first."""
+    """Return alternatives to each effect of the best subset that have a large mass, most probable first."""
     rest = set(best) - {name}
     swaps = [
         (known, next(iter(set(subset) - rest)))

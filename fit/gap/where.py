@@ -1,4 +1,4 @@
-"""Locate the gap: split the held-out residual by place on the cloth, phase of the motion, frequency and direction."""
+"""Locate the gap: split the held-out residual by region of the cloth, phase of the motion, frequency and direction."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from fit.recordings.camera import STILL_SPEED
 from formats.arrays import Floats, Integers
 from formats.diagnosis_records import VertexResidual, Where, WhereBin
 
-RING_DOWN = 0.3  # s of rest after which motion is the cloth's own
+RING_DOWN = 0.3  # s of hanger at rest, after which the motion counts as ring-down
 BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, np.inf))  # Hz
 DIRECTION_NAMES = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
 
 
 def find_where(observer: Observer, residual: Floats) -> Where:
-    """Split the squared error of a residual, (numbers,), four ways; each split's shares add up to one."""
+    """Split the squared error of a residual, (numbers,), in four ways; the shares of each split sum to one."""
     layout = observer.layout
     point, axis_of, take = (layout.moving(a) for a in (layout.point, layout.axis, layout.take))
     squared = (1e3 * layout.metres(residual)) ** 2  # mm^2 per axis
@@ -63,7 +63,7 @@ def _bin(name: str, part: Floats, whole: Floats) -> WhereBin:
 
 
 def _phases(recording) -> NDArray[np.str_]:  # type: ignore[no-untyped-def]
-    """Name the phase of the motion of every frame, (frames,)."""
+    """Return the name of the motion's phase in every frame, (frames,)."""
     time = recording.time
     middle = recording.held(time).reshape(-1, 2, 3).mean(1)
     speed = np.linalg.norm(np.gradient(middle, time, axis=0), axis=1)

@@ -1,1 +1,1 @@
-"""Compare simulated cloth with takes: residuals of points and of the held edge, free or pulled to the points."""
+"""Residuals between simulated and tracked points, of the cloth and of the held edge, with or without observer pull."""

@@ -1,4 +1,4 @@
-"""Compare the tracked points on the held edge with simulated ones: evidence on the boundary and the measurement.
+"""Residuals of the tracked points on the held edge: evidence on how the cloth is held and on the measurement.
 
 Hanger and effects alone place a simulated edge; no parameter of the cloth moves it. In each frame the displacements d_p
 = y_p - x_p of the edge's points are split by least squares. The points lie at places s_p from their middle:
@@ -50,7 +50,7 @@ MOVING_CERTAIN, RESTING_CERTAIN = (
     25.0,
 )  # squared deviations that no noise makes: of the varying part, and of the constant one
 MOVING_NOISE = 1.15  # of its count: the largest sum of squares that noise makes of the varying part
-MOST_REMOVED = 0.5  # of the edge's error beyond noise: the share that an effect which is seen there removes
+MOST_REMOVED = 0.5  # of the edge's error beyond noise: the smallest share that a detectable effect removes
 LEAST_BY_LAW = 0.05  # of the edge's error without either of two effects: the share that a sound law may leave
 
 
@@ -70,12 +70,12 @@ class EdgeErrors:
 
     @property
     def shown(self) -> float:
-        """Both parts together, in multiples of a certain error; only differences between models have a meaning."""
+        """Sum of both parts, in multiples of an error beyond all noise; only differences of models have a meaning."""
         return self.moving / MOVING_CERTAIN + self.resting / RESTING_CERTAIN
 
     @property
     def beyond_noise(self) -> float:
-        """The error that no noise explains, in multiples of a certain error."""
+        """The part of the error that exceeds the noise, in multiples of an error beyond all noise."""
         moving = max(self.moving - MOVING_NOISE * self.count, 0.0)
         return moving / MOVING_CERTAIN + max(self.resting - NUMBERS, 0.0) / RESTING_CERTAIN
 
@@ -90,8 +90,8 @@ def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) 
     return is_enough and after.beyond_noise <= (1 - MOST_REMOVED) * before.beyond_noise
 
 
-def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
-    """Return whether the held edge favours the other model's effect; `without` is the error with neither effect."""
+def is_favoured_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
+    """Return whether the held edge favours the second model's effect; `without` is the error with neither effect."""
     return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
 
 
@@ -101,7 +101,7 @@ def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
 
 
 def edge_errors(take: Integers, frame: Integers, whitened: Floats, sd: Floats) -> EdgeErrors:
-    """Gather what is left at held edges; all arrays (numbers,), `frame` -1 for means over a take, sd in metres."""
+    """Sum the residuals at held edges; all arrays (numbers,), `frame` -1 for means over a take, sd in metres."""
     if not len(whitened):
         return EdgeErrors()
     still = frame < 0
@@ -119,7 +119,7 @@ def edge_errors(take: Integers, frame: Integers, whitened: Floats, sd: Floats) -
 
 
 class EdgeResiduals:
-    """Residuals of one recording's held edge; none where it is not tracked or its points are judged like the others.
+    """Residuals of one recording's held edge; empty if the edge is not tracked or its points are judged as cloth.
 
     - `frame`, (frames,): indices of the frames that count
     - `sd` [m], (frames, NUMBERS): of the numbers
@@ -151,11 +151,11 @@ class EdgeResiduals:
         squared = point_noise(recording)[on_edge] ** 2
         weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)
         self.sd = np.sqrt(weights**2 @ squared + path**2)
-        # An edge that was taken from its own row lies there, however far silhouettes sit beside their material.
+        # An edge that was estimated from its own row has no offset from this row.
         own = FROM_ROW if recording.camera.edge is not None else recording.offset_sd
         offsets = own * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
         width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
-        # Of two ends that are off independently the middle is by e / sqrt(2), their distance by sqrt(2) e.
+        # Independent errors e of two ends leave an error e / sqrt(2) of the middle and sqrt(2) e of the distance.
         ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])
         static = np.sqrt(offsets**2 + ends**2 + (self.sd**2).sum(0) / max(len(weights), 1) ** 2)
         self.static_sd = static if len(weights) else np.zeros(0)

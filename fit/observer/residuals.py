@@ -1,4 +1,4 @@
-"""Residuals of the simulator run as an observer: weakly pulled to the measured points, so that chaos cannot grow.
+"""Residuals of a simulation run as an observer: a weak pull to the measured points prevents chaotic divergence.
 
     pull = w^2 (y - x) + 2 zeta w (ydot - v),   w = 2 pi f, zeta = 1        [m/s^2]
 
@@ -40,13 +40,13 @@ BLOWN_UP_CHARGE = 1e3  # standard deviations that a candidate is charged per num
 
 @dataclass(frozen=True)
 class Layout:
-    """The origin of each number in a stacked residual vector; all arrays (numbers,).
+    """Layout of a stacked residual vector: take, frame, point and axis of each number; all arrays (numbers,).
 
     - `sd` [m] turns a number back into metres.
     - `is_judged` marks the varying part of the judged points, which comes first.
     - `frame` is -1 for means over a take, which are not judged.
     - `is_edge` marks numbers of the held edge, which are not judged; their point and axis are -1.
-    - `static_of` is the place of a judged number's mean, or -1.
+    - `static_of` is the index of the mean that belongs to a judged number, or -1.
     """
 
     take: Integers
@@ -71,7 +71,7 @@ class Layout:
         return values[self.is_judged]
 
 
-Asked = tuple["Observer", Floats, Floats]  # an observer, base parameters (candidates, parameters), and amplitudes
+Asked = tuple["Observer", Floats, Floats]  # an observer, parameters (candidates, parameters), and amplitudes
 
 
 class Observer:
@@ -102,7 +102,7 @@ class Observer:
 
     @property
     def simulations(self) -> int:
-        """Simulations run so far, by observers that were made from this one as well."""
+        """Number of simulations so far, including those of observers derived from this one."""
         return sum(s.simulations for s in self._simulators) + sum(o.simulations for o in self._others)
 
     def with_frequency(self, frequency: float) -> Observer:
@@ -117,7 +117,7 @@ class Observer:
         return self._another(self.recordings, resolution)
 
     def of(self, recordings: list[Recording]) -> Observer:
-        """Return an observer of other recordings under the same pull and on the same mesh."""
+        """Return an observer of other recordings with the same pull and mesh."""
         return self._another(recordings, self.resolution)
 
     def _another(self, recordings: list[Recording], resolution: Resolution) -> Observer:
@@ -141,7 +141,7 @@ class Observer:
         return residuals_together([(self, vectors, amplitudes)])[0]
 
     def asked(self, vectors: Floats, amplitudes: Floats) -> tuple[list[Simulator], list[Floats], list[Floats]]:
-        """Simulators, material rows and amplitudes of candidates on every recording."""
+        """Return simulators, material rows and amplitudes of the candidates for every recording."""
         materials = [self.parameterisation.to_materials(vectors, rho) for rho in self.densities]
         return self._simulators, materials, [amplitudes] * len(materials)
 
@@ -164,12 +164,12 @@ class Observer:
         return np.where(np.isfinite(whole), np.clip(whole, -BLOWN_UP_CHARGE, BLOWN_UP_CHARGE), BLOWN_UP_CHARGE)
 
     def sound_residuals_of(self, points: list[Floats]) -> Floats:
-        """The same, not finite where a simulation blew up."""
+        """Return whitened residuals as `residuals_of`, not finite where a simulation blew up."""
         is_sound = np.all([np.isfinite(p).reshape(len(p), -1).all(1) for p in points], axis=0)
         return np.where(is_sound[:, None], self.residuals_of(points), np.nan)
 
     def by_place(self, values: Floats) -> list[Floats]:
-        """Return per take what belongs to numbers that are judged, (judged,), as (frames, points, 3), nan elsewhere."""
+        """Arrange values of the judged numbers, (judged,), per take as (frames, points, 3), nan elsewhere."""
         take, frame, point, axis = (
             self.layout.moving(a) for a in (self.layout.take, self.layout.frame, self.layout.point, self.layout.axis)
         )
@@ -182,7 +182,7 @@ class Observer:
         return grids
 
     def edge_errors(self, residual: Floats) -> EdgeErrors:
-        """Error of a model at the held edges, from a whitened residual, (numbers,)."""
+        """Return a model's error at the held edges, from a whitened residual, (numbers,)."""
         layout = self.layout
         chosen = layout.is_edge
         return edge_errors(layout.take[chosen], layout.frame[chosen], residual[chosen], layout.sd[chosen])
@@ -193,10 +193,10 @@ class Observer:
 
 
 def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = None) -> list[list[Floats]]:
-    """Return what `Observer.trajectories` returns of each observer, candidates of all of them simulated side by side.
+    """Simulate the candidates of several observers together; return `Observer.trajectories` of each.
 
-    Those of one garment and one mesh share calls of the kernel.
-    frequency [Hz]: of the pull, in the place of the observers' own
+    Observers of one garment and one mesh share calls of the kernel. frequency [Hz]: of the pull, instead of the
+    observers' own
 
     Raises:
         FitError: the observers pull differently.
@@ -221,7 +221,7 @@ def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = N
 
 
 def residuals_together(asked: Sequence[Asked]) -> list[Floats]:
-    """Return what `Observer.residuals` returns of each observer, simulated as by `trajectories_together`."""
+    """Return `Observer.residuals` of several observers, simulated together as by `trajectories_together`."""
     points = trajectories_together(asked)
     return [observer.residuals_of(seen) for (observer, _, _), seen in zip(asked, points, strict=True)]
 

@@ -70,7 +70,7 @@ def test_the_held_edge_identifies_a_size_that_is_something_by_the_librarys_own_l
     evidence = evidence_of({"eroded_outline": 8.0})
     eaten = with_edge(hypothesis(("eroded_outline",), 8.0, deviation=deviation), 1150)
     evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 2000), singles={"eroded_outline": eaten})
-    assert evidence.told_by_edge == (frozenset({"eroded_outline"}) if is_told else frozenset())
+    assert evidence.identified_by_edge == (frozenset({"eroded_outline"}) if is_told else frozenset())
     _, (low, _) = evidence.amplitude("eroded_outline")
     assert (low > 0) == (deviation < 0.5)
 

@@ -21,8 +21,8 @@ from fit.observer.edge import (
     EdgeResiduals,
     edge_errors,
     is_edge_explained,
+    is_favoured_by_edge,
     is_seen_on_edge,
-    is_told_by_edge,
 )
 from fit.observer.residuals import BLOCK_SECONDS, Observer
 from fit.recordings.noise import held_noise
@@ -211,10 +211,10 @@ def test_an_effect_is_seen_on_the_edge_where_it_removes_a_certain_error_and_half
 def test_the_edge_tells_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_law_may_leave():
     """Without either effect 25 times 25: a twentieth of that less the other's is 1.25 certain errors, or 31.25."""
     other = resting(10.0)
-    assert is_told_by_edge(resting(35.1), other, other)
-    assert not is_told_by_edge(resting(34.9), other, other)
-    assert is_told_by_edge(resting(41.3), other, resting(635.0))
-    assert not is_told_by_edge(resting(41.2), other, resting(635.0))
+    assert is_favoured_by_edge(resting(35.1), other, other)
+    assert not is_favoured_by_edge(resting(34.9), other, other)
+    assert is_favoured_by_edge(resting(41.3), other, resting(635.0))
+    assert not is_favoured_by_edge(resting(41.2), other, resting(635.0))
 
 
 def test_an_edge_is_explained_where_no_certain_error_is_left_or_what_laws_may_leave():

@@ -1,1 +1,1 @@
-"""The cloth: mesh, material, what drives it, and whole rollouts of many candidates at once."""
+"""Cloth simulator: mesh, material, support, contact, and whole rollouts of many candidates in parallel."""

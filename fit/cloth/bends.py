@@ -1,4 +1,4 @@
-"""Measure how cloth is bent by second derivatives of its shape at the nodes of `fit.cloth.elements`.
+"""Curvature of the cloth: second derivatives of its shape at the nodes of `fit.cloth.elements`.
 
 The plate energy is E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2. For a sheet that does not stretch, the
 integrand is kappa_1^2 + kappa_2^2. So B is the moment per width and curvature that fabric testers give. A grid's second
@@ -26,9 +26,7 @@ from formats.arrays import Floats, Indices, Integers
 Nodes = Integers
 
 ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
-STENCIL_NODES = (
-    16  # nodes: longer stencils are filled up to whole pieces, so that the kernel need not know every length
-)
+STENCIL_NODES = 16  # nodes: longer stencils are padded to multiples of this, so that few lengths are compiled
 BEND_NODES = (4, 7, STENCIL_NODES)  # lengths of the stencils of second derivatives, the last one and its multiples
 RIMS = (range(4), range(12, 16), range(0, 16, 4), range(3, 16, 4))  # of an element's nodes: top, bottom, left, right
 
@@ -98,7 +96,7 @@ def free_bends(grid: Elements, layers: Nodes) -> Bends:
     """Return second derivatives along the threads at every node, from `hessian` and the kinks between elements.
 
     `layers`, (layers, nodes), names each node in every layer of this shape. Layers that are sewn together at a node
-    bend there independently.
+    bend independently there.
 
     Each element e has the share m_e of the node's area. The node stands for a length l of each side between two
     elements, with the normal n:
@@ -133,7 +131,7 @@ def free_bends(grid: Elements, layers: Nodes) -> Bends:
 
 
 def _counts(lengths: list[int]) -> Indices:
-    """Return how many stencils have each length of `BEND_NODES`."""
+    """Return the number of stencils of each length of `BEND_NODES`."""
     kinds = [BEND_NODES.index(min(length, STENCIL_NODES)) for length in lengths]
     return np.bincount(kinds, minlength=len(BEND_NODES)).astype(np.int32)
 
@@ -149,7 +147,7 @@ def _add(stencil: dict[int, Floats], nodes: Nodes, weights: Floats) -> None:
 
 
 def _filled_up(nodes: Nodes, weights: Floats) -> tuple[Nodes, Floats]:
-    """Return a stencil, filled up with zero weights to a length of `BEND_NODES`, or whole pieces."""
+    """Return a stencil padded with zero weights to a length of `BEND_NODES`, or to whole pieces."""
     missing = next((n for n in BEND_NODES if n >= len(nodes)), -(-len(nodes) // STENCIL_NODES) * STENCIL_NODES) - len(
         nodes
     )
@@ -157,7 +155,7 @@ def _filled_up(nodes: Nodes, weights: Floats) -> tuple[Nodes, Floats]:
 
 
 def _between(cells: Nodes) -> list[tuple[tuple[int, range], tuple[int, range]]]:
-    """Return the sides that two elements share: element and rim of either."""
+    """Return the sides that two elements share, as element and side of both."""
     owners: dict[tuple[int, ...], list[tuple[int, range]]] = {}
     for cell, nodes in enumerate(cells):
         for rim in RIMS:
@@ -168,7 +166,7 @@ def _between(cells: Nodes) -> list[tuple[tuple[int, range], tuple[int, range]]]:
 def _add_kinks(
     entries: list[dict[int, Floats]], grid: Elements, ours: tuple[int, range], theirs: tuple[int, range]
 ) -> None:
-    """Add what the kink between two elements does to the second derivatives on the side that they share."""
+    """Add the contribution of the kink between two elements to the second derivatives on their common side."""
     (cell, rim), (other, other_rim) = ours, theirs
     nodes, other_nodes = grid.cells[cell], grid.cells[other]
     ends = grid.rest[nodes[rim[-1]]] - grid.rest[nodes[rim[0]]]

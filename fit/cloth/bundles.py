@@ -1,4 +1,4 @@
-"""Name all arguments of the rollout kernel: bundles of arrays, and the numbers of each candidate.
+"""Arguments of the rollout kernel: named bundles of arrays, and the layout of each candidate's numbers.
 
 Each field of a bundle is a parameter of the kernel (`fit.cloth.rollout`), under the same name. `by_name` turns bundles
 into keyword arguments, so no order can be wrong. Taichi refuses a missing or unknown parameter. `by_name` refuses a
@@ -23,7 +23,7 @@ Number = Any  # likewise
 class Motion(NamedTuple):
     """Positions, velocities and forces of the nodes.
 
-    - `x` [m], (2 groups 3 nodes, lanes): places of all groups, then what rounding loses of them
+    - `x` [m], (2 groups 3 nodes, lanes): positions of all groups, then their rounding errors
     - `v` [m/s], (groups 3 nodes, lanes)
     - `f` [N], alike: forces, zero when the kernel begins
     - `ahead`: x + bending damping time v, or v itself where friction in bending needs rates
@@ -62,7 +62,7 @@ class Strains(NamedTuple):
     - `slopes`, `slopes_ahead`, `stress`: three numbers a fibre sample
     - `strains`, `fibre_lags`: one
     - `shear_strains`, `shear_lags`: one a shear sample, then two more where threads cross the elements
-    - `lag_kept`, (groups,): share of a viscous lag that is left after a step
+    - `lag_kept`, (groups,): share of a viscous lag that remains after a step
     """
 
     slopes: Array
@@ -166,7 +166,7 @@ class Pull(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Numbers in which candidates differ.
+    """Numbers that differ between candidates.
 
     material, (groups, `Row`, lanes); amplitude, (groups, components of all effects, lanes)
     inverse_mass [1/kg], added_mass [kg], (groups nodes, lanes)
@@ -195,7 +195,7 @@ class Results(NamedTuple):
     """Arrays that the kernel fills.
 
     - `seen` [m], (groups, frames, points, 3, lanes): the tracked points
-    - `shapes` [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame if nobody wants them
+    - `shapes` [m], (groups, frames, nodes, 3, lanes): the nodes; one frame if shapes are not requested
     """
 
     seen: Array
@@ -231,7 +231,7 @@ class Row(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Whole numbers of one group: frames and steps, and where its rows of `path` and of `targets` begin.
+    """Integers of one group: frames and steps, and the first rows of its `path` and `targets`.
 
     A call of the kernel simulates the frames from `first_frame` to before `end_frame`, from the step `first_step` on.
     """
@@ -251,7 +251,7 @@ COUNTS = Counts(*range(len(Counts._fields)))  # columns of `Clock.counts`
 
 
 class Law(NamedTuple):
-    """The law by which tension follows strain and its rate, beside the stiffness (`fit.cloth.forces`).
+    """Parameters of the tension law besides the stiffness: strain rate, stiffening and viscosity (`fit.cloth.forces`).
 
     delay [1]: damping time over step; stiffening [1]; kept [1], lag_gain [1]: of the viscous lag over a step
     """
@@ -263,7 +263,7 @@ class Law(NamedTuple):
 
 
 class BendLaw(NamedTuple):
-    """The law by which moments follow curvature and its rate, beside the stiffness (`fit.cloth.moments`).
+    """Parameters of the moment law besides the stiffness: curvature rate and friction (`fit.cloth.moments`).
 
     bend_time [s]: damping time; friction_limit [N]: largest frictional moment per width; dt [s]: step
     """
@@ -286,7 +286,7 @@ class Family(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The beginnings of one group's arrays: nodes, fibre samples, their slopes, shear samples, bends and twists."""
+    """Array offsets of one group: nodes, fibre samples, their slopes, shear samples, bends and twists."""
 
     home: Number
     first_fibre: Number
@@ -299,9 +299,9 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """The kind of a kernel: everything that is fixed when it is compiled.
+    """Compile-time constants of a kernel.
 
-    - `lanes`: candidates side by side
+    - `lanes`: number of candidates in parallel
     - `face_forces`: per effect (first column of its amplitude, number of components, force), where force is a
       `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`
     - `fibre_nodes`: nodes of every fibre sample across, and down
@@ -329,7 +329,7 @@ class Kind:
 
     @property
     def needs_normals(self) -> bool:
-        """Return whether anything acts along the normals of the nodes."""
+        """Whether any force or moment acts along the normals of the nodes."""
         return self.with_bends or self.with_added_mass or len(self.face_forces) > 0
 
 

@@ -1,4 +1,4 @@
-"""Contact of the cloth with itself and with simple bodies: the law, and the surface on which it acts.
+"""Contact of the cloth with itself and with simple bodies: contact law and contact surface.
 
 Nodes stand 30 to 50 mm apart, and cloth is a millimetre thick. Spheres round nodes would let layers through or keep
 them a node's distance apart. So contact acts between places and pieces of the surface. Every element is divided into
@@ -27,9 +27,9 @@ c. Two layers have the reduced mass rho / 2 and bounce at omega with damping zet
     a layer of weight rho g rests by 2 g / omega^2 = 20 um within d, and
     it takes a speed of omega d, 5 m/s for d = 5 mm, to drive one layer through another.
 So no memory of the layers' sides is needed, and d may be as small as the speeds allow. Friction creeps: below the
-sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s. A body (`Body`) stands
-still, or moves as it is told (`BodyMotion`), whatever the cloth does. A sample meets its surface with twice k and c,
-and with all of its area; w is then its velocity against the body's.
+sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s. A body (`Body`) is at rest or
+follows a prescribed motion (`BodyMotion`), without reaction to the cloth. A sample meets its surface with twice k and
+c, and with all of its area; w is then its velocity against the body's.
 
 Sources:
 
@@ -62,11 +62,11 @@ from formats.arrays import Booleans, Floats, Indices, Integers
 CONTACT_OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
 CONTACT_DAMPING = 0.3  # of the critical: layers come apart at about half of the speed at which they met
 FEWEST_QUADS = 4  # quads along an element, one more than its order: fewer would need a shorter step
-NEAREST_ALONG = 2.0  # mean quad diagonals along the cloth within which pieces do not meet
-WINDOW = 0.75  # of a quad's sides from its centre where it still meets samples
-WINDOW_BORDER = 0.25  # of its sides that a quad's window is wider where the cloth ends: whole up to the border
-STRETCHED = 1.15  # by which a quad may grow and still meet all that it should
-LAYERS = 2  # that a layer touches at most
+NEAREST_ALONG = 2.0  # mean quad diagonals along the cloth: nearer pieces are never in contact
+WINDOW = 0.75  # of a quad's sides: distance from its centre within which it meets samples
+WINDOW_BORDER = 0.25  # of its sides: wider window of a quad at the cloth's border, 1 up to the border
+STRETCHED = 1.15  # factor by which a quad may grow without missing a contact
+LAYERS = 2  # layers that one layer touches at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,7 @@ class Contact:
 
 
 def touching(bodies: tuple[Body, ...]) -> Contact:
-    """Return contact with bodies alone, sampled as finely as the thinnest of them asks for."""
+    """Return contact with bodies alone, sampled finely enough for the thinnest body."""
     return Contact(bodies=bodies, spacing=min([Contact.spacing, *(body.thickness for body in bodies)]))
 
 
@@ -131,7 +131,7 @@ class Surface:
     - `windows`, (quads, 4): where in units of its sides a quad's window ends, towards c d, a b, b d and a c
     - `reach` [m], (quads,): distance from its centre within which a quad meets samples
     - `may_meet`, (samples, quads): whether a sample and a quad are far enough apart along the cloth
-    - `carried`: most by which a sample can move while no node moves by more than 1
+    - `carried`: largest displacement of a sample while each node moves by 1 at most
     - `rate`: largest eigenvalue of contact at unit stiffness and density, all samples bound to their places
     """
 
@@ -195,7 +195,7 @@ def _quads(index: Integers) -> Indices:
 
 
 def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, Integers]:
-    """Return the samples at places of [-1, 1] along and across each element, and which they are, (cells, n, n)."""
+    """Return the samples at coordinates in [-1, 1] along and across each element, and their indices, (cells, n, n)."""
     along = spectral.values(local)
     weights = np.einsum("ra,cb->rcab", along, along).reshape(len(local) ** 2, -1)
     weights[np.abs(weights) < 1e-12] = 0.0
@@ -220,8 +220,8 @@ def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, Integers]:
 def _areas(corners: Floats, local: Floats) -> Floats:
     """Return the area of each sample of each element [m^2], (cells, n, n), by weights that integrate cubics.
 
-    Of all these weights, the ones nearest to the trapezium rule's are taken. A uniform pressure then pushes every node
-    in proportion to its mass. Level cloth that meets a level floor stays level.
+    Among such weights, those nearest to the trapezium rule are chosen. A uniform pressure then acts on every node in
+    proportion to its mass. Level cloth that meets a level floor stays level.
     """
     rule = np.full(len(local), 2.0 / (len(local) - 1))
     rule[[0, -1]] /= 2
@@ -234,14 +234,14 @@ def _areas(corners: Floats, local: Floats) -> Floats:
 
 
 def _at_border(quads: Integers) -> Booleans:
-    """Return which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
+    """Return which sides of each quad are on the border, (quads, 4): c d, a b, b d and a c."""
     sides = np.sort(quads[:, [[2, 3], [0, 1], [1, 3], [0, 2]]].reshape(-1, 2), axis=1)
     _, of, shared = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(shared[of.ravel()] == 1).reshape(-1, 4)
 
 
 def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> Integers:
-    """Return the pairs of samples that a hanger holds in the same place, front and back, (n, 2)."""
+    """Return the pairs of front and back samples that a hanger holds at the same position, (n, 2)."""
     is_held = np.zeros(len(mesh.rest), bool)
     is_held[mesh.held_nodes] = True
     free = np.bincount(samples.rows(), (samples.weights[:, 0] != 0) & ~is_held[samples.nodes], len(places))
@@ -257,7 +257,7 @@ def _far_apart(places: Floats, quads: Integers, joined: Integers, nearest: float
 
     ways = np.concatenate([quads[:, [p, q]] for p, q in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))] + [joined])
     ways = np.unique(np.sort(ways, axis=1), axis=0)
-    # A way of no length would be none to the graph.
+    # The graph would ignore an edge of zero length.
     length = np.maximum(np.linalg.norm(places[ways[:, 0]] - places[ways[:, 1]], axis=1), 1e-9)
     count = len(places)
     graph = coo_array((length, (ways[:, 0], ways[:, 1])), shape=(count, count)).tocsr()
@@ -277,7 +277,7 @@ def _largest_rate(samples: Stencils, area: Floats, node_area: Floats) -> float:
 
 
 def contact_rate(surface: Surface, *, is_layered: bool, has_bodies: bool) -> float:
-    """Return a bound of the omega^2 that contact adds [1/s^2], for any weight of the cloth.
+    """Return an upper bound of the omega^2 that contact adds [1/s^2], for any mass of the cloth.
 
     A pair has the energy A k delta^2 / 4, and delta^2 = (a - b)^2 <= 2 a^2 + 2 b^2. So all pairs together have at most
     LAYERS k times the sum of A_s y_s^2. With k = rho omega^2 / 2 the eigenvalue is LAYERS omega^2 `Surface.rate`.

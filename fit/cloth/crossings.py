@@ -1,4 +1,4 @@
-"""Find where a cloth passes through itself, and where something passes through it.
+"""Detect intersections of the cloth with itself and of line segments with triangles.
 
 Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools 2 (1997).
 """
@@ -12,7 +12,7 @@ from formats.arrays import Booleans, Floats
 
 
 def crossings(surface: Surface, nodes: Floats) -> int:
-    """Return how many edges of quads pierce quads that are farther along the cloth; nodes [m], (nodes, 3)."""
+    """Return the number of quad edges that pierce quads far away along the cloth; nodes [m], (nodes, 3)."""
     from scipy.spatial import cKDTree
 
     y, quads = surface.samples.apply(nodes), surface.quads
@@ -30,7 +30,7 @@ def crossings(surface: Surface, nodes: Floats) -> int:
 
 
 def pierces(start: Floats, end: Floats, corners: Floats) -> Booleans:
-    """Return which ways from start to end [m], (n, 3), go through the triangles beside them, (n, 3, 3)."""
+    """Return which segments from start to end [m], (n, 3), pierce the triangles of the same rows [m], (n, 3, 3)."""
     way, corner = end - start, corners[:, 0]
     one, two = corners[:, 1] - corner, corners[:, 2] - corner
     p = np.cross(way, two)

@@ -1,7 +1,7 @@
-"""Bodies that move, in the kernel: where each of them is at a step, and how fast (memory: `fit.cloth.nearby`).
+"""Moving bodies in the kernel: pose and velocity of each body at a step (memory layout: `fit.cloth.nearby`).
 
-Poses are linear between the instants of a `BodyMotion`. Their rates are those of centre and axes. So the place p along
-the axes of a body moves with dc/dt + sum_k p_k da_k/dt.
+Poses are linear between the instants of a `BodyMotion`. Their rates are those of centre and axes. So the point with
+coordinates p along a body's axes has the velocity dc/dt + sum_k p_k da_k/dt.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -13,7 +13,7 @@ from fit.cloth.nearby import BODY, INSTANT, POSE, RATE, WAY_NOW, bodies_at, numb
 
 @ti.func
 def drive(b, groups, time, moving, whole: ti.template(), alone: ti.template()):
-    """Put the bodies of a group where they are at `time` [s]; moving: 1, or 0 for bodies at rest."""
+    """Set the poses of a group's bodies for `time` [s]; moving: 1, or 0 for bodies at rest."""
     samples, count, bodies, instants = whole[0], whole[1], whole[2], whole[5]
     spacing = alone[numbers_at(samples, count) + INSTANT]
     standing, ways = bodies_at(samples, count, groups, bodies, b), ways_at(samples, count, groups, bodies, b)

@@ -1,4 +1,4 @@
-"""Define an effect: a piece of physics or measurement that the base model leaves out and that can be switched on.
+"""Base class of all effects: physics or measurement errors that the base model omits and that can be switched on.
 
 An effect has one amplitude, or one per direction (its `components`); all at 0 is exactly off. It acts through hooks,
 each with a do-nothing default, so that the step and the observer know no effect by name:
@@ -6,8 +6,8 @@ each with a do-nothing default, so that the step and the observer know no effect
     cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`, `contact_thickness`
     air          `face_force` (inside the kernel), `added_mass`
     boundary     `drive`: the path of the held ends
-    measurement  `drive`, and `observe`: the simulated points as a tracker reports them; `unobserved`: where those would
-                 have to be, for an observer that pulls to the tracked ones
+    measurement  `drive`, and `observe`: the simulated points as a tracker reports them; `unobserved`: the inverse, for
+                 an observer that pulls to the tracked points
 
 A measurement effect acts on the simulated side; noisy data are never transformed.
 """
@@ -34,13 +34,13 @@ Curve = Callable[[Floats], Floats]
 class Effect:
     """One unmodelled effect: name, unit, physical range, typical size and hooks.
 
-    `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
-    amplitude vector as its size. `law_spread` is the relative deviation between sound laws of one effect: for example
-    drag that varies with the angle, or masses in another place. The spread is 0 if there is only one law. `in_base`
-    names the parameter of the base model that is the same physics, if any. An effect that `goes_beyond_base` reaches
-    farther than this parameter's range. The diagnosis considers it when the fitted parameter is at its upper bound.
-    `brings` names other effects that a sound law of this effect contains, each with its largest size per unit. Only a
-    larger size counts as an effect beside this one.
+    `low`, `high` and `typical` hold for each component. The size of an effect of several components is the length of
+    its amplitude vector. `law_spread` is the relative deviation between sound laws of one effect: for example drag that
+    varies with the angle, or masses in another place. The spread is 0 if there is only one law. `in_base` names the
+    parameter of the base model that is the same physics, if any. An effect that `goes_beyond_base` reaches farther than
+    this parameter's range. The diagnosis considers it when the fitted parameter is at its upper bound. `brings` names
+    other effects that a sound law of this effect contains, each with its largest size per unit. Only a larger size
+    counts as an effect beside this one.
     """
 
     name: ClassVar[str]
@@ -51,18 +51,18 @@ class Effect:
     high: ClassVar[float]
     typical: ClassVar[float]
     law_spread: ClassVar[float] = 0.08
-    probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
+    probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which the diagnosis tries an effect of one component
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
     goes_beyond_base: ClassVar[bool] = False
     brings: ClassVar[tuple[tuple[str, float], ...]] = ()
-    # Sound solvers differ by as much. Beside another effect it is named only if it passes alone.
+    # Sound solvers differ by as much, so the effect is named with another one only if it passes alone.
     differs_by_solver: ClassVar[bool] = False
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
     adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything
     touches: ClassVar[bool] = False  # whether `contact_thickness` does anything
-    no_size: ClassVar[float] = 0.0  # an amplitude too small to do anything but shorten the step, if it does that
+    no_size: ClassVar[float] = 0.0  # an amplitude without any action except a shorter step, if the effect shortens it
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:
         """Return the material row (`fit.cloth.material.MATERIAL_NAMES`) with this effect."""
@@ -73,7 +73,7 @@ class Effect:
         return mass
 
     def rest_curvature(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:
-        """Return the curvature at which each bend rests [1/m], (bends,), positive towards the outer normal."""
+        """Return the rest curvature of each bend [1/m], (bends,), positive towards the outer normal."""
         return 0.0
 
     def friction_moment(self, amplitude: Floats) -> float:
@@ -97,9 +97,9 @@ class Effect:
         return points
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return targets of an observer [m, m/s], (samples, points, 6), with the tracker's part undone.
+        """Return an observer's targets [m, m/s], (samples, points, 6), with the tracker's error removed.
 
-        With a perfect model and no noise the pull to them is zero, or nearly so.
+        With a perfect model and no noise the pull to the targets is zero, or nearly so.
         """
         return targets
 
@@ -114,7 +114,7 @@ class Effect:
 
     @property
     def moves_edge(self) -> bool:
-        """Return whether it may move the tracked held edge against where the hanger's markers put it."""
+        """Return whether the effect may move the tracked held edge relative to the hanger's markers."""
         return type(self).drive is not Effect.drive or type(self).observe is not Effect.observe
 
     @property
@@ -135,12 +135,12 @@ def columns_of(effects: tuple[Effect, ...]) -> list[slice]:
 
 
 def parameter_names(effect: Effect) -> tuple[str, ...]:
-    """Return the names of its amplitudes in a fit: its own name, and a component's after a dot."""
+    """Return the names of the effect's amplitudes in a fit: the effect's name, with a component's name after a dot."""
     return tuple(f"{effect.name}.{component}" if component else effect.name for component in effect.components)
 
 
 def amplitudes_of(effects: tuple[Effect, ...], **chosen: float | tuple[float, ...]) -> Floats:
-    """Return a row of amplitudes, (components,), zero but for the effects named."""
+    """Return a row of amplitudes, (components,), zero except for the named effects."""
     columns = columns_of(effects)
     row = np.zeros(columns[-1].stop if columns else 0)
     for name, amplitude in chosen.items():

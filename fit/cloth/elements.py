@@ -1,4 +1,4 @@
-"""Samples and stencils of cubic spectral elements on quadrilaterals of flat cloth.
+"""Cubic spectral elements on quadrilaterals of flat cloth: sample points and stencils of strains.
 
 An element's nodes are the tensor product of `fit.cloth.spectral`'s, and its corners are mapped bilinearly. This map has
 the Jacobian J = d(X, Y)/d(xi, eta). The columns of the deformation gradient are
@@ -45,9 +45,9 @@ CORNERS = [
 
 @dataclass(frozen=True)
 class Stencils:
-    """Linear functions of the nodes, one after the other.
+    """Sparse linear functions of nodal values, stored in turn.
 
-    first, (stencils + 1,): where each begins; nodes, (n,); weights, (n, kinds)
+    first, (stencils + 1,): index of each one's first entry; nodes, (n,); weights, (n, kinds)
     """
 
     first: Indices

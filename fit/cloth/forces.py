@@ -1,4 +1,4 @@
-"""Forces inside the cloth, for candidates side by side: fibres, shear and twist; and the nodes' normals.
+"""Membrane forces for candidates in SIMD lanes: fibres, shear and twist; and the nodes' normals.
 
 Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of the deformation gradient:
     fibres     S11 = k_u (E11 + a |E11| E11 + tau dE11/dt + z), E11 = (Fu.Fu - 1)/2; P = S11 Fu; alike down
@@ -10,7 +10,7 @@ samples of shear, from the same Fu and Fv (`fit.cloth.elements`). The force on a
 the weight with which the node enters its sample.
 
 Rates of strain are differences between steps, d/dt = (E_n - E_n-1) / dt, the mean over the step that led here.
-Arrays lie as `fit.cloth.stencils` says, in bundles of `fit.cloth.bundles`; `Place` says where a group's begin.
+`fit.cloth.stencils` describes the array layout, and `fit.cloth.bundles` the bundles; `Place` holds a group's offsets.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -34,7 +34,7 @@ from fit.cloth.stencils import (
 
 @ti.func
 def lagging(strain, e, strains: ti.template(), lags: ti.template(), law: ti.template(), with_viscosity: ti.template()):
-    """Return what the rate of strain adds to the strain; viscosity is that of `fit.effects.stretch_viscosity`."""
+    """Return the viscous part that is added to the strain, with the viscosity of `fit.effects.stretch_viscosity`."""
     change = strain - strains[e]
     strains[e] = strain
     late = law.delay * change
@@ -60,7 +60,7 @@ def tautness(
 def tighten(
     e, k, u: ti.template(), memory: ti.template(), area, stiffness, law: ti.template(), with_viscosity: ti.template()
 ):
-    """Keep slope u and stress of fibre sample e, whose numbers begin at k."""
+    """Compute and store slope u and stress of fibre sample e, whose numbers begin at k."""
     tension = tautness(
         u[0], u[1], u[2], e, memory.strains, memory.fibre_lags, area, stiffness, law, with_viscosity
     )  # fmt: skip
@@ -80,7 +80,7 @@ def fibres(
     kind: ti.template(),
     with_ahead: ti.template(),
 ):
-    """Find slopes and stress of one family of fibres; with_ahead: the slopes of `ahead` too.
+    """Compute slopes and stress of one family of fibres; with_ahead: also the slopes of `ahead`.
 
     Bundles, of `fit.cloth.bundles`: Place, Family, Motion, Membrane, Strains, Law, Kind. Of a family that goes
     `IN_LINES` three samples share four nodes.
@@ -119,7 +119,7 @@ def sheared(
     e, row, u: ti.template(), place: ti.template(), cloth: ti.template(), memory: ti.template(),
     stiffness: ti.template(), law: ti.template(), kind: ti.template(),
 ):  # fmt: skip
-    """Hand the shear at one sample back to the fibre samples down; return what those across are to give."""
+    """Add one sample's shear stress to the fibre samples down; return the stress for the samples across."""
     begin, g = within(4 * e), within(4 * row)
     below = [within(place.first_slope + cloth.shear_down[begin + n]) for n in range(4)]
     h = [cloth.between[g + n] for n in range(4)]
@@ -161,10 +161,10 @@ def shearing(
     bend_law: ti.template(),
     kind: ti.template(),
 ):
-    """Find shear and mixed second derivatives, and hand them back to the fibre samples that they come from.
+    """Compute shear and mixed second derivatives, and add their stresses to the fibre samples of the interpolation.
 
-    Three of an element's nine samples are done at a time; they lie between the same four samples across. If threads
-    cross the elements, the rest of their stiffness acts here too; its strains begin at `first_crossed`, two a sample.
+    A step treats three of an element's nine samples, which lie between the same four samples across. If threads cross
+    the elements, the rest of their stiffness acts here too; its strains begin at `first_crossed`, two a sample.
     Bundles, of `fit.cloth.bundles`: Place, Membrane, Strains, Stencils, Facing, Row, Law, BendLaw, Kind.
     """
     for line in range(cloth.shear_area.shape[0] // 3):
@@ -193,7 +193,7 @@ def shearing(
 def push_fibres(
     place: ti.template(), family: ti.template(), nodes: ti.template(), cloth: ti.template(), memory: ti.template()
 ):
-    """Push the nodes with the stress of one family of fibres; arguments as of `fibres`."""
+    """Add the nodal forces of one family of fibres; arguments as of `fibres`."""
     if ti.static(family.sample_nodes == IN_LINES):
         for line in range((family.end - family.start) // 3):
             at, w = line_stencil(place.home, family.entry, line, cloth.fibre_at, cloth.fibre_weights)
@@ -208,7 +208,7 @@ def push_fibres(
 
 @ti.func
 def find_normals(place: ti.template(), first_node, count, nodes: ti.template(), facing: ti.template(), zero):
-    """Find unit normals of the nodes and the area that each carries, from the tangents along both sides of elements.
+    """Compute unit normals and areas of the nodes, from the tangents along both directions of the elements.
 
     Bundles, of `fit.cloth.bundles`: Place, Motion, Facing.
     """

@@ -1,4 +1,4 @@
-"""Arrays that the rollout kernel needs to know of one cloth: membrane, bending and contact, in the kernel's order."""
+"""Input arrays of the rollout kernel for one cloth: membrane, bending and contact."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 def membrane_bundle(mesh: ClothMesh) -> Membrane:
-    """Return where stretch and shear are sampled on a mesh."""
+    """Return the samples of stretch and shear on a mesh."""
     families = [fibre_family(mesh, k) for k in range(2)]
     return Membrane(
         fibre_at=3 * np.concatenate([nodes for _, nodes, _ in families]),
@@ -34,7 +34,7 @@ def membrane_bundle(mesh: ClothMesh) -> Membrane:
 
 
 def stencil_bundle(mesh: ClothMesh) -> Stencils:
-    """Return where bending is sampled on a mesh."""
+    """Return the samples of bending on a mesh."""
     bends, plain = mesh.bends, len(mesh.bends.stencils)
     root = single(np.sqrt(bends.area))
     return Stencils(
@@ -85,7 +85,7 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
     alone[: len(numbers)] = numbers
     sizes = np.array([samples, quads, len(bodies), most, front, instants])
     known = np.concatenate([sizes, 3 * surface.samples.nodes, SPOT * surface.quads.ravel(), surface.words()])
-    # Room for every pair there is, hardly any of which is ever touched.
+    # Capacity for all possible pairs; hardly any of this memory is ever used.
     whole = np.zeros(len(known) + groups * (LIST_COUNTS + 2 * (samples + quads + most)), np.int32)
     whole[: len(known)] = known
     return Touch(contact_whole=whole, contact_memory=memory, contact_alone=alone)
@@ -97,7 +97,7 @@ def zeros(shape: tuple[int, ...]) -> Singles:
 
 
 def some(values: Numbers) -> Numbers:
-    """Return the values, or a single zero of as many dimensions where there are none, which Taichi cannot take."""
+    """Return the values, or a single zero of as many dimensions if empty, because Taichi refuses empty arrays."""
     return values if values.size else np.zeros_like(values, shape=[max(n, 1) for n in values.shape])
 
 

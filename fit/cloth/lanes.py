@@ -1,6 +1,6 @@
-"""Functions of candidates side by side that Taichi 1.7 lacks for the processor's vectors.
+"""Functions on SIMD vectors that Taichi 1.7 lacks: absolute value, exponential decay and index bounds.
 
-It knows no unary minus, absolute value or exponential of them: write `0.0 - a`, and these.
+Taichi also lacks the unary minus of these vectors: write `0.0 - a`.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -10,7 +10,7 @@ import taichi as ti
 
 @ti.func
 def within(index):
-    """Return an index of an array that is not negative.
+    """Return a nonnegative array index, marked as such for the compiler.
 
     The mask tells the compiler that index + 1 does not overflow, so that the sum becomes part of an address.
     """

@@ -1,4 +1,4 @@
-"""Call the rollout kernel: turn tasks (`fit.cloth.packing`) into its bundles, and hand back what returns."""
+"""Call the rollout kernel: convert tasks (`fit.cloth.packing`) into its arrays, and unpack the results."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 Progress = Callable[[float], None]
-PIECES = 100  # into which a simulation is cut that tells how far it is, and that can be interrupted between them
+PIECES = 100  # parts of a simulation that reports its progress and can be interrupted between them
 
 
 def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | None = None) -> None:
-    """Simulate groups of one cloth and one kernel, and fill in their results; progress hears of the share done."""
+    """Simulate groups of one cloth and one kernel, and fill in their results; `progress` receives the share done."""
     lanes, calls = plan(groups, runtime.available_threads(), runtime.lane_widths(), is_pulled=observer_hz > 0)
     for number, tasks in enumerate(calls):
 
@@ -81,9 +81,9 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progre
 
 
 def _pieces(clock: Clock, pieces: int) -> Iterator[float]:
-    """Set the counts for one piece of the frames after the other, and yield the share that is done after it.
+    """Set the counts for one part of the frames after the other, and yield the finished share after each.
 
-    All that a simulation remembers is in the kernel's arrays, so that pieces give what one call would give.
+    The kernel's arrays hold the whole state of a simulation, so that the result equals that of a single call.
     """
     counts, steps = clock.counts, clock.frame_step
     ends = counts[:, COUNTS.frames].copy()
@@ -173,7 +173,7 @@ def _contact(tasks: list[Task], amplitudes: Floats, lanes: int) -> Touch:
 def _driven(
     tasks: list[Task], courses: list[Course], lanes: int, observer_hz: float
 ) -> tuple[Grip, Points, Pull, Clock]:
-    """Return what moves the cloth from outside, and when."""
+    """Return handles, pull, bodies and clock of the tasks: the inputs that drive the cloth over time."""
     model = tasks[0].parts[0].model
     support, points, omega = model.support, model.mesh.points, 2 * np.pi * observer_hz
     path, first_path = _joined(courses, lanes)
@@ -241,7 +241,7 @@ def _results(tasks: list[Task], courses: list[Course], lanes: int) -> Results:
 def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Indices]:
     """Return targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
 
-    A recording that is over is trusted no more.
+    After a recording's end its targets have trust 0.
     """
     samples = [max(len(places) for places, _, _ in c.targets) for c in courses]
     points = courses[0].targets[0][1].shape[1]
@@ -257,7 +257,7 @@ def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Indic
 
 
 def _padded(rows: list[Numbers]) -> Numbers:
-    """Return the rows one below the other, with zeros behind the shorter ones."""
+    """Stack rows of different lengths, padded with zeros."""
     padded = np.zeros((len(rows), max(len(r) for r in rows)), rows[0].dtype)
     for whole, row in zip(padded, rows, strict=True):
         whole[: len(row)] = row
@@ -291,7 +291,7 @@ def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Indices]:
 
 
 def _in_lanes(values: Floats, lanes: int) -> Singles:
-    """Turn (candidates, ...) into (groups, ..., lanes), contiguous."""
+    """Reorder (candidates, ...) into (groups, ..., lanes), contiguous."""
     grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
     placed = zeros(grouped.shape)
     placed[...] = grouped
@@ -299,11 +299,11 @@ def _in_lanes(values: Floats, lanes: int) -> Singles:
 
 
 def _flat(values: Singles) -> Singles:
-    """Turn (..., lanes) into (all of them, lanes) in the same memory."""
+    """Reshape (..., lanes) to (n, lanes) in the same memory."""
     return values.reshape(-1, values.shape[-1])
 
 
 def _from_lanes(values: Singles) -> Singles:
-    """Turn (groups, ..., lanes) into (candidates, ...)."""
+    """Reorder (groups, ..., lanes) into (candidates, ...)."""
     moved = np.moveaxis(values, -1, 1)
     return moved.reshape(-1, *moved.shape[2:])

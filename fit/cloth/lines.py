@@ -1,4 +1,4 @@
-"""Sum along lines of four nodes of an element, where threads run along the lines, in fewer products.
+"""Faster sums over an element's lines of four nodes, for threads along these lines, by symmetry.
 
 A line has three samples of its fibre, at its Gauss points. The samples' weights are the slopes D of the shape functions
 over the line's length. Nodes and points are symmetric about the middle. Use the differences d_o = y_3 - y_0, d_i = y_2
@@ -21,9 +21,9 @@ from fit.cloth import spectral
 from fit.cloth.mesh import ClothMesh
 from formats.arrays import Indices, Singles
 
-IN_LINES = 0  # in the place of the number of nodes: samples or bends go by lines
-LINE_ENTRIES = 5  # of a line in the arrays of weights and of nodes; the last one of nodes means nothing
-SAME = 1e-6  # of the largest weight: by so much weights may differ by rounding
+IN_LINES = 0  # instead of a number of nodes: samples or bends are evaluated by lines
+LINE_ENTRIES = 5  # entries of a line in the arrays of weights and nodes; the last node entry is unused
+SAME = 1e-6  # of the largest weight: tolerance of rounding errors
 
 D, B = (of(spectral.gauss(spectral.POLYNOMIAL_ORDER)[0]) for of in (spectral.slopes, spectral.values))
 C = spectral.curvatures(spectral.LOBATTO_NODES[1:3])
@@ -59,8 +59,8 @@ def twist_scales(mesh: ClothMesh) -> Singles:
 def bends_by_line(mesh: ClothMesh) -> tuple[tuple[int, ...], Singles]:
     """Return the bends for the kernel: their lengths, with `IN_LINES` for pairs in lines, and weights.
 
-    A pair is the two second derivatives at the inner nodes of a line of four nodes. Of each the first weight is by how
-    much it is larger than the unit curvature there; the others mean nothing.
+    A pair is the two second derivatives at the inner nodes of a line of four nodes. The first weight of each is its
+    ratio to the unit curvature there; the other weights are unused.
     """
     bends, weights = mesh.bends, mesh.bends.stencils.weights[:, 0].copy()
     count = int(bends.counts[0])

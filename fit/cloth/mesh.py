@@ -1,4 +1,4 @@
-"""A mesh of a flat garment with everything that the step needs precomputed: see `fit.cloth.elements`."""
+"""Mesh of a flat garment, with all precomputed quantities of the time step (`fit.cloth.elements`)."""
 
 from __future__ import annotations
 
@@ -26,21 +26,19 @@ from fit.recordings.held_edge import place_along
 from formats.arrays import Floats, Indices, Integers
 from formats.garment import Garment
 
-LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
+LARGEST_BULGE = 0.02  # m: initial distance between the layers of a garment
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
-MOST_MESH_NODES = 250_000  # more than any program wants, and memory grows with them
-MOST_SIMULATED_NODES = (
-    40_000  # six seconds of motion take 0.33 s on 100, 2.6 s on 400 (measured): 44 minutes on so many
-)
-UNTOLD_NODES = 1e6  # from here on only their order counts: more than any mesh may have
-MANY_MESH_NODES = 1000  # likewise: ten seconds, and an hour for a fit of 350 simulations
-USUAL_NODES = 100  # of a garment of 0.5 m at a spacing of 0.05 m
-OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m that a spacing of one in them is
+MOST_MESH_NODES = 250_000  # nodes of an exported mesh at most: more than any program needs, and memory grows with them
+MOST_SIMULATED_NODES = 40_000  # six seconds of motion take 0.33 s on 100, 2.6 s on 400 (measured), 44 minutes on this
+MOST_STATED_NODES = 1e6  # nodes: larger numbers are reported as "more than", as no mesh may have them
+MANY_MESH_NODES = 1000  # six seconds of motion take ten seconds, and a fit of 350 simulations an hour
+USUAL_NODES = 100  # nodes of a garment of 0.5 m at a spacing of 0.05 m
+OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m per unit
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
 def check_spacing(spacing: float | None) -> None:
-    """Refuse what is no distance; None is the default.
+    """Refuse a mesh spacing that is no positive distance; None selects the default.
 
     Raises:
         FitError: the spacing is not above 0, or not finite.
@@ -51,10 +49,10 @@ def check_spacing(spacing: float | None) -> None:
 
 @dataclass(frozen=True)
 class ClothMesh:
-    """A flat garment as nodes, three to an element and direction.
+    """Mesh of a flat garment; each element has three nodes of its own per direction.
 
     - `rest` [m], (nodes, 2), material plane, x right, y up
-    - `bulge` [m], (nodes,): how far behind it each begins
+    - `bulge` [m], (nodes,): initial distance of each node behind the plane
     - `cells`, (cells, 16): nodes of each element, row by row
     - `cell_area` [m^2], likewise: the element's share of their areas
     - `triangles`, (n, 3): the same surface for drawing
@@ -97,7 +95,7 @@ class ClothMesh:
 
     @property
     def is_crossed(self) -> bool:
-        """Return whether threads of both families cross the elements askew: all nodes then enter every strain."""
+        """Whether threads of both families cross the elements obliquely, so that all nodes enter every strain."""
         return min(self.fibre_nodes) > spectral.NODES_ALONG_ELEMENT
 
     @property
@@ -108,7 +106,7 @@ class ClothMesh:
 
 @dataclass(frozen=True)
 class _Laid:
-    """Elements of the whole garment, its bends, and which node each of the front's is in every layer."""
+    """Elements and bends of the whole garment, and the node in every layer that belongs to each front node."""
 
     elements: Elements
     bends: Bends
@@ -116,7 +114,7 @@ class _Laid:
 
 
 def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODES) -> None:
-    """Refuse a spacing [m] that gives a garment no mesh, or one of more than `most` nodes.
+    """Refuse a mesh spacing [m] that is too large for a garment, or gives it more than `most` nodes.
 
     Raises:
         FitError: it is refused; the error names the unit that may be meant.
@@ -130,7 +128,7 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
     what = f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m"
     if spacing < finest:
         nodes = _nodes(garment, spacing)
-        about = f"about {nodes:.0f}" if nodes < UNTOLD_NODES else f"more than {UNTOLD_NODES:.0f}"
+        about = f"about {nodes:.0f}" if nodes < MOST_STATED_NODES else f"more than {MOST_STATED_NODES:.0f}"
         what += f", and gives it {about} nodes where {most} are the most"
     meant = [
         f"{spacing * size:g} for {unit}" for unit, size in OTHER_UNITS.items() if finest <= spacing * size <= coarsest
@@ -143,7 +141,7 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
 
 
 def cost_words(garment: Garment, spacing: float | None) -> str:
-    """Return a sentence on what a fine mesh costs, after a space; nothing of a usual one or a default, None."""
+    """Return a sentence on the cost of a fine mesh, after a space; nothing for a usual spacing or None, the default."""
     nodes = 0.0 if spacing is None else _nodes(garment, spacing)
     if nodes < MANY_MESH_NODES:
         return ""
@@ -152,15 +150,15 @@ def cost_words(garment: Garment, spacing: float | None) -> str:
 
 
 def _nodes(garment: Garment, spacing: float) -> float:
-    """Return about how many nodes [1] a mesh of a spacing [m] has."""
+    """Return the approximate number of nodes of a mesh with a spacing [m]."""
     return (2 if garment.seams else 1) * garment.area_m2 / spacing**2
 
 
 @functools.lru_cache(maxsize=8)
 def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
-    """Mesh a garment with nodes about `spacing` [m] apart; their places on the flat garment are the front's.
+    """Mesh a garment with nodes about `spacing` [m] apart; all layers have the front's positions on the flat garment.
 
-    The meshes asked for last are kept: every recording of a garment has the same.
+    The last meshes are cached, because all recordings of a garment share one.
 
     Raises:
         FitError: the outline cannot be meshed, or the spacing is larger than the garment.
@@ -221,14 +219,14 @@ def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
 
 
 def _pattern(garment: Garment, spacing: float) -> _Laid:
-    """Return any other garment as quadrilaterals that follow its outline."""
+    """Return the quadrilaterals of a garment that is no four-cornered panel; they follow its outline."""
     loops = [np.asarray(loop, float) for loop in (garment.outline_m, *garment.holes_m)]
     places, quads = quadrilaterals(loops, spectral.POLYNOMIAL_ORDER * spacing, name=garment.name)
     return _sewn(garment, quad_elements(places, quads, np.radians(garment.grain_degrees)))
 
 
 def _sewn(garment: Garment, front: Elements) -> _Laid:
-    """Return the front, and where there are seams a back that shares the nodes on them and faces the other way."""
+    """Return the front and, if there are seams, a back that faces the other way and shares the seams' nodes."""
     own = np.arange(len(front.rest))
     if not garment.seams:
         return _Laid(front, free_bends(front, own[None]), own[None])
@@ -248,7 +246,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
 
 
 def _held(garment: Garment, rest: Floats) -> tuple[Integers, Floats]:
-    """Return the held nodes of all layers from left to right, and their places along the held edge."""
+    """Return the held nodes of all layers from left to right, and their positions along the held edge."""
     share, is_on = place_along(rest, np.asarray(garment.outline_m[:2], float))
     if garment.held == "corners":
         is_on &= np.abs(share - 0.5) > 0.5 - 1e-6
@@ -258,7 +256,7 @@ def _held(garment: Garment, rest: Floats) -> tuple[Integers, Floats]:
 
 
 def _bulge(garment: Garment, rest: Floats, layers: Integers) -> Floats:
-    """Return how far each node begins behind the plane of the held edge [m]: front and back start apart."""
+    """Return each node's initial distance behind the plane of the held edge [m], which separates front and back."""
     out = np.zeros(len(rest))
     if len(layers) > 1:
         joined = [np.asarray([garment.outline_m[a], garment.outline_m[b]]) for a, b in (*garment.seams, (0, 1))]
@@ -268,7 +266,7 @@ def _bulge(garment: Garment, rest: Floats, layers: Integers) -> Floats:
 
 
 def _hem(outline: Floats, grid: Elements) -> Floats:
-    """Share of the bottom edge that belongs to each node [m], (nodes,)."""
+    """Return the length of the bottom edge that belongs to each node [m], (nodes,)."""
     length = np.zeros(len(grid.rest))
     nodes = grid.cells[:, RIMS].reshape(-1, spectral.NODES_ALONG_ELEMENT)
     for side in _bottom_sides(outline):
@@ -281,9 +279,9 @@ def _hem(outline: Floats, grid: Elements) -> Floats:
 
 
 def _bottom_sides(outline: Floats) -> list[Floats]:
-    """Return the sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down.
+    """Return the sides of the bottom edge, (2, 2) each: a panel's third side, or an outline's low sides that face down.
 
-    Of an outline that ends in a point these are the sides that meet there.
+    If an outline ends in a point, these are the sides that meet there.
     """
     sides = list(np.stack([outline, np.roll(outline, -1, 0)], 1))
     if len(outline) == 4:
@@ -311,7 +309,7 @@ def _barycentric(place: Floats, corners: Floats) -> Floats:
 
 
 def _locate(places: Floats, rest: Floats, triangles: Integers) -> tuple[Indices, Floats]:
-    """Return the triangle corners and weights that carry each place; a place outside goes to its nearest triangle."""
+    """Return triangle corners and weights that interpolate at each position; outside ones use the nearest triangle."""
     nodes, weights = [], []
     for place in places:
         inside = _barycentric(place, rest[triangles])

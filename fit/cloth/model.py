@@ -1,4 +1,4 @@
-"""One recording and its cloth: mesh, stable steps, paths of what holds it, and numbers that the kernel needs."""
+"""Model of one recording's cloth: mesh, stable steps, paths of the support, and the kernel's input."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 
 @dataclass(frozen=True)
 class Rollouts:
-    """The answer to a batch.
+    """Results of a batch of simulations.
 
     - `points` [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
     - `shapes` [m], (candidates, frames, nodes, 3), or None
@@ -56,12 +56,12 @@ class Resolution:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Candidates on one recording, and room for their results.
+    """Candidates on one recording, and arrays for their results.
 
     - `materials`, (candidates, parameters), as changed by effects
     - `amplitudes`, (candidates, components)
-    - `seen` [m], (candidates, frames, points, 3): room for the results
-    - `kept`, (candidates, frames + 1, nodes, 3), or None: the places of the nodes [m] and, in the last row, the last
+    - `seen` [m], (candidates, frames, points, 3): the simulated points
+    - `kept`, (candidates, frames + 1, nodes, 3), or None: positions of the nodes [m] and, in the last row, the last
       forces on them [N]
     """
 
@@ -100,11 +100,11 @@ class Group:
 
 
 class ClothModel:
-    """One recording and its cloth, ready to be simulated for any number of candidates; never runs itself.
+    """One recording and its cloth, prepared for simulation with any number of candidates; runs no simulation itself.
 
     A candidate is a row of material parameters (`fit.cloth.material.MATERIAL_NAMES`) and a row of the effects'
-    amplitudes, their components one after the other (`columns`).
-    Its result does not depend on its company in the batch.
+    amplitudes, with their components in turn (`columns`). A candidate's result does not depend on the other candidates
+    of the batch.
     """
 
     def __init__(
@@ -116,9 +116,9 @@ class ClothModel:
         support: Supporting | None = None,
         contact: Contact | None = None,
     ) -> None:
-        """Prepare a mesh of the recording's garment; without a `support` it hangs from the recording's hanger.
+        """Mesh the recording's garment; without a `support` it hangs from the recording's hanger.
 
-        contact: what the cloth touches; by default the recording's bodies, and itself if an effect says so.
+        contact: contact of the cloth; by default with the recording's bodies, and with itself if an effect adds that.
 
         Raises:
             FitError: the garment cannot be meshed, or an effect moves a hanger that is not there.
@@ -147,7 +147,7 @@ class ClothModel:
         self._undriven: dict[float, Floats] = {}  # the longest path so far for each time step
 
     def groups(self, materials: Floats, amplitudes: Floats | None, *, shapes: bool) -> tuple[Candidates, list[Group]]:
-        """Sort candidates by their steps and by whether they need the kernel with effects; arguments as for `run`.
+        """Group candidates by time step and by kernel, plain or with effects; arguments as for `run`.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.
@@ -176,7 +176,7 @@ class ClothModel:
         ]
 
     def finish(self, candidates: Candidates) -> Rollouts:
-        """Turn what the kernel wrote into trajectories as the sensor sees them."""
+        """Convert the kernel's output into trajectories as the sensor sees them."""
         seen, kept, amplitudes = candidates.seen, candidates.kept, candidates.amplitudes
         self.simulations += len(seen)
         blown = ~(np.abs(seen).max((1, 2, 3)) < 100.0)  # metres: far outside any room
@@ -188,7 +188,7 @@ class ClothModel:
         return Rollouts(seen, kept if kept is None else kept[:, :-1], kept if kept is None else kept[:, -1])
 
     def is_like(self, other: ClothModel) -> bool:
-        """Return whether one call of the kernel can simulate both: the same cloth with the same effects."""
+        """Return whether one kernel call can simulate both models: the same cloth with the same effects."""
         if self is other:
             return True
         return (
@@ -202,7 +202,7 @@ class ClothModel:
         )
 
     def _with_effects(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """Return the material rows as the effects change them."""
+        """Return the material rows, changed by the effects."""
         changed = materials.copy()
         for k, effect in enumerate(self.effects):
             for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
@@ -210,7 +210,7 @@ class ClothModel:
         return changed
 
     def _needs_effects(self, amplitudes: Floats) -> Booleans:
-        """Return which candidates have an effect that the plain kernel does not know."""
+        """Return which candidates have an effect that needs the kernel with effects."""
         needed = np.zeros(len(amplitudes), bool)
         for effect, columns in zip(self.effects, self.columns, strict=True):
             if effect.in_kernel:
@@ -231,7 +231,7 @@ class ClothModel:
         return found
 
     def _touches(self, amplitudes: Floats) -> Booleans:
-        """Return which candidates touch themselves or bodies."""
+        """Return which candidates need contact with themselves or with bodies."""
         return (self.thickness(amplitudes) > 0) | bool(self.contact.bodies)
 
     def step(self, half_octaves: int = 0) -> float:
@@ -244,7 +244,7 @@ class ClothModel:
         return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
 
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> Integers:
-        """Return how many half octaves below the coarsest step each candidate is stable, (candidates,)."""
+        """Return each candidate's stable step, in half octaves below the coarsest step, (candidates,)."""
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / self.stable_steps(materials, amplitudes)))
         return np.clip(wanted, 0, 14).astype(np.int64)
 

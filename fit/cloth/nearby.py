@@ -1,15 +1,15 @@
-"""List pairs that are near each other, for candidates side by side, and lay out the memory of contact.
+"""Neighbour lists of contact pairs for candidates in SIMD lanes, and the memory layout of contact.
 
-Pairs are of a sample and a quad that may meet, or of a sample and a body. Pairs within `SEARCH_DISTANCE` of contact in
-any lane are watched, and of these, pairs within `PAIR_DISTANCE` are computed. A list holds until a node has moved so
-far that an unlisted pair could touch. A sample moves by `Surface.carried` times the node's way at most. So with the
-margin m
+A pair is a sample and a quad that may touch, or a sample and a body. Pairs within `SEARCH_DISTANCE` of contact in any
+lane are watched, and of these, pairs within `PAIR_DISTANCE` are computed. A list is valid until a node has moved so far
+that an unlisted pair could touch. A sample moves by at most `Surface.carried` times the node's displacement. So with
+the margin m
 
     2 carried max |x - x_then| <= m,   m = PAIR_DISTANCE, or SEARCH_DISTANCE where nothing is watched
 
 (L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed, and every other pair adds exactly
-nothing. So a candidate's result does not depend on the other lanes. Bodies that move (`fit.cloth.driven`) may go m / 2
-beside that, and (WATCHED - NEAR) / 2 before pairs are watched anew.
+nothing. So a candidate's result does not depend on the other lanes. Moving bodies (`fit.cloth.driven`) may additionally
+move m / 2, and (WATCHED - NEAR) / 2 before pairs are watched anew.
 
 A kernel takes 64 arrays at most, so contact has three, each holding several things one after the other:
     whole      samples, quads, bodies, length of a list, where the vectors begin in `memory`, instants of the bodies'
@@ -32,8 +32,8 @@ import taichi as ti
 
 from fit.cloth.lanes import magnitude, within
 
-SEARCH_DISTANCE = 0.05  # m beyond contact; pairs are sought anew when a sample has moved by half of it
-PAIR_DISTANCE = 0.005  # m beyond contact; pairs are chosen anew when a sample has moved by half of it
+SEARCH_DISTANCE = 0.05  # m beyond contact; the watch list is rebuilt when a sample has moved by half of it
+PAIR_DISTANCE = 0.005  # m beyond contact; the pair list is rebuilt when a sample has moved by half of it
 MOVED = 2.5  # times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it, see `beside`
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
@@ -45,12 +45,12 @@ MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARK
 LIST_COUNTS = 6  # how many of them
 HEADER_SIZES = 6  # sizes at the front of `whole`
 WORD = 32  # bits
-TINY = 1e-20  # m^4 or m: added so that nothing is divided by zero
+TINY = 1e-20  # m^4 or m: added against division by zero
 
 
 @ti.func
 def least(alone: ti.template(), begin, lanes: ti.template()):
-    """Return the least number of the vector at `begin`, by halves: a loop over lanes would be slower."""
+    """Return the minimum of the vector at `begin` by repeated halving, which is faster than a loop over lanes."""
     if ti.static(lanes == 1):
         return alone[begin]
     else:
@@ -62,7 +62,7 @@ def has_moved(
     home, nodes, x: ti.template(), then, gauge, memory: ti.template(), alone: ti.template(), allowed,
     lanes: ti.template(),
 ):  # fmt: skip
-    """Return whether a node of any lane has moved farther than allowed [m] from where it was, kept from `then` on."""
+    """Return whether a node of any lane has moved farther than allowed [m] from its position stored at `then`."""
     memory[gauge] = 0.0 * x[home]
     for i in range(nodes):
         j, k = within(home + 3 * i), within(then + 3 * i)
@@ -73,14 +73,14 @@ def has_moved(
 
 @ti.func
 def remember(home, nodes, x: ti.template(), then, memory: ti.template()):
-    """Keep the places of the nodes."""
+    """Store the positions of the nodes."""
     for i in range(3 * nodes):
         memory[then + i] = x[home + i]
 
 
 @ti.func
 def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()):
-    """Carry a field of the nodes to a sample, from the 16 nodes of its element."""
+    """Interpolate a nodal field at a sample, from the 16 nodes of its element."""
     i, h = within(home + whole[HEADER_SIZES + 16 * s]), alone[16 * s]
     s0, s1, s2 = h * y[i], h * y[i + 1], h * y[i + 2]
     for n in range(1, 16):
@@ -91,7 +91,7 @@ def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.templat
 
 @ti.func
 def corners(q, first, samples, whole: ti.template()):
-    """Return where the four corners of a quad are."""
+    """Return the positions of a quad's four corners."""
     at = HEADER_SIZES + 16 * samples + 4 * q
     return (
         within(first + whole[at]), within(first + whole[at + 1]), within(first + whole[at + 2]),
@@ -126,10 +126,10 @@ def length(at, memory: ti.template()):
 
 @ti.func
 def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thickness):
-    """Return a number below 0 where a sample is, or soon could be, in the window of a quad and near its plane.
+    """Return a number below 0 if a sample is, or soon could be, in the window of a quad and near its plane.
 
-    Sample and corners each move by NEAR / 2 at most before the lists are made anew. With sum |h_k| <= 5/2 the place
-    below the sample moves by 5/4 of NEAR, and the sample by 1/2. The plane turns by NEAR over a side.
+    Sample and corners each move by NEAR / 2 at most before the lists are rebuilt. With sum |h_k| <= 5/2 the point below
+    the sample moves by 5/4 of NEAR, and the sample by 1/2. The plane turns by NEAR over a side.
     """
     gap, one, two, _ = located(at, facing, memory)
     more = MOVED * PAIR_DISTANCE
@@ -141,25 +141,25 @@ def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thi
 
 @ti.func
 def numbers_at(samples, count):
-    """Return where the numbers of all of contact begin."""
+    """Return the index at which the numbers common to all of contact begin."""
     return 17 * samples + 5 * count
 
 
 @ti.func
 def bodies_at(samples, count, groups, bodies, b):
-    """Return where the bodies of a group begin."""
+    """Return the index at which a group's bodies begin."""
     return numbers_at(samples, count) + THICKNESS + groups + BODY * bodies * b
 
 
 @ti.func
 def ways_at(samples, count, groups, bodies, b):
-    """Return where the ways of a group begin."""
+    """Return the index at which a group's body displacements begin."""
     return bodies_at(samples, count, groups, bodies, groups) + WAYS * b
 
 
 @ti.func
 def in_body(at, body, memory: ti.template(), alone: ti.template()):
-    """Return where a sample is along the axes of a body, from its centre [m]."""
+    """Return a sample's coordinates along a body's axes, from the body's centre [m]."""
     d0, d1, d2 = memory[at] - alone[body], memory[at + 1] - alone[body + 1], memory[at + 2] - alone[body + 2]
     p0 = alone[body + 3] * d0 + alone[body + 4] * d1 + alone[body + 5] * d2
     p1 = alone[body + 6] * d0 + alone[body + 7] * d1 + alone[body + 8] * d2
@@ -169,13 +169,13 @@ def in_body(at, body, memory: ti.template(), alone: ti.template()):
 
 @ti.func
 def body_distance(p0, p1, p2, body, alone: ti.template()):
-    """Return the distance [m] from a body of a place along its axes, negative inside, and the way out."""
+    """Return the distance [m] between a body and a point along its axes, negative inside, and the outward direction."""
     q0, q1 = magnitude(p0) - alone[body + 12], magnitude(p1) - alone[body + 13]
     q2 = magnitude(p2) - alone[body + 14]
     o0, o1, o2 = ti.max(q0, 0.0), ti.max(q1, 0.0), ti.max(q2, 0.0)
     outside = ti.sqrt(o0 * o0 + o1 * o1 + o2 * o2)
     deepest = ti.max(q0, ti.max(q1, q2))
-    # Outside the way out is that from the nearest place, inside that to the nearest side.
+    # Outside, the direction points away from the nearest surface point; inside, towards the nearest side.
     zero = 0.0 * p0
     one = zero + 1.0
     g0 = ti.select(deepest < zero, ti.select(q0 >= deepest, one, zero), o0 / (outside + TINY))
@@ -199,7 +199,7 @@ def find_places(
     home, first, front, samples, count, x: ti.template(), whole: ti.template(), alone: ti.template(),
     memory: ti.template(),
 ):  # fmt: skip
-    """Find the places of all samples, and the places and normals of all quads."""
+    """Compute the positions of all samples, and the positions and normals of all quads."""
     for s in range(samples):
         carry(home, within(first + SPOT * s), s, x, whole, alone, memory)
     for q in range(count):
@@ -226,7 +226,7 @@ def watch(
                         q = WORD * part + n
                         reach = alone[17 * samples + q] + thickness + SEARCH_DISTANCE
                         memory[gauge] = ti.min(memory[gauge], apart(at, within(front + PANEL * q), memory, reach))
-                # The test of each pair pays only if one of them is near in any lane.
+                # Pairs are tested one by one only if any of them may be near in any lane.
                 if least(alone, gauge * lanes, lanes) < 0.0:
                     for n in range(end):
                         if (word >> n) & 1 == 1:
@@ -253,7 +253,7 @@ def choose(
     mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
-    """List the watched pairs within `PAIR_DISTANCE` of contact, and mark the spots and panels in them."""
+    """List the watched pairs within `PAIR_DISTANCE` of contact, and mark their samples and quads."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     found, with_bodies, in_pairs, facing = 0, 0, 0, 0
@@ -296,7 +296,7 @@ def choose(
 
 @ti.func
 def face_quad(q, first, at, samples, whole: ti.template(), memory: ti.template()):
-    """Find a quad's centre, normal, dual tangents t^1 and t^2, and velocities; set its force to zero."""
+    """Compute a quad's centre, normal, dual tangents t^1 and t^2, and velocities; set its force to zero."""
     i, j, k, m = corners(q, first, samples, whole)
     for c in ti.static(range(3)):
         y0, y1, y2, y3 = memory[i + c], memory[j + c], memory[k + c], memory[m + c]
@@ -329,7 +329,7 @@ def find_pairs(
     b, mine, home, nodes, first, front, then, gauge, x: ti.template(), whole: ti.template(),
     memory: ti.template(), alone: ti.template(), groups, lanes: ti.template(),
 ):  # fmt: skip
-    """Bring the lists up to date where something may have come near since they were made."""
+    """Rebuild the lists if an unlisted pair may have come near since their last update."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
     carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE]

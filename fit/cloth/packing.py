@@ -1,4 +1,4 @@
-"""Pack candidates of one or several recordings of one cloth into tasks, groups of lanes.
+"""Pack candidates of one or several recordings of one cloth into tasks: groups of SIMD lanes.
 
 Candidates of several recordings with the same step share groups. A group has the frames of all its recordings, and each
 recording keeps its own frames. Every group is one task, and the longest task goes to a processor first. The width of
@@ -22,13 +22,13 @@ from formats.arrays import Integers
 # Only how candidates are packed depends on it, no result.
 COST = {1: 1.0, 8: 1.15, 16: 1.5}
 TASKS = 8  # per processor and call: a call cannot be interrupted
-MOST_NUMBERS = 2**28  # single numbers in a call, 1 GB: calls are shorter and lanes fewer than that, where they can be
-FRAME_COPIES, HANDLE_COPIES = 2, 3  # of what comes back; of handles, in double precision first
+MOST_NUMBERS = 2**28  # single-precision numbers in a call, 1 GB; limits calls and lanes where possible
+FRAME_COPIES, HANDLE_COPIES = 2, 3  # copies of the results, and of the handles, which start in double precision
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One group of lanes: candidates of one or several recordings that take the same steps.
+    """One group of lanes: candidates of one or several recordings with the same time step.
 
     parts: a group for each recording, whose members lie side by side in this order
     """
@@ -46,7 +46,7 @@ class Task:
         return self.parts[0].dt
 
     def numbers(self, *, is_pulled: bool) -> int:
-        """Return about how many single numbers each lane needs: frames and their copies, handles, targets."""
+        """Estimate of the single-precision numbers per lane: frames and their copies, handles, targets."""
         first = self.parts[0].model
         points = first.recording.points.shape[1]
         handles = 3 * HANDLE_COPIES * first.support.handles * self.steps
@@ -55,7 +55,7 @@ class Task:
         return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
 
     def filled(self, lanes: int) -> list[tuple[Group, Integers]]:
-        """Return every part and its members; the last member fills the lanes that are left."""
+        """Return every part and its members; copies of the last member fill the remaining lanes."""
         members = [part.members for part in self.parts]
         missing = lanes - sum(len(m) for m in members)
         members[-1] = np.concatenate([members[-1], np.repeat(members[-1][-1:], missing)])
@@ -63,7 +63,7 @@ class Task:
 
 
 def pack(groups: Sequence[Group], lanes: int) -> list[Task]:
-    """Return tasks of at most this many candidates; those whose shapes are kept share none with other recordings."""
+    """Return tasks of at most `lanes` candidates; candidates with stored shapes share no task with other recordings."""
     tasks = []
     for octaves in sorted({g.half_octaves for g in groups}):
         # The longest first: a task takes as long as the longest of its recordings.
@@ -92,7 +92,7 @@ def _shared(groups: list[Group], lanes: int) -> list[Task]:
 def plan(
     groups: Sequence[Group], threads: int, widths: Sequence[int], *, is_pulled: bool
 ) -> tuple[int, list[list[Task]]]:
-    """Return how many lanes tasks have, and the tasks of every call of the kernel.
+    """Return the number of lanes per task, and the tasks of every kernel call.
 
     threads: processors that share a call; widths: numbers of lanes to choose from; is_pulled: whether an observer pulls
     """
@@ -111,7 +111,7 @@ def _time(tasks: list[Task], lanes: int, threads: int) -> float:
 
 
 class Course:
-    """Frames of one task and the steps to them, paths of its handles, and targets of the observer.
+    """Time course of one task: frames and their steps, handle paths, and observer targets.
 
     - `time` [s], (frames,): of every frame of any of its recordings
     - `steps`, `lags` [s], (frames,): whole steps to a frame, and the rest
@@ -130,7 +130,7 @@ class Course:
         self.paths = [g.model.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
         starts = [g.model.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
         self.start = runtime.jittered(np.concatenate(starts))
-        # Settling without a pull needs two targets: the first places of the points, and the next ones.
+        # Settling without a pull needs two targets: the first positions of the points, and the next ones.
         asked = slice(None if is_pulled else 2)
         self.targets = []
         for group, members in parts:

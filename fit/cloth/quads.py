@@ -1,15 +1,15 @@
-"""Quadrilaterals over any flat garment: a polygon, with holes or without.
+"""Quadrilateral meshing of a flat garment: a polygon with or without holes.
 
 Threads run straight through the garment on any mesh, since strains are slopes along them (`fit.cloth.elements`). So the
 mesh may follow the outline, and no element is cut. Corners on a square lattice along X and Y fill the inside. These
 corners and those on the outline are triangulated by Delaunay's rule. The outline's sides are halved until the
 triangulation contains them all. Neighbouring triangles are joined into quadrilaterals, best first.
 
-Few sizes of the lattice leave no triangle, so several are tried. Of those the mesh with the longest shortest side is
-taken, since the step grows with that side. If every size leaves triangles, a coarser mesh is divided: each triangle
-into three quadrilaterals, each quadrilateral into four.
-Source: J.-F. Remacle et al., Int. J. Numer. Meth. Engng 89 (2012), section 2 (quadrilaterals from triangles);
-J. Ruppert, J. Algorithms 18 (1995) (halving sides); E. Catmull, J. Clark, Computer-Aided Design 10 (1978) (division).
+Most lattice sizes leave single triangles, so several sizes are tried. Among meshes without triangles, the one with the
+longest shortest side is taken, since the time step grows with that side. If every size leaves triangles, a coarser mesh
+is divided: each triangle into three quadrilaterals, each quadrilateral into four. Source: J.-F. Remacle et al., Int. J.
+Numer. Meth. Engng 89 (2012), section 2 (quadrilaterals from triangles); J. Ruppert, J. Algorithms 18 (1995) (halving
+sides); E. Catmull, J. Clark, Computer-Aided Design 10 (1978) (division).
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from formats.arrays import Booleans, Floats, Integers
 
 Indices = Integers
 
-CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
+CLEAR = 0.45  # of the side of a square: least distance of inner corners from the outline
 WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined
-SIDES_TRIED = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
-BETTER = 1.2  # by which another lattice's shortest side must be longer to be taken
-LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
+SIDES_TRIED = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the requested side: tried sizes
+BETTER = 1.2  # factor by which another lattice's shortest side must be longer to be chosen
+LONG_ENOUGH = 0.45  # of the requested side: a shortest side that is long enough to end the trials
 SHORTEST_SIDE = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
-FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
+FLATTEST = 1e-3  # of the squared side: triangles of less area are degenerate and are dropped
 MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks, down to a quarter of SHORTEST_SIDE
 
 
 def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> tuple[Floats, Indices]:
     """Return corners [m], (corners, 2), and quadrilaterals, (n, 4), of sides about `side` [m] long.
 
-    loops: corners of the outline, (n, 2) each, then those of the holes, in any sense of rotation.
-    Each quadrilateral runs round from where the others begin: along X first, its sense that of X to Y.
+    loops: corners of the outline, (n, 2) each, then those of the holes, in any sense of rotation. The corners of each
+    quadrilateral are in one order: along X first, in the sense of rotation from X to Y.
 
     Raises:
         FitError: the outline cannot be meshed, or only with elements too small.
@@ -151,7 +151,7 @@ def _triangles(
 
 
 def _joined(places: Floats, triangles: Indices) -> list[Indices]:
-    """Join pairs of triangles into quadrilaterals; return them, and the triangles that are left."""
+    """Join pairs of triangles into quadrilaterals; return the quadrilaterals and the remaining triangles."""
     owners: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for t, corners in enumerate(triangles):
         for i in range(3):
@@ -179,7 +179,7 @@ def _shortest(places: Floats, faces: list[Indices]) -> float:
 
 
 def _shape(ring: Floats) -> float:
-    """Return the least sine of a quadrilateral's angles, negative where it is not convex; ring, (4, 2)."""
+    """Return the least sine of a quadrilateral's angles, negative if it is not convex; ring, (4, 2)."""
     ahead, behind = np.roll(ring, -1, 0) - ring, np.roll(ring, 1, 0) - ring
     sines = _cross(ahead, behind) / (np.linalg.norm(ahead, axis=1) * np.linalg.norm(behind, axis=1))
     return float(max(sines.min(), (-sines).min()))

@@ -1,12 +1,13 @@
-"""Whole rollouts of many cloths at once, candidates side by side in SIMD lanes, in one Taichi kernel.
+"""Taichi kernel of whole rollouts: many candidates in parallel, one per SIMD lane.
 
 One step of symplectic leapfrog (kick, then drift; Hairer, Lubich & Wanner, "Geometric Numerical Integration",
 section I.3), for node positions x [m] and velocities v [m/s]:
 
     v <- ((1 - c dt/2) v + dt (f/m + g + pull)) / (1 + c dt/2)        x <- x + dt v
 
-The rounding error of x + dt v is kept behind the places in x, and added to the next step's dt v. This is compensated
-summation (Hairer, Lubich & Wanner, section VIII.5). Without it, short steps far from the origin would stand still.
+The rounding error of x + dt v is stored after the positions in x, and added to the next step's dt v. This is
+compensated summation (Hairer, Lubich & Wanner, section VIII.5). Without it, short steps far from the origin would be
+lost.
 
 The force f is the sum of
     the cloth's resistance: membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling (fit.cloth.forces);
@@ -15,7 +16,7 @@ The force f is the sum of
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m
     contact    with itself and with bodies (fit.cloth.contact)
 pull is the observer's (fit.observer.residuals): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
-While the cloth settles (fit.cloth.support), c is at least the settling's, and the pull that of its beginning.
+While the cloth settles (fit.cloth.support), c is at least the settling's damping, and the first targets pull.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
@@ -53,14 +54,14 @@ from fit.cloth.moments import bending
 from fit.cloth.touching import touching
 from fit.runtime import TASK
 
-SETTLE_PULLED = 0.2  # of settling, its beginning: the observed first shape pulls
-SETTLE_GAIN = (2 * math.pi * 8.0) ** 2  # 1/s^2: 8 Hz, so that 0.32 s leave 2e-6 of the way from where the cloth began
+SETTLE_PULLED = 0.2  # of the settling time: initial part in which the first observed shape pulls
+SETTLE_GAIN = (2 * math.pi * 8.0) ** 2  # 1/s^2: 8 Hz, so that after 0.32 s 2e-6 of the initial distance remain
 SETTLE_PULL_DAMPING = 2 * math.sqrt(SETTLE_GAIN)  # 1/s, critical
 
 
 @functools.cache
 def make_rollout(kind: Kind):
-    """Build the rollout kernel of one kind, whose parameters are the fields of the bundles of `fit.cloth.bundles`.
+    """Build the rollout kernel of one kind; its parameters are the fields of the bundles in `fit.cloth.bundles`.
 
     Taichi's kernels have 64 parameters at most.
     """
@@ -77,7 +78,7 @@ def make_rollout(kind: Kind):
 
     @ti.func
     def copied(number):
-        """Return a number as a variable of its own: an element of an array would be read anew at every use."""
+        """Return a copy of a number in a local variable, because an array element would be read again at every use."""
         return number
 
     @ti.func
@@ -103,7 +104,7 @@ def make_rollout(kind: Kind):
     def pull_at_points(
         b, home, sample, part, gain, damping, moving, nodes: ti.template(), points: ti.template(), puller: ti.template()
     ):  # fmt: skip
-        """Find the acceleration at each tracked point; part: of the way from a sample of the targets to the next."""
+        """Compute the pull's acceleration at each tracked point; part: interpolation factor between two targets."""
         for p in range(puller.pull.shape[1]):
             believed = (1.0 - part) * puller.trust[sample, p] + part * puller.trust[sample + 1, p]
             for c in ti.static(range(3)):
@@ -117,7 +118,7 @@ def make_rollout(kind: Kind):
 
     @ti.func
     def handled(h, row, c, grip: ti.template()):
-        """Return where the handles put held node h at a step, one coordinate."""
+        """Return one coordinate of held node h at a step, as the handles prescribe it."""
         place = grip.shares[h, 0] * grip.path[row, c]
         for k in ti.static(range(1, kind.handles)):
             place = place + grip.shares[h, k] * grip.path[row, c + 3 * k]
@@ -125,7 +126,7 @@ def make_rollout(kind: Kind):
 
     @ti.func
     def hold(home, row, last_row, lost, nodes: ti.template(), grip: ti.template(), per_second, bend_time):
-        """Put held nodes, which moved freely with the rest, where their handles are, with the handles' speed."""
+        """Overwrite the held nodes' positions and velocities with those that the handles prescribe."""
         for h in range(grip.held.shape[0]):
             i = within(home + grip.held[h])
             for c in ti.static(range(3)):
@@ -202,7 +203,7 @@ def make_rollout(kind: Kind):
         seen: lanes_4d,
         shapes: lanes_4d,
     ):
-        # The bundles put together again, by name; from here on nothing goes by its place in a row.
+        # The bundles are rebuilt by field name, so that no later code depends on the order of parameters.
         nodes = ti.static(Motion(x=x, v=v, ahead=ahead, f=f))
         cloth = ti.static(
             Membrane(
@@ -360,7 +361,7 @@ def make_rollout(kind: Kind):
                                 ahead[j], ahead[j + 1], ahead[j + 2] = (
                                     y0 + bend_time * s0, y1 + bend_time * s1, y2 + bend_time * s2
                                 )  # fmt: skip
-                            if step + 1 < last_step:  # the last forces are handed back
+                            if step + 1 < last_step:  # the last forces are returned
                                 f[j], f[j + 1], f[j + 2] = zero, zero, zero
                         if ti.static(kind.handles > 0):
                             row, last_row = first_path + ti.max(step + 1, 0), first_path + now
@@ -376,7 +377,7 @@ def make_rollout(kind: Kind):
                                 results.seen[b, frame, p, c] = results.seen[b, frame, p, c] + w * (
                                     x[i + c] + lag * v[i + c]
                                 )
-                    if results.shapes.shape[1] > 1:  # room for one frame alone: they are not wanted
+                    if results.shapes.shape[1] > 1:  # an array of one frame means that shapes are not requested
                         for i in range(count):
                             for c in ti.static(range(3)):
                                 j = home + 3 * i + c

@@ -1,4 +1,4 @@
-"""Run batches of candidates on one recording, or on several recordings side by side."""
+"""Simulate batches of candidates on one recording, or on several recordings in parallel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from formats.arrays import Floats
 
 
 class Simulator(ClothModel):
-    """Simulate one recording for any number of candidates (`fit.cloth.model.ClothModel` says what a candidate is)."""
+    """Simulator of one recording for any number of candidates (defined in `fit.cloth.model.ClothModel`)."""
 
     def run(
         self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False,
@@ -21,7 +21,8 @@ class Simulator(ClothModel):
         - `materials`, (candidates, parameters)
         - `amplitudes`, (candidates, components of all effects), 0 where None
         - `observer_hz`: natural frequency of the pull towards the measured points, 0 for a free rollout.
-        - `progress`: is told the share of finished frames, again and again; an exception in it ends the simulation.
+        - `progress`: receives the share of finished frames repeatedly; an exception in this callback ends the
+          simulation.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.
@@ -40,7 +41,7 @@ def run_together(
     shapes: bool = False,
     progress: Progress | None = None,
 ) -> list[Rollouts]:
-    """Simulate candidates on several recordings side by side; for each recording what `Simulator.run` would return.
+    """Simulate candidates on several recordings in parallel; return the result of `Simulator.run` for each recording.
 
     Recordings of one garment share the processors, so that few candidates keep all of them busy.
     """

@@ -1,4 +1,4 @@
-"""Bound the highest frequency of a mesh, which decides the step.
+"""Upper bound of the highest frequency of a mesh, which limits the stable time step.
 
 Explicit leapfrog with Kelvin-Voigt damping is stable for
 
@@ -48,6 +48,6 @@ def unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
     count = mesh.fibres_across
     return (
         max(largest(stretched[:count]), largest(stretched[count:])),
-        largest(hstack([down, across])),  # in the plane, x moves with the slopes down, y with those across
+        largest(hstack([down, across])),  # in the plane, x couples to slopes down the cloth, y to slopes across
         largest(vstack(bends)),
     )

@@ -1,7 +1,7 @@
-"""Sums over stencils and lines of nodes or samples, and their transposes, which return stresses to nodes.
+"""Weighted sums over stencils and lines of nodes, and their transposes, which distribute stresses to nodes.
 
 Arrays are flat, with three vectors of lanes to a node or a sample. The vectors of node i begin at home + 3 i, and index
-arrays hold 3 i (`fit.cloth.launch`). Taichi would compute the place of an element in an array of several dimensions at
+arrays hold 3 i (`fit.cloth.launch`). Taichi would compute an element's offset in an array of several dimensions at
 every access. This took longer than the sums.
 
 Sums are unrolled: a sum carried round a loop in registers is not vectorised. `+=` on memory would be an atomic, three
@@ -19,7 +19,7 @@ from fit.cloth.lines import CURVATURES, LINE_ENTRIES, UNIT_SLOPES, VALUES
 
 @ti.func
 def stencil(home, begin, nodes: ti.template(), weights: ti.template(), count: ti.template()):
-    """Return where the nodes of a stencil of known length are, and their weights."""
+    """Return the node offsets and weights of a stencil of known length."""
     return [within(home + nodes[begin + n]) for n in range(count)], [weights[begin + n] for n in range(count)]
 
 
@@ -36,7 +36,7 @@ def weighted(y: ti.template(), at: ti.template(), weights: ti.template()):
 
 @ti.func
 def push(f: ti.template(), p0, p1, p2, at: ti.template(), weights: ti.template()):
-    """Push the nodes of a stencil with its stress p."""
+    """Add the forces of stress p to the nodes of a stencil."""
     for n in ti.static(range(len(at))):
         i, w = at[n], weights[n]
         f[i], f[i + 1], f[i + 2] = f[i] - w * p0, f[i + 1] - w * p1, f[i + 2] - w * p2
@@ -44,7 +44,7 @@ def push(f: ti.template(), p0, p1, p2, at: ti.template(), weights: ti.template()
 
 @ti.func
 def line_stencil(home, entry, line, nodes: ti.template(), weights: ti.template()):
-    """Return where the four nodes of a line are, and its five weights."""
+    """Return the offsets of a line's four nodes, and its five weights."""
     begin = within(entry + LINE_ENTRIES * line)
     return [within(home + nodes[begin + n]) for n in range(4)], [weights[begin + n] for n in range(LINE_ENTRIES)]
 
@@ -66,7 +66,7 @@ def line_slopes(y: ti.template(), at: ti.template(), w: ti.template()):
 
 @ti.func
 def push_line(f: ti.template(), stress: ti.template(), k, at: ti.template(), w: ti.template()):
-    """Push a line's nodes with the stress at its samples, the first of them at k: `line_slopes` backwards."""
+    """Add the forces of a line's sample stresses, stored from k on, to its nodes: the transpose of `line_slopes`."""
     for c in ti.static(range(3)):
         first, middle, last = stress[k + c], stress[k + 3 + c], stress[k + 6 + c]
         both, bulge = first + last, w[4] * (last - first)
@@ -94,7 +94,7 @@ def line_values(y: ti.template(), at: ti.template()):
 
 @ti.func
 def hand_back(stress: ti.template(), p: ti.template(), m: ti.template(), at: ti.template(), with_twist: ti.template()):
-    """Take stresses p at three samples from the four that `line_values` came from, and add moments m likewise."""
+    """Subtract stresses p at three points from the four samples of `line_values`, and add moments m likewise."""
     v, w = ti.static(VALUES), ti.static(UNIT_SLOPES)
     for c in ti.static(range(3)):
         both, apart = p[0][c] + p[2][c], p[2][c] - p[0][c]
@@ -120,7 +120,7 @@ def line_curvatures(y: ti.template(), at: ti.template()):
 
 @ti.func
 def push_pair(f: ti.template(), m: ti.template(), at: ti.template()):
-    """Push a line's nodes with two moments: `line_curvatures` backwards."""
+    """Add the forces of two moments to a line's nodes: the transpose of `line_curvatures`."""
     w = ti.static(CURVATURES)
     for c in ti.static(range(3)):
         even, apart = w[0] * (m[0][c] + m[1][c]), m[1][c] - m[0][c]

@@ -1,4 +1,4 @@
-"""Hold cloth by a hanger, by moving clamps, or by nothing, and choose its start.
+"""Support of the cloth, by a hanger, by moving clamps or none, and its initial shape and settling.
 
 Held nodes follow handles, vectors that move:
     x_h(t) = sum_k s_hk handle_k(t)
@@ -8,18 +8,18 @@ flat and at its angle; a single row of nodes is a hinge. A frame whose axes turn
 it.
 
 Before the take the cloth settles. It hangs at the hanger's first pose, for a fifth of the time under a pull to the
-points' first places, then freely. Damping at the rate c < 2 omega stills a swing at omega as e^(-c t / 2). Damping with
-c far larger than omega stills it as e^(-omega^2 t / c). Critical damping leaves the smallest remainder of the slowest
-swing,
+points' first positions, then freely. Damping at the rate c < 2 omega stills a swing at omega as e^(-c t / 2). Damping
+with c far larger than omega stills it as e^(-omega^2 t / c). Critical damping leaves the smallest remainder of the
+slowest swing,
     c = 2 omega_1,  omega_1 = 1.2024 sqrt(g / L),  remainder (1 + omega_1 t) e^(-omega_1 t),
 for a sheet of length L (2 x 1.2024 is the first zero of J0: D. Bernoulli, 1733). The remainder is 0.6 % at 0.45 m in
 1.28 s. Cloth with more damping of its own keeps that damping. Source of critical damping on the way to a static
 solution: A. S. Day, "An introduction to dynamic relaxation", The Engineer 219 (1965). `benchmarks/settling.py` measures
 the remainder.
 
-Cloth that hangs from a whole edge has one rest, which settling finds. Cloth held at two corners is slack between them.
-It hangs in folds, to one side or the other, and chance chooses one of several rests. So this cloth starts at the
-tracked points' first places. The polyharmonic spline through the points' displacements u_k moves the flat cloth there,
+Cloth that hangs from a whole edge has one equilibrium, which settling finds. Cloth held at two corners is slack between
+them. It hangs in folds, to one side or the other, so that several equilibria exist. So this cloth starts at the tracked
+points' first positions. The polyharmonic spline through the points' displacements u_k moves the flat cloth there,
     u(X) = a + B X + sum_k w_k |X - X_k|^3,   sum_k w_k = 0, sum_k w_k X_k = 0
 and the cloth settles from this start.
 
@@ -43,7 +43,7 @@ from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
 from formats.arrays import Booleans, Floats, Indices
 from formats.nature import GRAVITY
 
-ON_LINE = 1e-3  # m: points within this distance of a line say nothing on the cloth beside the line
+ON_LINE = 1e-3  # m: points within this distance of a line do not determine the cloth beside the line
 SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
 FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zero of J0
 
@@ -53,10 +53,10 @@ class Support:
     """Held nodes and their handles, start, settling and gravity.
 
     - `nodes`, (held,)
-    - `shares`, (held, handles): of the handles in the place of each held node
+    - `shares`, (held, handles): weights of the handles in each held node's position
     - `path`: (n,) instants [s] -> (n, 3 handles) [m], world frame
-    - `start`: handles at the beginning, (candidates, 3 handles) -> places of the nodes [m], (candidates, nodes, 3)
-    - `settle_time` [s]: the cloth hangs that long at the first pose before time begins, damped by settle_damping [1/s]
+    - `start`: handles at the beginning, (candidates, 3 handles) -> positions of the nodes [m], (candidates, nodes, 3)
+    - `settle_time` [s]: time at the first pose before the take begins, with the damping `settle_damping` [1/s]
     - `gravity` [m/s^2], along -z
     """
 
@@ -70,7 +70,7 @@ class Support:
 
     @property
     def handles(self) -> int:
-        """Return how many vectors the held nodes follow."""
+        """Number of vectors that the held nodes follow."""
         return self.shares.shape[1]
 
 
@@ -90,7 +90,7 @@ class Clamp:
 
 
 def hanger(recording: Recording) -> Supporting:
-    """Return what holds the cloth of a recording: its held edge, or that edge's ends, on the tracked path."""
+    """Return the support of a recording's cloth: the held edge or its two ends, on the tracked path."""
 
     def support(mesh: ClothMesh) -> Support:
         moved = _seen_folds(recording, mesh)
@@ -115,7 +115,7 @@ def clamps(
     - `stir`: places on the flat cloth [m], (n, 2) -> (n,) [m], how far out of its plane it begins.
 
     Raises:
-        FitError: by what is returned, where a clamp holds no node of the mesh.
+        FitError: raised by the returned function, if a clamp holds no node of the mesh.
     """
 
     def support(mesh: ClothMesh) -> Support:
@@ -171,7 +171,7 @@ def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
 
 
 def _seen_folds(recording: Recording, mesh: ClothMesh) -> Floats:
-    """Return how far cloth held at its corners begins from hanging flat [m], (nodes, 3), by its points; else 0."""
+    """Return the initial displacements from flat hanging [m], (nodes, 3), of cloth held at its corners; else 0."""
     is_seen = recording.valid[recording.time <= LONGEST_BRIDGE].any(0) & recording.has_curve
     places = np.array([point.at_m for point in recording.garment.points])[is_seen]
     if recording.garment.held != "corners" or np.linalg.matrix_rank(places - places[:1], tol=ON_LINE) < 2:

@@ -1,6 +1,6 @@
-"""Contact in the kernel, for candidates side by side: how what is near pushes (law: `fit.cloth.contact`).
+"""Contact forces in the kernel, for candidates in SIMD lanes (law: `fit.cloth.contact`).
 
-Places, lists and memory are those of `fit.cloth.nearby`.
+Positions, lists and memory are those of `fit.cloth.nearby`.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -40,12 +40,12 @@ from fit.cloth.nearby import (
     numbers_at,
 )  # fmt: skip
 
-SHARPNESS = 1 / (2 * WINDOW - 1)  # of a window's fall about a quad's edge
+SHARPNESS = 1 / (2 * WINDOW - 1)  # slope of a window at a quad's edge
 
 
 @ti.func
 def traction(gap, side, n0, n1, n2, u0, u1, u2, distance, stiffness, viscosity, friction):
-    """Return the force per area on cloth that moves with velocity u at a gap along n; side: the way of the push."""
+    """Return the force per area on cloth with velocity u at a gap along n; side: sign of the force along n."""
     overlap = ti.max(distance - gap, 0.0)
     grip = ti.min(4.0 * overlap / (distance + 1e-9), 1.0) * viscosity
     along = u0 * n0 + u1 * n1 + u2 * n2
@@ -67,7 +67,7 @@ def press(
     at, facing, share, reach, windows, alone: ti.template(), memory: ti.template(), distance, stiffness, viscosity,
     friction,
 ):  # fmt: skip
-    """Push a sample away from a quad, and the quad back; share: of the sample's area [m^2]."""
+    """Add the contact forces between a sample and a quad; share: the sample's share of its area [m^2]."""
     gap, one, two, square = located(at, facing, memory)
     n0, n1, n2 = memory[facing + NORMAL], memory[facing + NORMAL + 1], memory[facing + NORMAL + 2]
     zero = 0.0 * gap
@@ -96,7 +96,7 @@ def press(
 def lean(
     at, body, area, memory: ti.template(), alone: ti.template(), clearance, stiffness, viscosity, friction
 ):  # fmt: skip
-    """Push a sample away from a body, which does not give way."""
+    """Add the contact force on a sample from a body, whose motion is prescribed."""
     p0, p1, p2 = in_body(at, body, memory, alone)
     gap, n0, n1, n2 = body_distance(p0, p1, p2, body, alone)
     rate = body + RATE
@@ -113,7 +113,7 @@ def lean(
 
 @ti.func
 def give_corners(q, first, at, samples, whole: ti.template(), memory: ti.template()):
-    """Share a quad's force among its corners: h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2, summed over what it met."""
+    """Distribute a quad's force to its corners: h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2, summed over its samples."""
     i, j, k, m = corners(q, first + 6, samples, whole)
     for c in ti.static(range(3)):
         total = 0.25 * memory[at + FORCE + c]
@@ -128,7 +128,7 @@ def give_corners(q, first, at, samples, whole: ti.template(), memory: ti.templat
 def give_nodes(
     home, at, s, f: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()
 ):  # fmt: skip
-    """Share a sample's force among the nodes that carry it."""
+    """Distribute a sample's force to the nodes of its element."""
     f0, f1, f2 = memory[at + 6], memory[at + 7], memory[at + 8]
     for n in range(16):
         w, i = alone[16 * s + n], within(home + whole[HEADER_SIZES + 16 * s + n])

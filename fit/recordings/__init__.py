@@ -1,1 +1,1 @@
-"""Make takes ready for simulation: held edge, smoothing, noise, fitted and held-out takes."""
+"""Preparation of takes for simulation: held edge, smoothing, noise, camera faults, fitted and held-out takes."""

@@ -1,4 +1,4 @@
-"""Bodies that cloth may touch: spheres, capsules, half-spaces and boxes that stand still, or move on given paths."""
+"""Rigid bodies that cloth may touch: spheres, capsules, half-spaces and boxes, at rest or on prescribed paths."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A box with rounded edges: sphere, capsule, half-space and box are all of its kind.
+    """A box with rounded edges, of which sphere, capsule, half-space and box are special cases.
 
     - centre [m], world frame
     - axes, (3, 3): unit vectors along its sides
@@ -58,7 +58,7 @@ class Body:
         return 2 * (min(self.half_size) + self.radius - abs(self.taper) * self.half_size[2])
 
     def distance(self, places: Floats) -> Floats:
-        """Distances [m] of places (..., 3) from its surface, negative inside: as the kernel computes them."""
+        """Return distances [m] of points, (..., 3), from the surface, negative inside, as the kernel computes them."""
         local = (places - np.array(self.centre)) @ np.array(self.axes).T
         beyond = np.abs(local) - np.array(self.half_size)
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
@@ -68,7 +68,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Paths of bodies: where each is at even instants from 0 on, linear between them.
+    """Prescribed motion of bodies: poses at even instants from 0 on, linear between them.
 
     - `spacing` [s] of the instants
     - `poses`, (instants, bodies, 12): centre [m], world frame, and the three axes
@@ -90,7 +90,7 @@ class BodyMotion:
         return np.concatenate([poses[..., :3], first, np.cross(third, first), third], axis=-1)
 
     def way(self, bodies: tuple[Body, ...]) -> Floats:
-        """Return how far any place of any body has gone at most [m], (instants,), summed from the first one on."""
+        """Return an upper bound of any body point's path length since the first instant [m], (instants,)."""
         sign = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
         reach = np.array([np.add(b.half_size, b.radius + abs(b.taper) * b.half_size[2]) for b in bodies])
         corners = sign[None] * reach[:, None]
@@ -102,7 +102,7 @@ class BodyMotion:
 
 
 def placed(body: Body, pose: Floats) -> Body:
-    """Return a body elsewhere; pose, (12,), as in `BodyMotion`."""
+    """Return the body at another pose, (12,), as in `BodyMotion`."""
     return replace(body, centre=_triple(pose[:3]), axes=tuple(_triple(axis) for axis in pose[3:].reshape(3, 3)))
 
 
@@ -112,10 +112,10 @@ def sphere(centre: tuple[float, float, float], radius: float) -> Body:
 
 
 def capsule(start: tuple[float, float, float], end: tuple[float, float, float], radius: float) -> Body:
-    """Return all that is within a radius of the straight way from start to end [m].
+    """Return a capsule: all points within a radius of the straight line from start to end [m].
 
     Raises:
-        FitError: start and end are the same place.
+        FitError: start and end coincide.
     """
     way = np.subtract(end, start)
     length = float(np.linalg.norm(way))
@@ -128,7 +128,7 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
 
 
 def half_space(place: tuple[float, float, float], normal: tuple[float, float, float]) -> Body:
-    """Return everything behind a plane through a place [m]; the normal points to where the cloth is.
+    """Return a half-space behind a plane through a point [m]; the normal points to the cloth's side.
 
     Raises:
         FitError: the normal has no length.
@@ -143,7 +143,7 @@ def half_space(place: tuple[float, float, float], normal: tuple[float, float, fl
     return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))
 
 
-HALF_SPACE = 50.0  # m that a half-space reaches: single precision still tells micrometres there
+HALF_SPACE = 50.0  # m: extent of a half-space, at which single precision still resolves micrometres
 
 
 def _triple(values: Floats) -> tuple[float, float, float]:

@@ -1,19 +1,19 @@
-"""Take out a camera's faults before anything is simulated: late stamps, skewed grids, points that slide.
+"""Correct a camera's faults before any simulation: late time stamps, skewed grids, points that slide over the cloth.
 
-None of it needs a cloth. The steps are taken in this order:
+No step needs a cloth model. The steps are taken in this order:
 
-- stamps: the held row tells how late they are (`fit.recordings.timing`). They are mended for silhouettes, and for
-  material points beyond `LATEST_LEFT`. Up to there the effect `time_offset` is sound.
-- skew: frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
+- stamps: the held row shows their delay (`fit.recordings.timing`). They are corrected for silhouettes, and for material
+  points beyond `LATEST_LEFT`. Up to this delay the effect `time_offset` is valid.
+- skew: frames of a silhouette with a skewed grid are left out (`fit.recordings.grids`)
 - edge: a clamped edge is as long as on the flat cloth. It lies at the middle of a silhouette's top row at rest.
-- frames: the error of a silhouette's held row is taken out of the whole frame (`fit.recordings.frame_offsets`)
-- places: points of a silhouette's grid get the material place of their way from the held edge
+- frames: the error of a silhouette's held row is subtracted from the whole frame (`fit.recordings.frame_offsets`)
+- positions: points of a silhouette's grid move to the material position given by their path from the held edge
 
-Then it is said how far the outline is eaten (`fit.recordings.outline`), how the held row still errs, and how the cloth
-leans at rest (`fit.recordings.row_and_rest`).
+Then the erosion of the outline (`fit.recordings.outline`), the remaining error of the held row, and the lean of the
+cloth at rest (`fit.recordings.row_and_rest`) are estimated.
 
-A silhouette is one that the garment file states (`points_are`). Older files are treated as before. Points and hanger of
-the same pictures have one clock, and its stamps are not examined.
+The garment file states whether points are a silhouette's (`points_are`). Older files are treated as before. Points and
+hanger from the same pictures have one clock, and its stamps are not examined.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 
 LATEST_LEFT = 0.08  # s: a larger offset could end at the bound of 0.1 s of the effect `time_offset`
-STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
+STILL_SPEED = 0.03  # m/s of the hanger: below, the hanger is at rest
 FEWEST_RESTING_FRAMES = 5  # frames: the deviation of five has a relative error of a third
-TOP_ROW = 0.02  # of the grid's height, within which of the held edge its first row lies on it
-NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eaten corners but something else
+TOP_ROW = 0.02  # of the grid's height: a first row within this distance of the held edge lies on the edge
+NARROWEST = 0.85  # of the flat held edge: a shorter row has another cause than eroded corners
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSteps:
-    """Which of a camera's faults are taken out: all, except where the worth of each is measured.
+    """Selection of the camera's faults to correct: all of them, except in benchmarks of single corrections.
 
     stamps: a constant latency and a share of the interval before; frames: offsets of whole frames
     """
@@ -57,14 +57,14 @@ EVERY_STEP = CameraSteps()
 
 @dataclass(frozen=True)
 class Edge:
-    """Where a held edge is in the hanger's frame, down and out [m], and how long it is [m]."""
+    """Position of a held edge in the hanger's frame, down and out [m], and its length [m]."""
 
     down: float
     out: float
     width: float
 
     def of(self, ends: Floats) -> Floats:
-        """Return the edge's ends [m], (n, 6), for those that the hanger's path gives, NaN where these are."""
+        """Return the corrected ends of the edge [m], (n, 6), from those of the hanger's path; NaN is kept."""
         found = np.full(ends.shape, np.nan)
         known = np.isfinite(ends).all(1)
         axes = hanger_axes(ends[known])
@@ -76,18 +76,18 @@ class Edge:
 
 @dataclass(frozen=True)
 class Camera:
-    """Findings on one take, and the faults that were taken out.
+    """Camera faults of one take, and their corrections.
 
-    - `timing`: from the held row; None if the row tells nothing
-    - `is_retimed`: whether the stamps were mended by it
+    - `timing`: from the held row; None if the row gives no estimate
+    - `is_retimed`: whether the stamps were corrected by `timing`
     - `skewed`: number of frames left out for a skewed grid
     - `frames`: number of frames with a grid
-    - `edge`: the new place of the held edge; None if it was left
-    - `is_placed`: whether the points were given their material places
-    - `outline`: how far it is eaten; None of other points than a silhouette's grid
-    - `row_off` [m]: error of the held row across the cloth when all of this is taken out, root mean square
-    - `lean`: of the cloth while the hanger stands still; None where that is not seen
-    - `offsets`: of whole frames, taken out; None if none shows
+    - `edge`: corrected position of the held edge; None if unchanged
+    - `is_placed`: whether the points were moved to their material positions
+    - `outline`: erosion of the outline; None for other points than a silhouette's grid
+    - `row_off` [m]: remaining error of the held row across the cloth after all corrections, root mean square
+    - `lean`: of the cloth while the hanger is at rest; None if not seen
+    - `offsets`: subtracted errors of whole frames; None if there are none
     """
 
     timing: Timing | None = None
@@ -114,7 +114,7 @@ class Seen:
 def retimed(
     time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans
 ) -> Seen:  # fmt: skip
-    """Return frames at the times at which the camera saw them, on the clock of the path of the held ends.
+    """Return frames with corrected time stamps: the exposure times on the clock of the held ends' path.
 
     - `time` [s], (frames,)
     - `points` [m], (frames, points, 3), NaN where not seen
@@ -139,7 +139,7 @@ def retimed(
 
 
 def straightened(seen: Seen, garment: Garment) -> Seen:
-    """Return frames without the points of silhouettes' grids that lie askew."""
+    """Return frames without the points of skewed silhouette grids."""
     grid = _grid_of_silhouette(garment)
     if grid is None:
         return seen
@@ -150,10 +150,10 @@ def straightened(seen: Seen, garment: Garment) -> Seen:
 
 
 def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
-    """Return how a silhouette's top row shows the held edge to lie against the hanger's path.
+    """Return the held edge's position relative to the hanger's path, from a silhouette's top row.
 
     The result is None unless the points are a silhouette's grid with a row at a clamped edge. It is also None if the
-    distance of the ends is far from that on the flat cloth.
+    distance of the ends differs much from that on the flat cloth.
     """
     grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
@@ -168,12 +168,12 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     if still.sum() < FEWEST_RESTING_FRAMES:
         return Edge(0.0, 0.0, width)
     local = in_hanger_frame(row, ends)[still]
-    _, down, out = np.median(local, axis=0)  # along the bar both corners are eaten alike
+    _, down, out = np.median(local, axis=0)  # along the bar both corners are eroded alike
     return Edge(float(down), float(out), width)
 
 
 def steadied(seen: Seen, held: Curve, garment: Garment) -> Seen:
-    """Return frames of a silhouette moved back by the error of their held row, and say by how much."""
+    """Return frames of a silhouette corrected by the error of their held row, and the corrections."""
     grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
         return seen
@@ -185,13 +185,13 @@ def steadied(seen: Seen, held: Curve, garment: Garment) -> Seen:
 
 
 def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
-    """Return the points of a silhouette's grid at their material places [m], (frames, points, 3); None of others."""
+    """Return a silhouette's grid points at their material positions [m], (frames, points, 3); None for other points."""
     grid = _grid_of_silhouette(garment)
     return None if grid is None or garment.held != "edge" else placed(seen.points, held(seen.time), grid)
 
 
 def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
-    """Return the findings on frames with placed points: losses of the outline, errors of the row, lean of the cloth."""
+    """Return the faults that remain after the corrections: eroded outline, error of the row, lean of the cloth."""
     grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge":
         return seen.camera
@@ -206,7 +206,7 @@ def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
 
 
 def is_still(time: Floats, path: Curve) -> Booleans:
-    """Return the frames in which the hanger stands still, (frames,)."""
+    """Return which frames show the hanger at rest, (frames,)."""
     speed = np.linalg.norm(path(time + CLOSEST) - path(time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
     return np.asarray(speed < STILL_SPEED)
 

@@ -1,4 +1,4 @@
-"""Name a camera's faults in some takes, with their sizes.
+"""Report a camera's faults in takes, with their sizes and intervals.
 
 The faults are late stamps, skewed grids, a moved edge, points that slide, an eaten outline, wrong depths, and a lean.
 Sizes over several takes are means over the takes, weighted by their certainty. Their 90 % interval comes from the
@@ -18,19 +18,19 @@ from fit.recordings.timing import is_sure, why_foreign
 from formats.fit_records import CameraFinding, Interval
 from formats.plain_text import shortened
 
-CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
-LEAST_EDGE = 0.002  # m that the edge is moved by, from which it is said
-LEAST_SLIDE = 0.003  # m rms beyond noise, from which points are said to slide
-LEAST_BORDER = 0.002  # m that grids of a perfect silhouette may seem to be short, by the cloth's own stretch and folds
+CERTAIN_LEFT = 0.02  # s: delay of material points from which it is reported, though the diagnosis treats it
+LEAST_EDGE = 0.002  # m: correction of the edge from which it is reported
+LEAST_SLIDE = 0.003  # m rms beyond noise, from which sliding points are reported
+LEAST_BORDER = 0.002  # m: apparent loss of a perfect silhouette's grid, by stretch and folds of the cloth
 LEAST_SCALE = 0.003  # of depths
 LEAST_LEAN_TOLD = 0.005  # rad, 0.3 degrees
 LEAST_BY_POSE = 0.01  # m per unit of lean, the same
 
 
 def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
-    """Return the camera's faults in takes, and the corrections, in their order."""
+    """Return the camera's faults in takes and their corrections, in the order of the corrections."""
     found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings)]
-    # Where points and path do not belong together, nothing more follows from both.
+    # If points and path do not belong together, no further finding is valid.
     sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]
     for more in (_edge, _offset, _placed, _eaten, _scaled, _leaning):
         found += more(sound)
@@ -43,18 +43,18 @@ def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
     return found
 
 
-def camera_clause(found: Sequence[CameraFinding], told: str = "") -> str:
-    """Return one sentence on what was taken out before the fit, with sizes, and the faults; nothing of none.
+def camera_clause(found: Sequence[CameraFinding], reported: str = "") -> str:
+    """Return a sentence on the corrections before the fit, with sizes, and remaining faults; empty without any.
 
-    told: the verdict so far, whose reason may be such a fault
+    reported: the verdict so far, which may mention a fault already
     """
     words = [text for one in found if not one.is_fault and (text := _short(one))]
     taken = f" Taken out before anything was fitted: {'; '.join(words)}." if words else ""
-    return taken + "".join(f" {one.sentence}" for one in found if one.is_fault and one.sentence not in told)
+    return taken + "".join(f" {one.sentence}" for one in found if one.is_fault and one.sentence not in reported)
 
 
 def _short(one: CameraFinding) -> str:
-    """Return a finding that was taken out in a few words; nothing of one that was left or is no fault of a camera."""
+    """Return a corrected fault in a few words; nothing for an uncorrected fault or one that is not the camera's."""
     if one.figure is None or one.is_left:
         return ""
     if one.name == "latency":
@@ -89,7 +89,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
-    """Return the finding on takes whose points cannot have the hanger's clock; None where all can."""
+    """Return the finding on takes whose points cannot have the hanger's clock; None if there are none."""
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
     lost = [(r, t) for r, t in timed if not t.is_of_hanger]
     if not lost:
@@ -203,7 +203,7 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
         return []
     moved = np.concatenate([np.linalg.norm(r.points - r.seen_points, axis=2).ravel() for r in placed])
     seen = float(np.mean([r.valid.mean() for r in placed]))
-    # Noise along the cloth's two directions is taken out by the way, and is no sliding.
+    # The move also removes noise along the cloth's two directions, which is no sliding.
     noise = 2 * float(np.mean([np.mean(r.point_sd**2) for r in placed]))
     slide = float(np.sqrt(max(np.nanmean(moved**2) - noise, 0.0))) if np.isfinite(moved).any() else 0.0
     if slide < LEAST_SLIDE:
@@ -216,7 +216,7 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def _eaten(recordings: Sequence[Recording]) -> list[CameraFinding]:
-    """Return by how much the borders are eaten, and how much more by pose, where that is certain."""
+    """Return the erosion of the borders, and its dependence on pose, if certain."""
     shown = [(r, r.camera.outline) for r in recordings if r.camera.outline is not None]
     found = []
     bottom, bottom_span = _together([(o.bottom, o.bottom_interval) for _, o in shown]) if shown else (0.0, (0.0, 0.0))
@@ -250,7 +250,7 @@ def _eaten(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
-    """Return by how much depths are wrong, as the held row travels against the hanger's path."""
+    """Return the relative error of depths, from the travel of the held row against the hanger's path."""
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
     shown = [(r, t.scale, t.scale_interval) for r, t in timed]
     known = [(r, scale, span) for r, scale, span in shown if span is not None]
@@ -267,7 +267,7 @@ def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
-    """Return the lean of cloth at rest."""
+    """Return the finding on the lean of cloth at rest."""
     shown = [(r, lean.angle, lean.interval) for r in recordings if (lean := r.camera.lean) is not None]
     figure, span = _together([(angle, interval) for _, angle, interval in shown]) if shown else (0.0, (0.0, 0.0))
     if abs(figure) < LEAST_LEAN_TOLD or not is_sure(span):
@@ -282,7 +282,8 @@ def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def _together(values: Sequence[tuple[float, Interval]]) -> tuple[float, Interval]:
-    """Mean of figures with 90 % intervals, and its own; figures that are less known than the median count less."""
+    """Return the mean of values with 90 % intervals, and its interval; less certain values than the median count
+    less."""
     from scipy.special import stdtrit
 
     figures = np.array([value for value, _ in values])

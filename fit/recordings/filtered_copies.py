@@ -1,29 +1,31 @@
-"""Know one recording that was moved to other axes, filtered, rounded or sampled anew: its noise is still there.
+"""Detect a copy of a recording that was transformed, filtered, rounded or resampled, by the noise that both share.
 
-Places x of one take and y of another are smoothed over a time tau and read at steps of tau / 2. They are fitted:
+Positions x of one take and y of another are smoothed over a time tau and sampled at steps of tau / 2. A fit relates
+them:
 
     y_p(t) = c + R sum_k h_k x_p(t + l + k tau / 2) + e_p(t)
 
-Here p is a point, l a lag, R orthogonal, and h a filter of a few taps. Two recordings do not share the noise of their
-sensors, so the residual e holds the noise of both, whatever they have in common. A copy leaves far less:
+Here p is a point, l a lag, R orthogonal, and h a filter of a few taps. Two recordings have independent sensor noise, so
+the residual e contains the noise of both, however similar their
+motions are. A copy leaves far less:
 
     q = median_p ( mean_t |e_p|^2 / N_p ) n / (n - m),   q >= 1 for two recordings, q = 0 for a copy
     N_p = ( s_x^2 d_x g + s_y^2 d_y ) / (2 sqrt(pi) tau),   g = min(1, sum_jk h_j h_k exp(-(j - k)^2 / 16))
 
-N is the power of white noise s of frames d apart, behind the smoothing. The gain g of a copy's filter is 1 at most: the
-taps may magnify only noise that a filter took out of x. The fit takes m of the n independent numbers.
+N is the power of white noise s of frames d apart, after the smoothing. The gain g of a copy's filter is 1 at most: the
+taps may amplify only noise that a filter removed from x. The fit uses m of the n independent numbers.
 
-The median of sixth differences of frames measures s, and that of sixth differences behind the smoothing measures N.
-Motion hardly shows in them at 30 frames a second, and the smaller N counts. Of slower takes, s is not measured.
+The median of sixth differences of frames measures s, and that of sixth differences after the smoothing measures N.
+Motion hardly contributes to them at 30 frames a second, and the smaller N counts. In slower takes, s is not measured.
 
-No s is below `SAME_PLACE`. No s is below the step, of 1 mm at most, to which a take's numbers are rounded. So takes of
-a motion that a machine repeats with noise below 0.4 of that step count as copies.
+No s is below `SAME_POSITION`. No s is below the step, of 1 mm at most, to which a take's numbers are rounded. So takes
+of a motion that a machine repeats with noise below 0.4 of that step count as copies.
 
 The lag has the largest RV coefficient of the second differences u, v of both,
 
     RV = |C|^2 / (|A| |B|),   C = sum u v^T, A = sum u u^T, B = sum v v^T,   1 where v = R u, for any R
 
-Frames that are split in turn between two takes have no noise in common, and are not known.
+Two takes that hold alternate frames of one recording share no noise, and are not detected.
 
 Sources: Y. Escoufier, Biometrics 29 (1973) (RV); W. Kabsch, Acta Crystallographica A32 (1976) (R).
 """
@@ -42,29 +44,30 @@ from formats.arrays import Booleans, Floats, Integers
 
 # m in each axis. Exports round to 0.1 mm, and archives to 0.1 mm at most: half a step of each.
 # No two of sixteen recordings of one cloth share ten frames in order within 5 mm.
-SAME_PLACE = 1.0e-4
-AT_REST = 0.01  # m from its first place: a fit learns next to nothing there, and made takes may start with one noise
-# Of the noise of two recordings. Pairs of the synthetic world leave 1.3 times that noise and more, and motions that a
+SAME_POSITION = 1.0e-4
+AT_REST = 0.01  # m from its first position: nearer frames hardly inform a fit, and synthetic takes may share noise
+# Share of the noise of two recordings. Pairs of synthetic takes leave 1.3 times that noise and more, and motions that a
 # machine repeats with noise above 0.1 mm leave 0.7. Rounding to steps s leaves a twelfth.
 MOST_LEFT = 0.25
 LEAST_TIME = 2.0  # s in common in which the cloth has moved
 LEAST_SHARE = 0.2  # of the shorter take in common
-FEWEST_NUMBERS = 80  # independent ones in common: chance brings q below `MOST_LEFT` in 1e-10 of fits (chi-squared)
-NUMBERS_A_PLACE = 0.6  # independent ones of three: neighbours of smoothed places are alike
-REACH = 4.0  # tau: a Gaussian rounds corners farther off by 1e-5 of what it rounds those at hand
+FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_LEFT` in 1e-10 of fits (chi-squared)
+NUMBERS_A_PLACE = 0.6  # independent numbers of a position's three, as neighbouring smoothed positions are correlated
+REACH = 4.0  # tau: corners farther away contribute 1e-5 of those nearby to the Gaussian smoothing
 SMOOTHING = 2.0  # frames of the slower take: between frames, resampling changes the noise
-RUNGS = 4  # of smoothing, per octave: takes of nearly one rate are smoothed once for all
-READS = 2  # per tau: with one, copies of lively motion whose clocks differ by half a step are not known
+RUNGS = 4  # smoothing times per octave: takes of nearly equal rates share one smoothing time
+READS = 2  # samples per tau: with one, copies of fast motion with clocks half a step apart are not detected
 TAPS = 4 * READS  # to each side: a filter of 8 tau, half a second at 30 frames a second
-LEAST_SEEN = 0.6  # of the frames around an instant
-MOST_EMPTY = 10  # times the frames: a clock that jumps so far is not followed
-MOST_SLOWER = 20.0  # times the interval of the other take: of a copy, one frame in ten, taken twice as fast
-MOST_STEPS = 3000  # that are fitted to: more cost time and tell little more
-LAGS = 3  # that are tried: swings look alike a period apart
-# s between frames in which motion hardly shows. At 25 a second, flutter of 3 cm at 4 Hz measures as 1.2 mm of noise.
+LEAST_SEEN = 0.6  # of the frames around an instant: least share that is seen
+MOST_EMPTY = 10  # times the frames: a take with longer clock jumps is not compared
+MOST_SLOWER = 20.0  # times the other take's interval: a copy with one frame in ten at twice the speed
+MOST_STEPS = 3000  # steps used in the fit at most: more cost time and add little
+LAGS = 3  # lags that are tried, as swings are similar one period apart
+# s between frames, below which motion hardly affects sixth differences. At 25 frames a second, flutter of 3 cm at 4 Hz
+# measures as 1.2 mm of noise.
 LONGEST_INTERVAL = 0.036
 FRAMES_OF_STEP = 2000  # frames whose numbers show the step to which they are rounded
-LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: less is no step; marker files are not rounded to more
+LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: smallest and largest rounding step of marker files
 NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
 SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps
 WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # of sixth differences
@@ -72,58 +75,58 @@ WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # of sixth differ
 
 @dataclass(frozen=True)
 class _Smoothed:
-    """Places [m], (steps, points, 3), and whether they are seen, (steps, points)."""
+    """Smoothed positions [m], (steps, points, 3), and whether they are seen, (steps, points)."""
 
-    places: Floats
+    positions: Floats
     seen: Booleans
 
     @cached_property
     def moved(self) -> Booleans:
-        """Whether the cloth has moved, (steps,)."""
-        first = self.places[np.argmax(self.seen, 0), np.arange(self.seen.shape[1])]
-        away = np.linalg.norm(self.places - first, axis=2)
+        """Whether the cloth has moved from its first position, (steps,)."""
+        first = self.positions[np.argmax(self.seen, 0), np.arange(self.seen.shape[1])]
+        away = np.linalg.norm(self.positions - first, axis=2)
         return np.asarray((self.seen & (away > AT_REST)).any(1))
 
 
 class Motion:
-    """The motion of a take's points, to be compared with that of another take."""
+    """Motion of a take's points, for the comparison with another take."""
 
-    def __init__(self, time: Floats, places: Floats, seen: Booleans) -> None:
-        """Keep instants [s], (frames,), places [m], (frames, points, 3), and which were seen, (frames, points)."""
-        fresh = np.ones(len(time), bool)  # a slower tracker holds its frames
-        fresh[1:] = (seen[1:, :, None] & (places[1:] != places[:-1])).any((1, 2))
+    def __init__(self, time: Floats, positions: Floats, seen: Booleans) -> None:
+        """Store instants [s], (frames,), positions [m], (frames, points, 3), and which were seen, (frames, points)."""
+        fresh = np.ones(len(time), bool)  # a slower tracker repeats its frames
+        fresh[1:] = (seen[1:, :, None] & (positions[1:] != positions[:-1])).any((1, 2))
         fresh[1:] &= time[1:] > np.maximum.accumulate(time)[:-1]
-        time, self._places, self._seen = time[fresh], places[fresh], seen[fresh]
+        time, self._positions, self._seen = time[fresh], positions[fresh], seen[fresh]
         steps = np.diff(time)
         self.interval = float(np.median(steps)) if len(steps) else 0.0
         self._time = time - time[0] if self.interval else np.zeros(0)
-        self._rounding = _step_of(self._places[:: -(-len(time) // FRAMES_OF_STEP)]) if len(time) else 0.0
+        self._rounding = _step_of(self._positions[:: -(-len(time) // FRAMES_OF_STEP)]) if len(time) else 0.0
         self._noise: dict[tuple[int, float], float] = {}
         self._smoothed: dict[tuple[int, float], tuple[Floats, Booleans]] = {}
         self._near: dict[float, _Near] = {}
 
     @property
     def can_be_compared(self) -> bool:
-        """Whether the clock goes on, without jumps that are far longer than the take."""
+        """Whether the clock advances without jumps much longer than the take."""
         return bool(self.interval) and self._time[-1] < MOST_EMPTY * len(self._time) * self.interval
 
     def noise(self, points: Integers, tau: float) -> Floats:
-        """Return the noise that smoothing over tau [s] leaves of points, (n,), of the three axes together [m^2]."""
+        """Return the points' noise variance after smoothing over tau [s], (n,), summed over the three axes [m^2]."""
         return np.array([self._noise_of(int(point), tau) for point in points])
 
     def smoothed(self, points: Integers, tau: float) -> _Smoothed:
-        """Return the places of points, (n,), smoothed over tau [s] and read twice in it."""
+        """Return the positions of points, (n,), smoothed over tau [s] and sampled every tau / 2."""
         each = [self._smoothed_point(int(point), tau) for point in points]
-        return _Smoothed(np.stack([places for places, _ in each], 1), np.stack([seen for _, seen in each], 1))
+        return _Smoothed(np.stack([positions for positions, _ in each], 1), np.stack([seen for _, seen in each], 1))
 
     def _noise_of(self, point: int, tau: float) -> float:
         if (point, tau) not in self._noise:
             white = self.interval / (2 * np.sqrt(np.pi) * tau)
-            noise = 3 * max(SAME_PLACE, self._rounding) ** 2 * white
+            noise = 3 * max(SAME_POSITION, self._rounding) ** 2 * white
             if self.interval <= LONGEST_INTERVAL:
-                places, seen = self._smoothed_point(point, tau)
-                behind = _noise_in(np.where(seen[:, None], places, np.nan)[::READS]) / _power(WEIGHTS, 1.0)
-                frames = _noise_in(self._places[self._seen[:, point], point]) / (WEIGHTS @ WEIGHTS)
+                positions, seen = self._smoothed_point(point, tau)
+                behind = _noise_in(np.where(seen[:, None], positions, np.nan)[::READS]) / _power(WEIGHTS, 1.0)
+                frames = _noise_in(self._positions[self._seen[:, point], point]) / (WEIGHTS @ WEIGHTS)
                 noise = max(noise, min(frames * white, behind))
             self._noise[point, tau] = noise
         return self._noise[point, tau]
@@ -134,22 +137,22 @@ class Motion:
                 self._near[tau] = _Near(self._time, np.arange(0.0, self._time[-1], tau / READS), tau)
             seen, near = self._seen[:, point], self._near[tau]
             is_seen = near.share_seen(seen) * self.interval >= LEAST_SEEN
-            is_seen[: 2 * READS] = is_seen[-2 * READS :] = False  # smoothed over what was not recorded
-            self._smoothed[point, tau] = near.smoothed(self._places[seen, point], seen), is_seen
+            is_seen[: 2 * READS] = is_seen[-2 * READS :] = False  # the smoothing would cover unrecorded time
+            self._smoothed[point, tau] = near.smoothed(self._positions[seen, point], seen), is_seen
         return self._smoothed[point, tau]
 
 
 class _Near:
-    """Frames near the instants at which a motion is read, smoothed by a Gaussian of deviation tau.
+    """Gaussian smoothing of unevenly sampled motion, with deviation tau, at given instants.
 
-    Places f lead straight from frame to frame, wherever the frames are on the clock. With c_i, by which the velocity
-    changes at frame i, and D the part by which a Gaussian rounds a corner,
+    Positions f are linear between frames, which may be uneven in time. With the change c_i of velocity at frame i, and
+    the rounding D of a corner by the Gaussian,
 
         smoothed f(t) = f(t) + sum_i c_i D(t - t_i),   D(u) = tau phi(u / tau) - |u| Phi(-|u| / tau)
     """
 
     def __init__(self, time: Floats, read: Floats, tau: float) -> None:
-        """Take frames' instants [s], rising, (frames,), those to read at [s], rising, (steps,), and tau [s]."""
+        """Prepare the smoothing: rising frame times [s], (frames,), rising output times [s], (steps,), tau [s]."""
         begin, end = (np.searchsorted(time, read + side * REACH * tau) for side in (-1, 1))
         ends = np.concatenate([[0], np.cumsum(end - begin)])
         at = np.arange(ends[-1]) - np.repeat(ends[:-1] - begin, end - begin)
@@ -160,45 +163,45 @@ class _Near:
         self._bells = csr_array((bell / tau, at, ends), shape=shape)
 
     def share_seen(self, seen: Booleans) -> Floats:
-        """Return how many frames a second saw a point about each step, (steps,)."""
+        """Return the local rate of frames that saw a point around each step, (steps,)."""
         return np.asarray(self._bells @ seen.astype(float))
 
-    def smoothed(self, places: Floats, seen: Booleans) -> Floats:
-        """Return smoothed places, (steps, 3), of those in the frames that saw a point, (n, 3)."""
+    def smoothed(self, positions: Floats, seen: Booleans) -> Floats:
+        """Return smoothed positions, (steps, 3), from a point's positions in the frames that saw it, (n, 3)."""
         time = self._time[seen]
         if not len(time):
             return np.zeros((len(self._read), 3))
         speeds = np.zeros((len(time) + 1, 3))
-        speeds[1:-1] = np.diff(places, axis=0) / np.diff(time)[:, None]
+        speeds[1:-1] = np.diff(positions, axis=0) / np.diff(time)[:, None]
         corners = np.zeros((len(seen), 3))
         corners[seen] = np.diff(speeds, axis=0)
-        straight = np.stack([np.interp(self._read, time, along) for along in places.T], 1)
+        straight = np.stack([np.interp(self._read, time, along) for along in positions.T], 1)
         return np.asarray(straight + self._corners @ corners)
 
 
-def _step_of(places: Floats) -> float:
-    """Return the least difference [m] of coordinates, (frames, points, 3): the step to which they are rounded."""
-    steps = np.diff(np.sort(places.reshape(len(places), -1), axis=0), axis=0)
+def _step_of(positions: Floats) -> float:
+    """Return the rounding step [m] of coordinates, (frames, points, 3): their least difference."""
+    steps = np.diff(np.sort(positions.reshape(len(positions), -1), axis=0), axis=0)
     return float(steps[steps > LEAST_STEP].min(initial=MOST_ROUNDED))
 
 
 def _power(weights: Floats, apart: float) -> float:
-    """Return the variance of a weighted sum of white noise, smoothed to variance 1 and read so many tau apart."""
+    """Return the variance of a weighted sum of smoothed white noise of variance 1, sampled at a spacing in tau."""
     at = apart * np.arange(len(weights))
     return float(weights @ np.exp(-((at[:, None] - at) ** 2) / 4) @ weights)
 
 
-def _noise_in(places: Floats) -> float:
-    """Return the variance of sixth differences of places, (n, 3), NaN where not seen, of the axes together."""
-    sixth = np.abs(np.diff(places, 6, axis=0))
+def _noise_in(positions: Floats) -> float:
+    """Return the variance of sixth differences of positions, (n, 3), NaN where not seen, summed over the axes."""
+    sixth = np.abs(np.diff(positions, 6, axis=0))
     sixth = sixth[np.isfinite(sixth).all(1)]
     return float(((np.median(sixth, 0) / NORMAL) ** 2).sum()) if len(sixth) else 0.0
 
 
 def noise_left(one: Motion, other: Motion, points: Integers) -> float:
-    """Return the share q of the noise of two recordings that a fit of either to the other leaves; infinite for no fit.
+    """Return q, the residual noise of the better fit between two takes over their noise; infinite without a fit.
 
-    points: that both takes show, (n,)
+    points, (n,): points that both takes show
     """
     if not (len(points) and one.can_be_compared and other.can_be_compared):
         return np.inf
@@ -215,7 +218,7 @@ def noise_left(one: Motion, other: Motion, points: Integers) -> float:
 
 
 def _lags(x: _Smoothed, y: _Smoothed, fewest: float) -> list[int]:
-    """Return the steps by which the second take's clock is likely to be ahead, with so many steps in common."""
+    """Return the most probable lags of the second take's clock [steps], with at least `fewest` common steps."""
     u, v = _accelerations(x), _accelerations(y)
     length = next_fast_len(len(u) + len(v))
     spectra = rfft(u, length, axis=0).conj().transpose(0, 2, 1) @ rfft(v, length, axis=0)
@@ -223,7 +226,7 @@ def _lags(x: _Smoothed, y: _Smoothed, fewest: float) -> list[int]:
     both = irfft(spectra, length, axis=0)[lags % length]
     begin, end = np.maximum(0, -lags), np.minimum(len(u), len(v) - lags)
     own = _norm(_sums(u, begin, end)) * _norm(_sums(v, begin + lags, end + lags))
-    # Sums of rounding errors are no motion.
+    # Sums of rounding errors do not count as motion.
     known = (end - begin >= fewest) & (own > 1e-9 * own.max(initial=0.0))
     likeness = np.where(known, _norm(both) ** 2 / np.where(known, own, 1.0), 0.0)
     found: list[int] = []
@@ -235,12 +238,12 @@ def _lags(x: _Smoothed, y: _Smoothed, fewest: float) -> list[int]:
 
 
 def _accelerations(smoothed: _Smoothed) -> Floats:
-    """Return second differences of places, (steps, points, 3), 0 where not seen, and jumps cut off."""
-    places, seen = smoothed.places, smoothed.seen
+    """Return second differences of positions, (steps, points, 3), 0 where not seen, with clipped jumps."""
+    positions, seen = smoothed.positions, smoothed.seen
     known = np.zeros_like(seen)
     known[1:-1] = seen[:-2] & seen[1:-1] & seen[2:]
-    second = np.zeros_like(places)
-    second[1:-1] = np.diff(places, 2, axis=0)
+    second = np.zeros_like(positions)
+    second[1:-1] = np.diff(positions, 2, axis=0)
     size = np.linalg.norm(second, axis=2)
     most = np.quantile(size[known], 0.95) if known.any() else 0.0
     second *= (known * np.minimum(1.0, most / np.maximum(size, 1e-12)))[..., None]
@@ -248,7 +251,7 @@ def _accelerations(smoothed: _Smoothed) -> Floats:
 
 
 def _sums(vectors: Floats, begin: Integers, end: Integers) -> Floats:
-    """Return the sums of u u^T between steps, (lags, 3, 3), of vectors u, (steps, points, 3)."""
+    """Return the sums of u u^T over ranges of steps, (lags, 3, 3), of vectors u, (steps, points, 3)."""
     sums = np.cumsum(vectors.transpose(0, 2, 1) @ vectors, axis=0)
     sums = np.concatenate([np.zeros((1, 3, 3)), sums])
     return np.asarray(sums[end] - sums[begin])
@@ -270,8 +273,8 @@ def _left(x: _Smoothed, y: _Smoothed, lag: int, fewest: float, noises: tuple[Flo
     numbers = NUMBERS_A_PLACE * used.sum()
     if numbers < FEWEST_NUMBERS:
         return np.inf
-    shifted = np.stack([x.places[at + shift][used] for shift in SHIFTS])
-    error, taps = _residual(shifted, y.places[at + lag][used])
+    shifted = np.stack([x.positions[at + shift][used] for shift in SHIFTS])
+    error, taps = _residual(shifted, y.positions[at + lag][used])
     gain = min(_power(taps, 1 / READS), 1.0)
     power = np.bincount(np.nonzero(used)[1], (error**2).sum(1), used.shape[1])
     counts = used.sum(0)
@@ -281,7 +284,7 @@ def _left(x: _Smoothed, y: _Smoothed, lag: int, fewest: float, noises: tuple[Flo
 
 
 def _residual(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return e, (n, 3), and the taps h of the best fit of y, (n, 3), by shifted x, (taps, n, 3) [m]."""
+    """Return residual e, (n, 3), and taps h of the best fit of y, (n, 3), by shifted x, (taps, n, 3) [m]."""
     x, y = x - x.mean(1, keepdims=True), y - y.mean(0)
     taps = np.zeros(len(x))
     taps[len(x) // 2] = 1.0

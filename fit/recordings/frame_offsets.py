@@ -1,25 +1,26 @@
-"""Find by how much each whole frame of a silhouette is off across the cloth, from the held row.
+"""Estimate the error across the cloth that all points of a silhouette's frame share, from the held row.
 
-No physics acts on the held row. With late stamps mended, it still lies off its place on the hanger while the hanger
-moves. All points of a frame share this error: over time they are smoother about the row than about the hanger's path
-(`benchmarks/real_cloth_frames.py`). A frame's own lateness does this, and a picture that was registered late does. Both
-move the row and the cloth alike. So the row's error is taken out of the whole frame, whatever its cause.
+The held row follows the hanger, whatever the cloth does. After late time stamps are corrected, its position on the
+hanger still has an error while the hanger moves. All points of a frame share this error: over time they are smoother
+about the row than about the hanger's path (`benchmarks/real_cloth_frames.py`). A delay of the single frame causes such
+an error, and so does a late registration of the picture. Both move the row and the cloth alike. So the row's error is
+subtracted from the whole frame, whatever its cause.
 
-An error that follows the hanger's place is a scale or a turn. It is left for the diagnosis: e_f is the rest beside a
-line through the place of the hanger's middle. With the hanger's speed v_f,
+An error proportional to the hanger's position is a scale or a turn. It is left for the diagnosis: e_f is the residual
+of a line through the position of the hanger's middle. With the hanger's speed v_f,
 
     e_f = n_f + d_f,   n_f ~ N(0, n^2),   d_f ~ N(0, (k v_f)^2)
     k^2 = sum (e_f^2 - n^2) / sum v_f^2
 
-n is the row's noise while the hanger stands still, and k [s] belongs to the mean square. The mean of the normal number
-d_f is taken out. Its variance is left, and that of the line's four numbers:
+n is the row's noise while the hanger stands still, and k [s] belongs to the mean square. The conditional mean of d_f is
+subtracted. Its variance remains, and that of the line's four coefficients:
 
     mean = g_f e_f,   variance = g_f n^2 + 4 sd(e)^2 / frames,   g_f = (k v_f)^2 / ((k v_f)^2 + n^2)
 
-Nothing is taken out unless k^2 is certain. Its deviation is that of its parts of half a second, and that of n^2. The
-latter, from a median absolute deviation of m frames, is n^2 sqrt(2 / (0.37 m)). In the plane of the cloth the
-row is eaten like every border, so its errors there say nothing of the frame.
-Source: B. Efron & C. Morris, "Stein's estimation rule and its competitors", J. Am. Stat. Assoc. 68 (1973).
+Nothing is subtracted unless k^2 is certain. Its deviation combines that of its half-second parts and that of n^2. The
+latter, from a median absolute deviation of m frames, is n^2 sqrt(2 / (0.37 m)). In the plane of the cloth the row is
+eroded like every border, so its errors there are no information on the frame. Source: B. Efron & C. Morris, "Stein's
+estimation rule and its competitors", J. Am. Stat. Assoc. 68 (1973).
 """
 
 from __future__ import annotations
@@ -40,17 +41,17 @@ from fit.recordings.timing import (
 from formats.arrays import Floats
 from formats.held_row import FEWEST_BLOCKS
 
-CERTAIN = 3.0  # standard errors of k^2: 2 of 100 recordings without offsets pass it, for the error is skewed
-LOST = 5.0  # deviations: the row of such a frame is lost, and not off
+CERTAIN = 3.0  # standard errors of k^2: 2 of 100 recordings without offsets exceed it, because the error is skewed
+LOST = 5.0  # deviations: beyond, the row of a frame counts as lost
 
 
 @dataclass(frozen=True)
 class FrameOffsets:
-    """By how much whole frames are off.
+    """Errors that all points of a frame share.
 
     - `moved` [m], (frames, 3): world frame; 0 where the row is not seen
     - `rms` [m]: over the frames in which the hanger moves
-    - `left` [m]: root mean square deviation of the offsets taken out
+    - `left` [m]: root mean square deviation of the subtracted offsets
     """
 
     moved: Floats
@@ -59,7 +60,7 @@ class FrameOffsets:
 
 
 def find_frame_offsets(time: Floats, row: Floats, path: Curve) -> FrameOffsets | None:
-    """Return by how much frames are off across the cloth; None where nothing shows or the row is hardly seen.
+    """Return the errors of whole frames across the cloth; None if they are not certain or the row is hardly seen.
 
     time [s], (frames,); row [m], (frames, 3): its middle, NaN where not seen; path: of the held ends
     """

@@ -1,8 +1,8 @@
-"""Check that a take's geometry is possible, before anything is simulated: cloth hardly stretches.
+"""Check a take's geometry before any simulation: no point is farther from the held ends than on the flat cloth.
 
-Along flat cloth, every point has a distance to each held end. In the take a point is never further away, but for
-stretch and measurement. A larger median over the frames means a wrong unit, garment or naming of points, or exchanged
-held ends. Points count where they were seen, for moving them to their material places would hide how far off they are.
+In a take a point is at most as far from a held end as on the flat cloth, except for stretch and measurement errors. A
+larger median over the frames means a wrong unit, garment or naming of points, or exchanged held ends. The check uses
+the points as seen, because a move to their material positions would hide their error.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from formats.judged_cloth import MEASURED_APART, MOST_STRETCHED, SHORTEST_EDGE
 
 
 def _refuse_a_foreign_clock(recording: Recording) -> None:
-    """Name the likelier cause of points that are far from where they are held: a path of another clock or take.
+    """Refuse points whose clock is not the hanger's, the likelier cause of a large distance from the held ends.
 
     Raises:
         FitError: the held row does not move as the hanger's path does, at any shift.
@@ -33,8 +33,9 @@ def check_geometry(recording: Recording) -> None:
     """Refuse a take whose points cannot belong to its garment.
 
     Raises:
-        FitError: held ends or a point further apart than the cloth is long, or held ends hardly apart at all; or the
-            points are that far off because their clock is not the hanger's.
+        FitError: held ends or a point further apart than the cloth is long, held ends hardly apart at all, or points
+        whose clock is
+            not the hanger's.
     """
     outline = np.asarray(recording.garment.outline_m, float)
     held = recording.held(recording.time).reshape(-1, 2, 3)

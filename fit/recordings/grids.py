@@ -1,20 +1,21 @@
-"""Grids on a silhouette: recognise skewed ones, and find the material place of each point in each frame.
+"""Grids of silhouette points: detection of skewed grids, and the material position of each point in each frame.
 
-A grid lies askew if its rows and columns do not meet at a right angle. With the medians r and c of the steps along rows
+A grid is skewed if its rows and columns do not meet at a right angle. With the medians r and c of the steps along rows
 and columns of a frame,
 
     skew = arcsin (r . c / (|r| |c|))
 
-Cloth at rest is not sheared. There 623 frames of sixteen real takes (github Alados5/tfm_matlab) fall in two heaps. One
-lies about 0.5 degrees with a deviation of 1.2, the other about 5 degrees. `SKEWED` leaves the first one whole.
+Cloth at rest is not sheared. At rest, 623 frames of sixteen real takes (github Alados5/tfm_matlab) form two clusters.
+One has a mean of 0.5 degrees and a deviation of 1.2, the other a mean of 5 degrees. `SKEWED` keeps the first cluster
+whole.
 
-A point's material place is its way from the held edge. The way u goes along the edge, to the foot of the point's
-perpendicular. The way w goes down the cloth from that foot, along the point's column. It leaves out the part of each
-step along the edge:
+A point's material position consists of two lengths along the cloth from the held edge. The length u runs along the
+edge, to the foot of the point's perpendicular. The length w runs down the cloth from that foot, along the point's
+column, without the part of each step along the edge:
 
     w_0 = (x_0 - foot_0) . down,   w_k = w_k-1 + |q_k - q_k-1|,   q = x less its part along the edge
 
-The cloth between the points so placed is read off at the nominal places, linearly over triangles. A place that the
+The cloth is then interpolated at the nominal positions, linearly over triangles of these points. A position that the
 silhouette does not cover is not seen. Errors along a column, in the plane of the cloth, are no longer visible after
 this step.
 """
@@ -29,18 +30,18 @@ from fit.runtime import one_thread_of_algebra
 from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
-SKEWED = 4.0  # degrees: three deviations of a grid at rest that lies straight
+SKEWED = 4.0  # degrees: three deviations of an unskewed grid at rest
 FEWEST_LINES = 4  # rows, and columns
-SAME_LINE_SHARE = 0.02  # of the cloth's extent, within which places are of one row or column
+SAME_LINE_SHARE = 0.02  # of the cloth's extent: positions within this distance share a row or column
 FEWEST_IN_COLUMN = 3
 FEWEST_PLACED = 12
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A whole grid of tracked points; at, (rows, columns): their numbers, the row nearest to the held edge first.
+    """A complete grid of tracked points; at, (rows, columns): point indices, the row nearest to the held edge first.
 
-    across [m], (columns,): places along the held edge from its left end; down [m], (rows,): below it
+    across [m], (columns,): positions along the held edge from its left end; down [m], (rows,): below the edge
     """
 
     at: Integers
@@ -49,7 +50,7 @@ class Grid:
 
 
 def grid_of(garment: Garment) -> Grid | None:
-    """Return the grid that a garment's points make; None of no whole grid, or where the held edge is not level."""
+    """Return the grid that a garment's points form; None if it is incomplete or the held edge is not level."""
     places = np.array([p.at_m for p in garment.points])
     ends = np.asarray(garment.outline_m[:2], float)
     if len(places) < FEWEST_LINES**2 or abs(ends[1, 1] - ends[0, 1]) > 1e-6:
@@ -65,7 +66,7 @@ def grid_of(garment: Garment) -> Grid | None:
 
 
 def skew_degrees(points: Floats, grid: Grid) -> Floats:
-    """Return by how much the grid lies askew in each frame [degrees], (frames,), NaN where hardly any of it is seen."""
+    """Return the grid's skew in each frame [degrees], (frames,), NaN where hardly any grid point is seen."""
     laid = points[:, grid.at]
     steps = [np.diff(laid, axis=axis).reshape(len(points), -1, 3) for axis in (2, 1)]
     seen = [np.isfinite(step).all(2).sum(1) >= FEWEST_PLACED for step in steps]
@@ -78,19 +79,19 @@ def skew_degrees(points: Floats, grid: Grid) -> Floats:
 
 
 def placed(points: Floats, ends: Floats, grid: Grid) -> Floats:
-    """Return where the nominal places of the grid are seen [m], (frames, points, 3), NaN where they are not.
+    """Return the cloth at the grid's nominal positions [m], (frames, points, 3), NaN where not covered.
 
     points [m], (frames, points, 3); ends [m], (frames, 6), of the held edge, as long as it is on the flat cloth
     """
     found = np.full(points.shape, np.nan)
-    with one_thread_of_algebra():  # threads would wait for each other at every triangle of a busy machine
+    with one_thread_of_algebra():  # on a busy machine, several threads would wait for each other at every triangle
         for frame, laid in enumerate(points[:, grid.at]):
             found[frame, grid.at] = _placed(laid, ends[frame].reshape(2, 3), grid)
     return found
 
 
 def length_seen(points: Floats, ends: Floats, grid: Grid) -> Floats:
-    """Return how far down the cloth the grid's last row seems to be in each frame [m], (frames,), NaN where unseen."""
+    """Return the length down the cloth to the grid's last row in each frame [m], (frames,), NaN where unseen."""
     found = np.full(len(points), np.nan)
     for frame, laid in enumerate(points[:, grid.at]):
         last = _ways(laid, ends[frame].reshape(2, 3))[1][-1]
@@ -100,7 +101,7 @@ def length_seen(points: Floats, ends: Floats, grid: Grid) -> Floats:
 
 
 def _placed(laid: Floats, ends: Floats, grid: Grid) -> Floats:
-    """The same of one frame, (rows, columns, 3)."""
+    """Return `placed` for one frame, (rows, columns, 3)."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
@@ -117,7 +118,7 @@ def _placed(laid: Floats, ends: Floats, grid: Grid) -> Floats:
 
 
 def _ways(laid: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Ways along the held edge and down the cloth [m], (rows, columns) each, NaN where a column is hardly seen."""
+    """Return lengths along edge and cloth [m], (rows, columns) each, NaN where a column is hardly seen."""
     bar = ends[1] - ends[0]
     bar = bar / np.linalg.norm(bar)
     across = (laid - ends[0]) @ bar
@@ -135,7 +136,7 @@ def _ways(laid: Floats, ends: Floats) -> tuple[Floats, Floats]:
 
 
 def _lines(values: Floats, apart: float) -> tuple[Integers, Floats]:
-    """Number the lines that values lie on, smallest first, and say where each line is."""
+    """Cluster values into lines, smallest first; return each value's line number and each line's position."""
     order = np.argsort(values, kind="stable")
     number = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])
     line = np.empty(len(values), np.int64)

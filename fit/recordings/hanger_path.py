@@ -1,9 +1,9 @@
-"""The path of the held ends: whether it can be followed, and the spline through it, led across gaps.
+"""Path of the held ends: plausibility checks, and a spline through it that is interpolated across gaps.
 
-Piecewise cubic Hermite polynomials lead the path across gaps longer than `LONGEST_GAP`. They keep the monotony of each
-coordinate, so they never overshoot. The true motion there is not known. The cloth is simulated, but it is not judged in
-the gap and until it has forgotten the gap (`FORGOTTEN`).
-Source: F. N. Fritsch & R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980).
+Piecewise cubic Hermite polynomials interpolate the path across gaps longer than `LONGEST_GAP`. They keep the monotony
+of each coordinate, so they never overshoot. The true motion there is not known. The cloth is simulated, but it is not
+judged in the gap and until the gap no longer affects its motion (`FORGOTTEN`). Source: F. N. Fritsch & R. E. Carlson,
+"Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 
 
 def held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
-    """Return the path of the held ends, (n,) instants [s] -> (n, 6) [m], beyond its ends at rest there.
+    """Return the path of the held ends, (n,) instants [s] -> (n, 6) [m], constant before its begin and after its end.
 
     time [s], (m,); held_seen [m], (m, 6), NaN where not seen; cut_off [Hz] of its spline
     """
@@ -42,7 +42,7 @@ def held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
 
 
 def led_across(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Return instants [s] and places [m], (n, 6), with those that bridge every gap longer than `LONGEST_GAP`."""
+    """Return instants [s] and positions [m], (n, 6), with interpolated ones in every gap longer than `LONGEST_GAP`."""
     from scipy.interpolate import PchipInterpolator
 
     steps = np.diff(seen)
@@ -68,23 +68,23 @@ def hanger_axes(ends: Floats) -> Floats:
 
 
 def in_hanger_frame(places: Floats, ends: Floats) -> Floats:
-    """Return places [m], (n, 3), on the hanger's axes about the middle of held ends [m], (n, 6)."""
+    """Return positions [m], (n, 3), in the hanger's frame, about the middle of held ends [m], (n, 6)."""
     return np.asarray(np.einsum("fij,fi->fj", hanger_axes(ends), places - ends.reshape(-1, 2, 3).mean(1)))
 
 
 def level_normal(ends: Floats) -> Floats:
-    """Return the level unit vectors across the line between held ends, (n, 3), from held ends (n, 6)."""
+    """Return level unit vectors perpendicular to the line between held ends, (n, 3), from held ends (n, 6)."""
     normal = np.cross([0.0, 0.0, 1.0], ends[:, 3:] - ends[:, :3])
     return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9))
 
 
 def gaps_of(seen: Floats) -> list[tuple[float, float]]:
-    """Return from when to when [s] the hanger is lost for too long to know its path, given when it was seen, (n,)."""
+    """Return begin and end [s] of the gaps in which the hanger's path is unknown, from the instants seen, (n,)."""
     return [(float(a), float(b)) for a, b in pairwise(seen) if b - a > LONGEST_GAP]
 
 
 def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
-    """Return when the cloth's motion follows from a path that was seen, (n,): not in gaps, nor soon after them."""
+    """Return which instants, (n,), have a cloth motion that a seen path determines: not in gaps nor soon after them."""
     known = np.ones(len(instants), bool)
     for begin, end in gaps:
         known &= ~((instants > begin) & (instants < end + SETTLING))
@@ -92,12 +92,12 @@ def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
 
 
 def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True) -> None:
-    """Check that the held ends' path can be followed, from when and where they were seen, (n,) [s] and (n, 6) [m].
+    """Refuse an implausible path of the held ends, seen at instants (n,) [s] and positions (n, 6) [m].
 
     is_whole: whether gaps longer than `LONGEST_GAP` are refused
 
     Raises:
-        DriveError: they were seen in too few frames, are lost for too long where that counts, jump, or change places.
+        DriveError: the ends were seen in too few frames, are lost for too long, jump, or are exchanged.
     """
     if len(seen) < FEWEST_SEEN:
         raise DriveError(

@@ -1,6 +1,8 @@
-"""Turn and slip of the held edge, from tracked points on this edge: they measure the boundary, not the cloth.
+"""Rotation and slip of the held edge against the hanger's path, from tracked points on this edge.
 
-The displacements of the edge's points are taken against the straight line between the held ends. They are square to the
+These points measure the boundary, not the cloth.
+
+The displacements of the edge's points are measured from the straight line between the held ends, perpendicular to the
 bar: level, and upwards. They give
 
     turn     slopes over the place along the edge: yaw and roll of the edge against the path
@@ -25,10 +27,10 @@ from formats.findings import FEWEST_SEEN
 
 Curve = Callable[[Floats], Floats]
 
-CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second makes 5 to 6
-LEAST_EDGE_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
-OUTER = 0.6  # of the edge's length from the other end on: points that show what an end does
-FRAMES_ASIDE = 5  # at either end of a take, where no step can be told
+CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second reaches 5 to 6
+LEAST_EDGE_SPREAD = 0.25  # of the spread of all edge points: least spread of the seen ones in a frame that counts
+OUTER = 0.6  # of the edge's length from the other end: points beyond show the motion of an end
+FRAMES_ASIDE = 5  # at either end of a take, where no step can be detected
 GRID = 0.005  # s
 SLIP_DELAY = 0.03  # s from a jerk to the middle of the slip that it causes
 
@@ -39,7 +41,7 @@ class HeldEdge:
 
     - `time` [s], (frames,)
     - `points` [m], (frames, points, 3), NaN where not seen
-    - `across` [m], (points,): their places along the edge
+    - `across` [m], (points,): their positions along the edge
     - `held`: maps (n,) instants [s] to (n, 6), the edge's ends [m]
     """
 
@@ -53,7 +55,7 @@ class HeldEdge:
         arm = self._arm()
         sides = self._displacements
         seen = np.isfinite(sides).all(2)
-        # About the middle of the points that a frame shows: an edge that is off as a whole does not turn at gaps.
+        # Slopes are about the middle of a frame's seen points, so that a shifted edge shows no rotation at gaps.
         apart = seen * (arm - (seen * arm).sum(1, keepdims=True) / np.maximum(seen.sum(1, keepdims=True), 1))
         spread = (apart**2).sum(1)
         usable = spread > LEAST_EDGE_SPREAD * (arm**2).sum()
@@ -66,18 +68,18 @@ class HeldEdge:
         return lambda instants: np.asarray(scale * splines(np.clip(instants, first, last))), scale
 
     def slip_at(self) -> float:
-        """Return when the cloth would have slipped half its way in its clips [s]."""
+        """Return the instant at which a slip in the clips would be half complete [s]."""
         steps = [self._step(side) for side in self._sides()]
         certainty, instant = max(steps, default=(0.0, 0.0))
         return instant if certainty > CERTAIN_STEP else self._hardest_jerk() + SLIP_DELAY
 
     def _arm(self) -> Floats:
-        """Places along the edge from their middle [m], (points,)."""
+        """Return positions along the edge from their middle [m], (points,)."""
         return np.asarray(self.across - self.across.sum() / max(len(self.across), 1))
 
     @cached_property
     def _displacements(self) -> Floats:
-        """Level and upward displacements from the line between the ends [m], (frames, points, 2)."""
+        """Return level and upward displacements from the line between the ends [m], (frames, points, 2)."""
         held = self.held(self.time).reshape(-1, 2, 3)
         bar = held[:, 1] - held[:, 0]
         length = np.linalg.norm(bar, axis=1, keepdims=True)
@@ -87,14 +89,14 @@ class HeldEdge:
         return np.stack([np.einsum("fpc,fc->fp", apart, level), upwards], 2)
 
     def _sides(self) -> list[Booleans]:
-        """Return the points that show the left end and the right end, each (points,), or none without points."""
+        """Return which points show the left and the right end, each (points,), or nothing without points."""
         if len(self.across) == 0:
             return []
         share = (self.across - self.across.min()) / max(float(np.ptp(self.across)), 1e-9)
         return [share <= 1 - OUTER, share >= OUTER]
 
     def _step(self, chosen: Booleans) -> tuple[float, float]:
-        """Return the largest step of some points' height in standard errors, and its instant [s]."""
+        """Return the largest step of the points' mean height, in standard errors, and its instant [s]."""
         heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
         if seen.sum() < FEWEST_SEEN:
@@ -117,7 +119,7 @@ class HeldEdge:
 
 
 def place_along(places: Floats, ends: Floats) -> tuple[Floats, Booleans]:
-    """Share of the way from one end to the other, (n,), and whether each place is on it."""
+    """Return each position's share of the distance between two ends, (n,), and whether it lies on the line."""
     way = ends[1] - ends[0]
     share = (places - ends[0]) @ way / (way @ way)
     aside = np.linalg.norm(places - ends[0] - share[:, None] * way, axis=1)

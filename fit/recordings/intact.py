@@ -1,8 +1,8 @@
-"""Choose the used part of a damaged take: the stretches between its holes that are worth their simulation.
+"""Choose the used part of a take with missing frames: the neighbouring stretches with the longest judged time.
 
-The hanger's path is led across a hole of more than `LONGEST_GAP` seconds, as `fit.recordings.hanger_path` does where
-the hanger was not seen. The cloth is not judged there, nor in the `SETTLING` after it. Hence a hole is bridged
-only where the stretch beyond it is judged for longer than the hole lasts.
+A hole is a stretch of missing frames. The hanger's path is interpolated across a hole of more than `LONGEST_GAP`
+seconds, as `fit.recordings.hanger_path` does where the hanger was not seen. The cloth is not judged there, nor in the
+`SETTLING` after it. Hence a hole is bridged only if the stretch beyond it is judged for longer than the hole lasts.
 
 A take whose first frames are lost begins with cloth of unknown state, and so does one whose used part begins at a
 hole. Its first seconds drive the simulation and are not judged, unless hanger and cloth rest there. Cloth that swings
@@ -25,14 +25,14 @@ from formats.motion import STILL_MOTION
 from formats.sights import SETTLING
 from formats.take import LONGEST_GAP, Take, told_apart
 
-REST_WINDOW = 0.5  # s of a stretch that show whether it begins at rest
+REST_WINDOW = 0.5  # s: beginning of a stretch that is tested for rest
 FRAME_FIELDS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
     "pitch_sd", "points_hidden", "quality",
 )  # fmt: skip
 
 
-OF_A_TAKE = "Warning: the take "  # begins every note that `describe_flaws` gives
+OF_A_TAKE = "Warning: the take "  # beginning of every note of `describe_flaws`
 
 
 def stretches(take: Take) -> list[slice]:
@@ -43,9 +43,9 @@ def stretches(take: Take) -> list[slice]:
 
 
 def intact_part(take: Take) -> Take:
-    """Return the used stretches of a take, in one; the whole take where nothing is left out and its beginning is known.
+    """Return the used part of a take; the whole take if no frames are missing in it or before it.
 
-    Points that are seen before the state of the cloth follows from the path of its held ends are not valid.
+    Points are invalid until the hanger's path determines the state of the cloth.
     """
     found = stretches(take)
     if len(found) < 2 and not _is_unknown(take, found[0]):
@@ -59,7 +59,7 @@ def intact_part(take: Take) -> Take:
 
 
 def _worth_their_holes(take: Take, found: list[slice]) -> list[slice]:
-    """Return the neighbouring stretches whose judged time less the time of the holes between them is largest.
+    """Return the neighbouring stretches with the largest judged time less the time of the holes between them.
 
     Source: Kadane's algorithm, J. Bentley, "Programming pearls", Commun. ACM 27 (1984) 865.
     """
@@ -79,7 +79,7 @@ def _worth_their_holes(take: Take, found: list[slice]) -> list[slice]:
 
 
 def _judged_from(take: Take, part: slice) -> float:
-    """Return from when on [s of the sensor's clock] the cloth is judged in a used part that begins with a stretch."""
+    """Return the instant [s, sensor's clock] from which the cloth is judged if this stretch is the first used one."""
     begin = float(take.time[part.start])
     return begin + SETTLING if _is_unknown(take, part) and not _begins_at_rest(take, part) else begin
 
@@ -90,7 +90,7 @@ def _is_unknown(take: Take, part: slice) -> bool:
 
 
 def _begins_at_rest(take: Take, part: slice) -> bool:
-    """Return whether the held ends stay where they are, and at least half of the points that are seen."""
+    """Return whether the held ends and at least half of the observed points are at rest."""
     time = take.time[part]
     first = time < time[0] + REST_WINDOW
     held = take.held[part][first]
@@ -103,12 +103,12 @@ def _begins_at_rest(take: Take, part: slice) -> bool:
 
 
 def _motion(places: Floats) -> float:
-    """Root mean square distance [m] of places, (frames, 3), from their mean; nan of fewer than two."""
+    """Return the root mean square distance [m] of positions, (frames, 3), from their mean; nan for fewer than two."""
     return float(np.sqrt(places.var(0).sum())) if len(places) > 1 else math.nan
 
 
 def describe_missing(takes: Sequence[Take]) -> list[str]:
-    """Return a warning for each take that is incomplete: its missing parts, and the parts that are used."""
+    """Return a warning for each incomplete take, with its missing and its used parts."""
     found = []
     for take, name in zip(takes, told_apart(takes), strict=True):
         if take.is_complete:
@@ -129,7 +129,7 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
 
 
 def describe_doubts(takes: Sequence[Take]) -> list[str]:
-    """Return a warning for everything that does not hold of a take, but for its missing frames."""
+    """Return a warning for every doubt about a take, except for missing frames."""
     names = told_apart(takes)
     return [
         f"{OF_A_TAKE}{name}: {doubt}." for take, name in zip(takes, names, strict=True) for doubt in doubts_of(take)
@@ -137,12 +137,12 @@ def describe_doubts(takes: Sequence[Take]) -> list[str]:
 
 
 def describe_flaws(takes: Sequence[Take]) -> list[str]:
-    """Return the warnings about takes: of missing parts, then of all else that does not hold."""
+    """Return the warnings about takes: missing parts first, then other doubts."""
     return describe_missing(takes) + describe_doubts(takes)
 
 
 def flaw_notes(notes: Sequence[str]) -> list[str]:
-    """Return those notes of a result that `describe_flaws` gave: of missing parts, damage and doubts of its takes."""
+    """Return a result's notes that come from `describe_flaws`: missing parts, damage and doubts of its takes."""
     return [note for note in notes if note.startswith(OF_A_TAKE)]
 
 

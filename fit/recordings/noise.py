@@ -1,7 +1,7 @@
-"""White noise of a recording: of its points and of its hanger's path, the larger of stated and measured noise.
+"""White noise of a recording's points and hanger path: the larger of stated and measured noise.
 
-Sixth differences of the frames show it. Below 20 frames a second swings show in them as well. There noise is the
-deviation of points at rest, before the hanger first moves.
+Sixth differences of the frames measure the noise. Below 20 frames a second, swings contribute to them as well. There
+the noise is the deviation of points at rest, before the hanger first moves.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from fit.recordings.recording import Recording
 from fit.recordings.smoothing import noise_of
 from formats.arrays import Floats
 
-SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
+SLOWEST_RATE = 20.0  # frames/s: below, swings contribute to sixth differences
 FEWEST_FOR_DIFFERENCES = 11  # five sixth differences
 
 
 def point_noise(recording: Recording) -> Floats:
-    """Standard deviation per axis of each point [m], (points,)."""
+    """Return each point's standard deviation per axis [m], (points,)."""
     seen = white_noise(recording)
     return recording.point_sd if seen is None else np.asarray(np.maximum(recording.point_sd, seen))
 
 
 def white_noise(recording: Recording) -> Floats | None:
-    """Noise of each point per axis [m], (points,); None of a slow take that does not begin at rest."""
+    """Return each point's noise per axis [m], (points,); None for a slow take that does not begin at rest."""
     if _is_fast(recording):
         return np.array([_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])])
     count = _at_rest(recording, recording.time)
@@ -33,13 +33,13 @@ def white_noise(recording: Recording) -> Floats | None:
     if not known.any():
         return None
     found = np.sqrt(np.nanvar(points[:, known], axis=0, ddof=1).mean(1))
-    noise = np.full(len(known), np.median(found))  # of points that are not seen at rest
+    noise = np.full(len(known), np.median(found))  # for points that are not seen at rest
     noise[known] = found
     return noise
 
 
 def held_noise(recording: Recording) -> Floats:
-    """Standard deviation of each coordinate of the held edge's ends [m], (6,): depth is noisier than the rest."""
+    """Return the standard deviation of each coordinate of the held ends [m], (6,): depth is noisier than the others."""
     if _is_fast(recording):
         seen = recording.held_seen[np.isfinite(recording.held_seen[:, 0])]
         return np.array([_white(column[:, None]) for column in seen.T])
@@ -52,18 +52,18 @@ def held_noise(recording: Recording) -> Floats:
 
 
 def _is_fast(recording: Recording) -> bool:
-    """Return whether frames are so near in time that motion does not show in their sixth differences."""
+    """Return whether the frame rate is high enough for sixth differences to be free of motion."""
     return (len(recording.time) - 1) / recording.duration >= SLOWEST_RATE
 
 
 def _at_rest(recording: Recording, time: Floats) -> int:
-    """Return how many of some instants [s] pass before the hanger first moves."""
+    """Return the number of instants [s] before the hanger first moves."""
     moves = np.flatnonzero(~is_still(time, recording.held))
     return int(moves[0]) if len(moves) else len(time)
 
 
 def _white(columns: Floats) -> float:
-    """Deviation of white noise in columns, (frames, n), root mean square; 0 where there are too few frames."""
+    """Return the root mean square deviation of white noise in columns, (frames, n); 0 for too few frames."""
     if len(columns) < FEWEST_FOR_DIFFERENCES:
         return 0.0
     return float(np.sqrt(np.mean([noise_of(column) ** 2 for column in columns.T])))

@@ -1,14 +1,14 @@
-"""How far inside the cloth a silhouette's grid ends, at rest and by pose, from lengths along the cloth.
+"""Erosion of a silhouette's outline, at rest and by pose, from lengths of its grid along the cloth.
 
-A grid that is laid over a silhouette ends where the camera still sees cloth. Its last row then lies nearer to the held
-edge than on the flat cloth, and its sides lie nearer to each other:
+A silhouette's grid ends at the outermost cloth that the camera sees. Its last row then lies nearer to the held edge
+than on the flat cloth, and its sides lie nearer to each other:
 
     length_f = l - b - a (g_f - median at rest),   width = w - 2 s
 
-with the flat cloth's length l and width w, the border b that is eaten at the bottom, and s at each side. The lean g_f
-is the mean of the unit steps down the grid along n = up x bar. The loss by pose a is positive where cloth that leans
-along n is eaten, as in the effect `eroded_outline`. Length and slope come from a robust line
-(`fit.recordings.robust_line`). None of it needs a simulation.
+with the flat cloth's length l and width w, the erosion b at the bottom, and s at each side. The lean g_f is the mean of
+the unit steps down the grid along n = up x bar. The loss by pose a is positive if cloth that leans along n is eroded,
+as in the effect `eroded_outline`. Length and slope come from a robust line (`fit.recordings.robust_line`). The estimate
+needs no simulation.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from fit.recordings.hanger_path import level_normal
 from fit.recordings.robust_line import FEWEST_BLOCKS_ON_A_LINE, interval_of, robust_line, seconds_apart
 from formats.arrays import Floats
 
-LEAST_SWING = 0.02  # standard deviation of the lean [1], a swing of 2 degrees, from which a slope is told
-FEWEST_STEPS = 12  # of a grid that a frame shows
+LEAST_SWING = 0.02  # standard deviation of the lean [1], a swing of 2 degrees, from which a slope is estimated
+FEWEST_STEPS = 12  # least share of the grid that a frame shows
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Losses of an outline at its borders, with 90 % intervals.
+    """Erosion of an outline at its borders, with 90 % intervals.
 
     - `bottom` [m]: of the border opposite to the held edge
     - `side` [m]: of each border beside it
-    - `by_pose` [m]: loss of the bottom border per unit of lean; None of cloth that hardly leans
+    - `by_pose` [m]: loss of the bottom border per unit of lean; None for cloth that hardly leans
     """
 
     bottom: float
@@ -45,7 +45,7 @@ class Outline:
 
 
 def find_outline(time: Floats, points: Floats, ends: Floats, length: Floats, grid: Grid) -> Outline | None:
-    """Return the losses of a grid's outline; None where too few frames show it.
+    """Return the erosion of a grid's outline; None if too few frames show the grid.
 
     - `time` [s], (frames,)
     - `points` [m], (frames, points, 3): as tracked, NaN where not seen
@@ -77,7 +77,7 @@ def find_outline(time: Floats, points: Floats, ends: Floats, length: Floats, gri
 
 
 def lean_of(points: Floats, ends: Floats, grid: Grid) -> Floats:
-    """Return the lean of the cloth along the held edge's level normal, (frames,), NaN where little of it is seen."""
+    """Return the lean of the cloth along the held edge's level normal, (frames,), NaN where little cloth is seen."""
     down = np.diff(points[:, grid.at], axis=1)
     with np.errstate(invalid="ignore"):
         down = down / np.linalg.norm(down, axis=3, keepdims=True)
@@ -89,7 +89,7 @@ def lean_of(points: Floats, ends: Floats, grid: Grid) -> Floats:
 
 
 def _width(points: Floats, ends: Floats, grid: Grid) -> Floats:
-    """Distance of the outermost columns along the held edge [m], (frames,), the median over rows."""
+    """Return the distance of the outermost columns along the held edge [m], (frames,), the median over rows."""
     bar = ends[:, 3:] - ends[:, :3]
     bar = bar / np.linalg.norm(bar, axis=1, keepdims=True)
     apart = np.einsum("frx,fx->fr", points[:, grid.at[:, -1]] - points[:, grid.at[:, 0]], bar)

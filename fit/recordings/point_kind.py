@@ -1,17 +1,16 @@
-"""Whether tracked points stay on the cloth or slide over it, from how the lengths between neighbours change.
+"""Classify tracked points as material or sliding, from the common change of lengths between neighbours.
 
-Cloth hardly stretches along its threads. Neighbouring material points keep their distance, but for folds, which shorten
-some pairs and not others. A grid that is laid evenly over a silhouette stretches and shrinks as a whole with what the
-camera sees of it. With the pairs p of neighbours down the cloth, or along the held edge,
+Cloth hardly stretches along its threads. Neighbouring material points keep their distance, except across folds, which
+shorten some pairs and not others. A grid that is laid evenly over a silhouette stretches and shrinks as a whole with
+the visible cloth. With the pairs p of neighbours down the cloth, or along the held edge,
 
     c(t) = median_p |x_p1 - x_p2| / d_p,   change^2 = (1.4826 MAD_t c)^2 - noise^2,   noise^2 = 3.14 s^2 / (d^2 P)
 
 change is the larger of the two directions; noise is the deviation of the median of P pairs with s of white noise.
 Markers on simulated swatches, twelve blind cases and three fabrics of motion capture, change by 0.1 to 0.9 %.
-Re-gridded silhouettes of sixteen real takes (github Alados5/tfm_matlab) change by 2.2 to 6.5 %. A change between both
-decides nothing.
-Source: the variance of a median of normal numbers, pi / 2 of the mean's; M. G. Kendall & A. Stuart, "The Advanced
-Theory of Statistics" 1 (1977), section 10.10.
+Re-gridded silhouettes of sixteen real takes (github Alados5/tfm_matlab) change by 2.2 to 6.5 %. A change between these
+ranges is inconclusive. Source: the variance of a median of normal numbers, pi / 2 of the mean's; M. G. Kendall & A.
+Stuart, "The Advanced Theory of Statistics" 1 (1977), section 10.10.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from formats.plain_text import shortened
 
 LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and more
 STAYS = 0.010  # of the flat length; material points change by 0.009 at most
-FEWEST_PAIRS = 12  # in a direction: fewer fold together
-NEIGHBOUR_SHARE = 0.25  # of the cloth's extent that neighbours are apart at most: longer pairs fold
-ALONG = 0.94  # cosine of 20 degrees between a pair and the direction it counts for
+FEWEST_PAIRS = 12  # pairs in a direction: fewer may fold together
+NEIGHBOUR_SHARE = 0.25  # of the cloth's extent: largest distance of neighbours, as longer pairs fold
+ALONG = 0.94  # cosine of 20 degrees: largest angle between a pair and its direction
 
 
 def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:
@@ -49,7 +48,7 @@ def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:
 
 
 def common_change(points: Floats, valid: Booleans, places: Floats, sd: float) -> float | None:
-    """Return by which share the lengths between neighbours change together; None where too few pairs say it.
+    """Return the common relative change of lengths between neighbours; None for too few pairs.
 
     points [m], (frames, points, 3); valid, (frames, points); places [m], (points, 2); sd [m], per axis
     """
@@ -72,9 +71,9 @@ def common_change(points: Floats, valid: Booleans, places: Floats, sd: float) ->
 
 
 def kind_shown(recording: Recording) -> tuple[str, float] | None:
-    """Return the kind that the points of a recording behave like, `material` or `silhouette`, and their common change.
+    """Return the kind that a recording's points show, `material` or `silhouette`, and their common change.
 
-    None where too few points lie near each other, or where the change lies between both.
+    The result is None if too few points lie near each other, or if the change is inconclusive.
     """
     places = np.array([p.at_m for p in recording.garment.points])
     with warnings.catch_warnings():
@@ -87,7 +86,7 @@ def kind_shown(recording: Recording) -> tuple[str, float] | None:
 
 
 def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) -> str:
-    """Say that stated material points slide, and what to do; nothing where they do not, or nobody can tell."""
+    """Return a warning that stated material points slide, with advice; nothing if they do not or it is inconclusive."""
     found = _against(garment, recordings)
     if found is None or found[0] != "silhouette":
         return ""
@@ -100,10 +99,10 @@ def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) ->
 
 
 def describe_steady(garment: Garment, recordings: Sequence[Recording]) -> str:
-    """Say that the points of a stated silhouette stay on the cloth; nothing where they do not, or nobody can tell.
+    """Return a note that a stated silhouette's points stay on the cloth; nothing if not or if inconclusive.
 
-    It is no contradiction: a camera that sees all of the cloth lays the same grid over it in every frame. Markers that
-    were described as a silhouette look alike, and lose the information of their own lengths.
+    This is no contradiction: if the camera sees all of the cloth, its grid is the same in every frame. Markers that
+    were described as a silhouette behave alike, and the fit loses the information of their lengths.
     """
     found = _against(garment, recordings)
     if found is None or found[0] != "material":
@@ -121,7 +120,7 @@ def _stated(garment: Garment) -> str:
 
 
 def _advice(kind: str, recordings: Sequence[Recording]) -> str:
-    """Say how to state a kind of points: a take keeps the description that it was made with."""
+    """Return advice on stating a kind of points; a take keeps the description with which it was made."""
     again = "import" if any(r.is_imported for r in recordings) else "record"
     how = " with --garment" if again == "import" else ""
     return (
@@ -131,7 +130,7 @@ def _advice(kind: str, recordings: Sequence[Recording]) -> str:
 
 
 def _against(garment: Garment, recordings: Sequence[Recording]) -> tuple[str, str, float] | None:
-    """Return the kind that most recordings show against the garment file, the takes that show it, and their change."""
+    """Return the kind that most recordings show in contradiction to the garment file, these takes, and their change."""
     shown = [(r.take_id, *found) for r in recordings if (found := kind_shown(r)) is not None]
     against = [(take, kind, change) for take, kind, change in shown if kind != garment.point_kind]
     if 2 * len(against) <= len(shown):

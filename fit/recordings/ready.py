@@ -1,4 +1,4 @@
-"""Takes made ready for simulation once, with the digests of their contents, for all that a command does with them."""
+"""Takes prepared for simulation once per command, with the digests of their contents."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from formats.take import Take
 
 @dataclass(frozen=True)
 class Ready:
-    """Takes ready for simulation, those to fit to and those to judge on, and the digests of their contents."""
+    """Recordings to fit to and held-out recordings, with the digests of the takes' contents."""
 
     training: list[Recording]
     held_out: list[Recording]
@@ -22,18 +22,18 @@ class Ready:
     held_out_contents: list[str]
 
     def are_of(self, result: FitResult | Diagnosis) -> bool:
-        """Return whether a result is of these takes; by their names alone where it is so old that it says no more."""
+        """Return whether a result is of these takes, by digests, or by names if an old result has no digests."""
         if not result.take_contents:
             return result.take_ids == [recording.take_id for recording in self.training]
         return result.take_contents == self.contents
 
 
 def ready(training: list[Take], held_out: list[Take]) -> Ready:
-    """Return takes ready for simulation, those to fit to and those to judge on.
+    """Prepare fitted and held-out takes for simulation.
 
     Raises:
-        FitError: no take, takes of different garments, one that is given twice, or one whose points cannot belong to
-            its garment.
+        FitError: no take, takes of different garments, a take that is given twice, or one whose points cannot belong to
+        its garment.
     """
     contents = check_together(training, held_out)
     train, test = prepare_together(training, held_out)

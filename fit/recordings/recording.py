@@ -1,4 +1,4 @@
-"""A take made ready for simulation: world frame, smooth hanger path, targets for the observer.
+"""A take prepared for simulation: world frame, smooth hanger path, targets for the observer.
 
 World frame: z against gravity, x along the sensor's x as far as level, y = z × x, metres.
 The hanger's path is a spline that is smooth in its acceleration, with a cut-off that the take chooses
@@ -47,17 +47,17 @@ from formats.two_clocks import shows_points
 
 Curve = Callable[[Floats], Floats]
 
-FEWEST_PLACES = 8  # of a point, below which it has no curve
+FEWEST_PLACES = 8  # observations of a point, below which it has no curve
 # The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
 # the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
 # part").
 MARKER_OFFSET, SILHOUETTE_OFFSET = 1e-3, 2e-3
-LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
+LONGEST_BRIDGE = 0.25  # s without a point, over which its spline is still used
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of a recording [s] that are simulated freely, and those between in which a pull catches the cloth."""
+    """Stretches of a recording [s] with free simulation, and the stretches between with the observer's pull."""
 
     free: float
     caught: float
@@ -75,11 +75,11 @@ class Recording:
     - `points` [m], (frames, points, 3), NaN where not valid
     - `point_sd` [m], (points,): per axis, root mean square
     - `held`: maps (n,) instants [s] to (n, 6), left and right end of the held edge [m]
-    - `held_seen` [m], (sights, 6): the measured ends, NaN where not seen
-    - `held_time` [s], (sights,): of the measured ends, on the clock of `time`; None: `time` itself
+    - `held_seen` [m], (measurements, 6): the measured ends, NaN where not seen
+    - `held_time` [s], (measurements,): of the measured ends, on the clock of `time`; None: `time` itself
     - `held_sd` [m]: stated, per axis
     - `held_cut_off` [Hz]: of the path's spline
-    - `target_curves`: per point, maps (n,) instants to (n, 6), place [m] and velocity [m/s]
+    - `target_curves`: per point, maps (n,) instants to (n, 6), position [m] and velocity [m/s]
     - `edge_turn`: maps (n,) instants to (n, 2), yaw and roll of the tracked held edge against the path [rad]
     - `turn_rms` [rad], (2,): of both, over the takes that are fitted together (`prepare_together`)
     - `slip_at` [s]: the middle of a possible slip in the clips (`fit.recordings.held_edge`)
@@ -90,11 +90,11 @@ class Recording:
     - `is_calibrated`: false for a sensor whose rig nobody measured (`hangtime calibrate`)
     - `is_imported`: gravity and held edge are as an imported file states them
     - `bodies`: the standing bodies near the cloth, in the world frame
-    - `impossible`: share of the points' sightings where the cloth cannot be (`formats.impossible_points`)
-    - `viewpoint` [m], world frame: the camera, where rays of depth begin
-    - `camera`: the camera's faults that were taken out (`fit.recordings.camera`)
-    - `raw_points` [m], (frames, points, 3): points before they got their material places; None: `points`
-    - `begin` [s]: when `time` is 0, counted from the take's first frame (`formats.missing`)
+    - `impossible`: share of observed positions that the cloth cannot reach (`formats.impossible_points`)
+    - `viewpoint` [m], world frame: the camera, the origin of depth rays
+    - `camera`: the camera's faults and their corrections (`fit.recordings.camera`)
+    - `raw_points` [m], (frames, points, 3): points before the move to their material positions; None: `points`
+    - `begin` [s]: the instant of `time` 0, counted from the take's first frame (`formats.missing`)
     - `gaps` [s]: begin and end of each stretch in which the hanger was lost for too long to know its path
     """
 
@@ -129,22 +129,22 @@ class Recording:
 
     @property
     def has_material_points(self) -> bool:
-        """Whether a constant offset of its points from the simulation is an error of the model."""
+        """Whether a constant offset between points and simulation is a model-form error."""
         return self.garment.point_kind == "material" or self.camera.is_placed
 
     @property
     def seen_points(self) -> Floats:
-        """Points as they were tracked [m], (frames, points, 3), NaN where not valid, not moved along the cloth."""
+        """Points as tracked [m], (frames, points, 3), NaN where not valid, before the move to material positions."""
         return self.points if self.raw_points is None else self.raw_points
 
     @cached_property
     def grid(self) -> Grid | None:
-        """The grid that its points make."""
+        """The grid that the points form."""
         return grid_of(self.garment)
 
     @cached_property
     def grid_length(self) -> Floats:
-        """Length of the tracked grid down the cloth [m], (frames,), NaN where unseen or where there is no grid."""
+        """Length of the tracked grid down the cloth [m], (frames,), NaN where unseen or without a grid."""
         if self.grid is None:
             return np.full(len(self.time), np.nan)
         return length_seen(self.seen_points, self.held(self.time), self.grid)
@@ -157,7 +157,7 @@ class Recording:
 
     @property
     def has_curve(self) -> Booleans:
-        """Return the points that are seen often enough for `target_curves`, (points,)."""
+        """Which points are seen often enough for `target_curves`, (points,)."""
         return np.asarray(self.valid.sum(0) >= FEWEST_PLACES)
 
     @property
@@ -179,13 +179,13 @@ class Recording:
         return wanted, trust
 
     def with_points(self, points: Floats) -> Recording:
-        """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
+        """Return the recording with other points, (frames, points, 3), and refitted curves."""
         return replace(self, points=points, target_curves=_target_curves(self.time, points, self.valid), windows=None)
 
     def with_held(self, held_seen: Floats, held_time: Floats | None = None) -> Recording:
-        """Return the same recording with other measured ends of the held edge, (n, 6), their path fitted anew.
+        """Return the recording with other measured ends of the held edge, (n, 6), and a refitted path.
 
-        held_time [s], (n,): when that was, if not when the recording's own ends were measured
+        held_time [s], (n,): their instants; None: those of the recording's own measured ends
         """
         when = self.held_time if held_time is None else held_time
         path = held_curve(self.time if when is None else when, held_seen, self.held_cut_off)
@@ -205,11 +205,11 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
 
 
 def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
-    """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
+    """Convert a take into a recording for simulation, from the first to the last observation of the hanger.
 
-    Both sides of a gap in the hanger's path are used, and the cloth is not judged until it has forgotten the gap. Of
-    a take with holes only the stretches that are worth it are used (`fit.recordings.intact`). The camera's faults are
-    taken out (`fit.recordings.camera`).
+    Both sides of a gap in the hanger's path are used. The cloth is not judged until the gap no longer affects its
+    motion. A take with missing stretches is reduced to its useful part (`fit.recordings.intact`). The camera's faults
+    are corrected (`fit.recordings.camera`).
 
     Raises:
         DriveError: the hanger's path has a jump, or is hardly seen.
@@ -300,20 +300,20 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
 def prepare_together(
     training: Sequence[Take], held_out: Sequence[Take] = ()
 ) -> tuple[list[Recording], list[Recording]]:
-    """Turn the takes that are fitted to and those that are judged on into recordings that can share effects' sizes.
+    """Convert fitted and held-out takes into recordings that share the amplitudes of effects.
 
     Raises:
         DriveError, FitError: as `prepare`.
     """
     train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
-    # Takes that do not show their edge do not turn, and have no part in how much the others do.
+    # Takes without a tracked edge have no rotation, and do not count in the rms of the other takes.
     turns = np.concatenate([np.zeros((0, 2)), *(turn for r in train if (turn := r.edge_turn(r.time)).any())])
     together = _or_one(np.sqrt((turns**2).mean(0)) if len(turns) else np.zeros(2))
     return [replace(r, turn_rms=together) for r in train], [replace(r, turn_rms=together) for r in test]
 
 
 def _or_one(turn_rms: Floats) -> Floats:
-    """Return a divisor for the turn: 1 for no turn, which then stays zero."""
+    """Return a divisor for the rotation: 1 if there is none, so that it stays zero."""
     return np.where(turn_rms > 0, turn_rms, 1.0)
 
 
@@ -323,10 +323,10 @@ def _world(rotation: Floats, place: Vector) -> Vector:
 
 
 def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
-    """Return the rig's bodies in the world frame; ends [m], (n, 6), of the held edge, which stays outside of them.
+    """Return the rig's bodies in the world frame; ends [m], (n, 6), of the held edge, which must stay outside.
 
     Raises:
-        FitError: the held edge comes into one of them.
+        FitError: the held edge enters one of them.
     """
     entered = first_entered(take.rig, ends.reshape(-1, 2, 3) @ rotation)
     if entered is not None:
@@ -344,19 +344,19 @@ def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
 
 
 def _held_error(rig: Rig) -> float:
-    """Stated deviation of the held ends on the hanger [m], root mean square per axis; 0 where none is stated."""
+    """Return the stated deviation of the held ends on the hanger [m], root mean square per axis; 0 if not stated."""
     stated = rig.calibration.held_sd_m if rig.calibration is not None else None
     return float(np.sqrt(np.mean(np.square(stated)))) if stated is not None else 0.0
 
 
 def _within_sight(held_valid: Booleans) -> slice:
-    """Frames from the first to the last sight of the hanger: before and after it is fetched and put away."""
+    """Return the frames from the first to the last observation of the hanger."""
     seen = np.flatnonzero(held_valid)
     return slice(int(seen[0]), int(seen[-1]) + 1)
 
 
 def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve, ...]:
-    """Curves of all points; those that are seen in the same frames share one spline, which is many times cheaper."""
+    """Return the curves of all points; points seen in the same frames share one spline, which is many times cheaper."""
     from scipy.interpolate import BSpline
 
     curves: list[Curve] = [lambda instants: np.zeros((len(instants), 6))] * points.shape[1]

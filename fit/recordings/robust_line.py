@@ -1,8 +1,7 @@
-"""A straight line through figures of frames, some of which are far off, with intervals for correlated frames.
+"""Robust linear regression over frames, with 90 % intervals that allow for correlated frames and outliers.
 
-Frames that lie far off the line count less (Huber's weights). Intervals are jackknives over half seconds, because
-frames of one swing err together.
-Source: P. J. Huber, "Robust Statistics" (1981), section 7; R. G. Miller, Biometrika 61 (1974).
+Outliers count less (Huber's weights). Intervals are jackknives over half seconds, because the errors of one swing's
+frames are correlated. Source: P. J. Huber, "Robust Statistics" (1981), section 7; R. G. Miller, Biometrika 61 (1974).
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ ROUNDS = 20
 
 
 def seconds_apart(time: Floats) -> Integers:
-    """Return the half second of each frame, (frames,), from the first one on; time [s], (frames,)."""
+    """Return the number of each frame's half second, (frames,), counted from the first frame; time [s], (frames,)."""
     return np.asarray((time - time[0]) // BLOCK, np.int64)
 
 
 def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats, Floats]:
     """Return coefficients and half their 90 % intervals, (columns,) each.
 
-    design, (frames, columns); values, (frames,); block, (frames,): frames that err together
+    design, (frames, columns); values, (frames,); block, (frames,): half second of each frame
     """
     from scipy.special import stdtrit
 
@@ -42,7 +41,7 @@ def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats
 
 
 def interval_of(middle: float, half: float) -> tuple[float, float]:
-    """Return the interval of a figure."""
+    """Return the interval of a value from half its width."""
     return float(middle - half), float(middle + half)
 
 

@@ -1,7 +1,7 @@
 """Two errors that a camera leaves in a silhouette: an error of the held row, and the lean of cloth at rest.
 
-No physics acts on the held row. When late stamps are mended, it still lies off its usual place across the cloth, in the
-hanger's frame. No cloth explains that error. All points of a frame share it.
+The held row follows the hanger. After late time stamps are corrected, its position across the cloth still varies in the
+hanger's frame. No cloth model explains this error, which all points of a frame share.
 
 Limp cloth at rest hangs along gravity. It may lean out of the vertical, along the level normal of the held edge. The
 reason is a tilt of the rig's gravity or of the camera, or a steady draught. The lean is a robust mean over the frames
@@ -22,7 +22,7 @@ from fit.recordings.timing import row_middle
 from formats.arrays import Floats
 
 FEWEST_AT_REST = 3  # half seconds
-LOST_ROW = 5.0  # times the median distance: a frame whose row is lost, and not off
+LOST_ROW = 5.0  # times the median distance: beyond, the row of a frame counts as lost
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Lean:
 
 
 def row_off(points: Floats, ends: Floats, grid: Grid) -> float:
-    """Return by how much the held row is off its usual place across the cloth [m], root mean square over frames.
+    """Return the error of the held row across the cloth [m], the root mean square deviation over frames.
 
     points [m], (frames, points, 3), NaN where not seen; ends [m], (frames, 6), of the held edge
     """
@@ -49,7 +49,7 @@ def row_off(points: Floats, ends: Floats, grid: Grid) -> float:
 
 
 def find_lean(time: Floats, points: Floats, ends: Floats, grid: Grid) -> Lean | None:
-    """Return the lean of the cloth in frames in which the hanger stands still; None of too few.
+    """Return the lean of the cloth in frames in which the hanger is at rest; None for too few frames.
 
     time [s], (frames,); points [m], (frames, points, 3), NaN where not seen; ends [m], (frames, 6)
     """

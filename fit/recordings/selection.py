@@ -1,4 +1,4 @@
-"""Sort takes into fitted and held-out ones: one garment, no take twice, each take known by its content."""
+"""Selection of fitted and held-out takes: checks for one garment and for repeated recordings, and content digests."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from formats.motion import MOTION_KINDS, kind_of
 from formats.plain_text import counted, shortened
 from formats.take import Take, told_apart
 
-MOST_FIELDS = 2  # of a garment that one sentence names
+MOST_FIELDS = 2  # differing fields of a garment that one sentence names
 
 
 def content_of(take: Take) -> str:
-    """Return the sha256, in hexadecimal, of all that a fit sees of a take: two recordings may have one name."""
+    """Return the sha256, in hexadecimal, of a take's content that a fit uses, because two takes may have one name."""
     whole = hashlib.sha256(msgspec.json.encode([take.take_id, take.rig, take.garment]))
     arrays = (take.time, take.held, take.held_valid, take.held_sd, take.points, take.points_valid, take.points_sd)
     for array in arrays:
@@ -34,9 +34,9 @@ def content_of_garment(garment: Garment) -> str:
 
 
 def _differences(one: Take, other: Take) -> str:
-    """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'`; of several fields two, and how many more.
+    """Return `mass_kg is 0.04 in 'a' and 0.041 in 'b'` for up to two differing fields, and the number of others.
 
-    The meanings count, and not the version of the format.
+    Values are compared by meaning, whatever the version of the format.
     """
     names = told_apart([one, other])
     fields = [field.name for field in msgspec.structs.fields(Garment)]
@@ -50,7 +50,7 @@ def _differences(one: Take, other: Take) -> str:
 
 
 def _first_difference(place: str, one: Any, other: Any, ids: Sequence[str]) -> str:
-    """Return the first place at which two plain values differ, and both values there."""
+    """Return the path of the first difference between two plain values, and both values there."""
     if isinstance(one, dict) and isinstance(other, dict):
         key = next(key for key in one if one[key] != other.get(key))
         return _first_difference(f"{place}.{key}", one[key], other.get(key), ids)
@@ -64,7 +64,7 @@ def _first_difference(place: str, one: Any, other: Any, ids: Sequence[str]) -> s
 
 
 def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
-    """Check that takes can be fitted to, and judged on, together, and return their contents, in their order.
+    """Check that takes form a valid set of fitted and held-out takes; return their content digests in order.
 
     Raises:
         FitError: no take, takes of different garments, or two that hold frames of one recording.
@@ -101,7 +101,7 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
 
 
 def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Take], list[Take]]:
-    """Return the takes to fit to and those of the given kinds of motion, in their order.
+    """Split takes into those to fit to and held-out ones of the given kinds of motion, in their order.
 
     Raises:
         FitError: an unknown kind, a kind that no take is of, or nothing left to fit to.

@@ -1,4 +1,4 @@
-"""Smooth curves through noisy frames: splines with a chosen cut-off, and with one that the data choose.
+"""Smoothing splines through noisy frames, with a given cut-off frequency or one chosen by cross-validation.
 
 `smoothing_spline` is a cubic f that minimises sum_k (y_k - f(t_k))^2 + lambda integral f''^2 dt. The spline is a
 low-pass 1 / (1 + (lambda / rate) omega^4). A chosen cut-off sets lambda.
@@ -34,11 +34,11 @@ from formats.arrays import Floats
 
 CUT_OFF = 6.0  # Hz of the cubic splines; hands swing below 2 Hz
 CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
-LOWEST_CUT_OFF = 2.0  # Hz: a hand's own motion is never smoothed away
+LOWEST_CUT_OFF = 2.0  # Hz: the motion of a hand stays below
 DEGREE, DIFFERENCE_ORDER = (
     5,
     3,
-)  # of the steady splines, and of the differences that are kept small; the formulas are of these
+)  # degree of the steady splines, and order of the penalised differences, as in the formulas
 
 
 def smoothing_spline(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> Any:
@@ -51,13 +51,13 @@ def smoothing_spline(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> 
 
 
 def low_pass(time: Floats, values: Floats, cut_off: float) -> Floats:
-    """Return `values`, (frames, ...), without motion faster than the cut-off [Hz]; same filter for every column."""
+    """Low-pass filter `values`, (frames, ...), at the cut-off [Hz], with the same filter for every column."""
     columns = values.reshape(len(time), -1)
     return np.asarray(smoothing_spline(time, columns, cut_off)(time)).reshape(values.shape)
 
 
 def steady_spline(time: Floats, values: Floats, cut_off: float) -> Any:
-    """Spline of `values`, (n, k), at `time` [s], (n,), that is smooth in its acceleration, with a cut-off [Hz].
+    """Return a spline of `values`, (n, k), at `time` [s], (n,), with smooth acceleration and a cut-off [Hz].
 
     Called with instants between the first and the last, (m,), it gives (m, k).
     """
@@ -68,7 +68,7 @@ def steady_spline(time: Floats, values: Floats, cut_off: float) -> Any:
 
 
 def best_cut_off(time: Floats, values: Floats) -> float:
-    """Return the cut-off [Hz] of a steady spline of `values`, (n, k), that cross-validation finds best."""
+    """Return the cut-off [Hz] of a steady spline of `values`, (n, k), by generalised cross-validation."""
     from scipy.optimize import minimize_scalar
 
     _, basis, bands = _penalised(time)
@@ -87,14 +87,14 @@ def best_cut_off(time: Floats, values: Floats) -> float:
 
 
 def _penalised(time: Floats) -> tuple[Floats, Any, tuple[Floats, Floats]]:
-    """Knots, the basis at the frames as a sparse matrix, and the upper bands of B'B and of D'D."""
+    """Return knots, the sparse basis matrix at the frames, and the upper bands of B'B and D'D."""
     from scipy.interpolate import BSpline
     from scipy.sparse import csr_array, diags_array
 
     every = max(round((time[-1] - time[0]) / float(np.median(np.diff(time)))), 2 * DEGREE)
     step = (time[-1] - time[0]) / every
     knots = time[0] + step * np.arange(-DEGREE, every + DEGREE + 1)
-    # The last frame may lie a rounding beyond the last knot but five.
+    # Rounding may place the last frame beyond the last valid knot.
     basis = BSpline.design_matrix(np.clip(time, knots[DEGREE], knots[-DEGREE - 1]), knots, DEGREE)
     size = basis.shape[1]
     signs = np.array([-1.0, 3.0, -3.0, 1.0])
@@ -123,12 +123,12 @@ def _coefficients(time: Floats, basis: Any, bands: tuple[Floats, Floats], values
 
 
 def _weight(cut_off: float, rate: float) -> float:
-    """The lambda whose low-pass halves motion at the cut-off [Hz]."""
+    """Return the lambda whose low-pass halves motion at the cut-off [Hz]."""
     return float(_weight_at(np.array(2 * np.pi * cut_off / rate)))
 
 
 def _weight_at(turns: Floats) -> Floats:
-    """The lambda that halves waves which turn by so much [rad] from knot to knot, (n,); b / d in the formulas above."""
+    """Return the lambda that halves waves of a phase step [rad] per knot, (n,): b / d in the module's formulas."""
     values = (66 + 52 * np.cos(turns) + 2 * np.cos(2 * turns)) / 120
     differences = (2 * np.sin(turns / 2)) ** (2 * DIFFERENCE_ORDER)
     return np.asarray(values**2 / np.maximum(differences, 1e-30))
@@ -138,7 +138,7 @@ def noise_of(values: Floats) -> float:
     """Return the deviation of white noise in a smooth, evenly sampled column, from its sixth differences.
 
     White noise of deviation s has sixth differences of deviation sqrt(924) s. A flutter of 20 mm at 3 Hz and 30 frames
-    a second adds less than 0.1 mm. The median keeps jumps out.
+    a second adds less than 0.1 mm. The median ignores jumps.
     """
     sixth = np.diff(values, 6)
     return float(np.median(np.abs(sixth)) / 0.6745 / np.sqrt(924.0))

@@ -1,31 +1,31 @@
-"""Find the time at which the camera saw each frame, from the held row: no physics acts on it, so no cloth is needed.
+"""Estimate the delay of each frame's time stamp from the held row, which follows the hanger whatever the cloth does.
 
-The middle y of the tracked held row has stamps t_f. It is compared with the hanger's path. The hanger's frame A has
-x along the bar and y down, about the middle m of the held ends:
+The middle y of the tracked held row has time stamps t_f. It is compared with the hanger's path. The hanger's frame A
+has x along the bar and y down, about the middle m of the held ends:
 
     A(w_f)' (y_f - m(w_f)) = o + noise,   w_f = t_f - tau - s (d_f - median d) - delta_f
 
 - tau: the latency
-- o: a constant offset of the row, for a silhouette is eaten there
+- o: a constant offset of the row, as a silhouette is eroded there
 - d_f: the interval to the frame before
-- s: a share of that interval. Stamps of publishing are late by it, because processing took so long.
+- s: a share of that interval. Stamps made when a frame is published are late by the processing time.
 
-tau is scanned over half a second each way, together with s for uneven frames. Gauss-Newton steps follow. Frames three
-times as far off as the median are left out. Each axis counts by its noise sigma while the hanger stands still.
+tau is scanned over half a second each way, together with s for uneven frames. Gauss-Newton steps follow. Outliers
+beyond three times the median distance are left out. Each axis counts by its noise sigma while the hanger stands still.
 Intervals are jackknives over half seconds.
 
-The rest, delta_f, is a shift of each frame. Only its deviation is found here. With the row's velocity v and the
-residual r, both over sigma,
+The remaining delay delta_f differs in each frame. Only its deviation is estimated here. With the row's velocity v and
+the residual r, both over sigma,
 
     a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2
 
-It counts where it is certain: three of its half seconds' standard errors beyond the noise. Few frames at rest tell
-little of that, so sigma is one for the three axes here. Median absolute deviations of m frames tell as much as a mean
-square of n = 3 * 0.37 m numbers. Then sigma^2 may be n / q times the measured one, with q the chi-squared number of n
-degrees of freedom at 1 in 740.
+It counts if it is certain: three standard errors over half seconds beyond the noise. Few frames at rest determine the
+noise poorly, so sigma is the same for the three axes here. Median absolute deviations of m frames are as precise as a
+mean square of n = 3 * 0.37 m numbers. Then sigma^2 may be n / q times the measured one, with q the chi-squared number
+of n degrees of freedom at 1 in 740.
 
-The frames themselves are moved back across the cloth, and not in time (`fit.recordings.frame_offsets`).
-Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973).
+These delays are corrected by moving frames across the cloth, and not in time (`fit.recordings.frame_offsets`). Source:
+least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973).
 """
 
 from __future__ import annotations
@@ -41,34 +41,34 @@ from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 from formats.sights import LARGEST_SHIFT
 
 SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
-INTERVAL_SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
-UNEVEN = 0.1  # of the median interval, the spread from which shares of it show
-SHORTEST_PART = 0.25  # of the take that the scan's reach is at most
-LEAST_TRAVEL = 0.02  # m, standard deviation of the hanger's way across the cloth, from which a scale is told
-MOVING, STILL = 0.1, 0.03  # m/s of the row, above which time shows, and below which noise does
+INTERVAL_SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # shares of the preceding interval in the scan
+UNEVEN = 0.1  # of the median interval: spread of intervals from which a share is identifiable
+SHORTEST_PART = 0.25  # of the take's duration: largest latency of the scan
+LEAST_TRAVEL = 0.02  # m: standard deviation of the hanger's travel across the cloth, from which a scale is estimated
+MOVING, STILL = 0.1, 0.03  # m/s of the row: faster frames show delays, and slower frames noise
 LEAST_NOISE = 5e-4  # m of an axis
-FEWEST_NOISE_FRAMES = 8  # frames from which noise is taken
-MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
-WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
-# Halves of a 90 % interval: 3.5 standard errors. A t number of 15 degrees of freedom, as of a take of 8 s, is so far
-# off 1 time in 300. Then of six findings hardly one in fifty is false.
+FEWEST_NOISE_FRAMES = 8  # frames for an estimate of noise
+MEDIAN_TELLS = 0.37  # efficiency of a median absolute deviation relative to a mean square
+WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the hanger hardly moved
+# Half 90 % intervals: 3.5 standard errors. Student's t with 15 degrees of freedom, as for a take of 8 s, exceeds this 1
+# time in 300. Then one of six findings is false in hardly one of fifty takes.
 SURELY = 2.0
 CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
-INSTANTS_AT_ONCE = 1 << 16  # of frames and latencies: 14 MB meanwhile, by tracemalloc
-CLOSEST = 4e-3  # s between frames: nearer ones are one moment
+INSTANTS_AT_ONCE = 1 << 16  # frames times latencies in one batch: 14 MB, by tracemalloc
+CLOSEST = 4e-3  # s between frames: nearer ones count as simultaneous
 
 
 @dataclass(frozen=True)
 class Timing:
-    """The stamps of a take, as the held row shows them.
+    """Delays of a take's time stamps, estimated from the held row.
 
     - `latency` [s]: positive for late stamps
-    - `share`: of the interval to the frame before, on top of the latency
+    - `share`: of the interval to the frame before, added to the latency
     - `latency_interval`, `share_interval`: 90 %; the latter is None for even frames
-    - `deviation` [s]: of each frame's own shift; 0 if none shows
-    - `explained`: share of the row's squared motion that the hanger's path explains, at best
-    - `shifts` [s], (frames,): the lateness of each stamp by latency and share
+    - `deviation` [s]: of each frame's own delay; 0 if not certain
+    - `explained`: share of the row's squared motion that the hanger's path explains at the best delay
+    - `shifts` [s], (frames,): the delay of each stamp by latency and share
     - `scale`: share by which the row travels farther across the cloth than the path
     - `scale_interval`: 90 %; None where the hanger hardly travels that way
     """
@@ -85,60 +85,60 @@ class Timing:
 
     @property
     def is_late(self) -> bool:
-        """Whether the 90 % interval of the latency is beyond zero; it is named where it is sure (`is_sure`)."""
+        """Whether the 90 % interval of the latency excludes zero; `is_sure` is stricter."""
         low, high = self.latency_interval
         return low > 0.0 or high < 0.0
 
     @property
     def is_off(self) -> bool:
-        """Whether stamps are likelier off than not: the 90 % interval of the latency or of the share is beyond zero."""
+        """Whether time stamps are probably wrong: the 90 % interval of latency or share excludes zero."""
         known = [self.latency_interval, *([self.share_interval] if self.share_interval is not None else [])]
         return self.deviation > 0 or any(low > 0.0 or high < 0.0 for low, high in known)
 
     @property
     def follows(self) -> bool:
-        """Whether the row follows the hanger at any shift."""
+        """Whether the row follows the hanger at any delay."""
         return self.explained >= LEAST_EXPLAINED
 
     @property
     def is_of_hanger(self) -> bool:
-        """Whether the points' clock can be the hanger's: the row follows, at a shift that was looked at."""
+        """Whether the points' clock can be the hanger's: the row follows at a delay within the scan."""
         return self.follows and not self.is_at_end
 
     @property
     def is_at_end(self) -> bool:
-        """Whether the latency is as large as the largest that was looked at."""
+        """Whether the latency lies at the end of the scan."""
         return abs(self.latency) >= LARGEST_SHIFT - SCAN_STEP
 
 
 def why_foreign(timing: Timing) -> str:
-    """Say why a take's points cannot have the hanger's clock; two shares that differ are never told as one number."""
+    """Return the reason why a take's points cannot have the hanger's clock, with distinguishable percentages."""
     least, best = 100 * LEAST_EXPLAINED, 100 * max(timing.explained, 0.0)
     if timing.explained >= LEAST_EXPLAINED:
         return (
             f"the hanger's path explains most of the held row's motion, {best:.0f} %, at a shift of "
             f"{timing.latency:+.2f} s, and none beyond {LARGEST_SHIFT:g} s is looked at"
         )
-    told = f"{best:.0f}" if round(best) < round(least) else f"{np.floor(10 * best) / 10:.1f}"
+    stated = f"{best:.0f}" if round(best) < round(least) else f"{np.floor(10 * best) / 10:.1f}"
     return (
         f"at no shift within {LARGEST_SHIFT:g} s does the hanger's path explain {least:.0f} % of the held row's motion "
-        f"(best: {told} %)"
+        f"(best: {stated} %)"
     )
 
 
 def is_sure(interval: tuple[float, float]) -> bool:
-    """Return whether a figure of this 90 % interval is surely not zero."""
+    """Return whether a value with this 90 % interval is certainly not zero."""
     low, high = interval
     return abs(low + high) / 2 > SURELY * (high - low) / 2
 
 
 def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:
-    """Return the held row's finding on the stamps; None where the take is too short or the hanger too still.
+    """Estimate the delays of a take's time stamps; None if the take is too short or the hanger moves too little.
 
     - `time` [s], (frames,)
     - `row` [m], (frames, 3): its middle, NaN where not seen
     - `path`: of the held ends, on the same clock
-    - `is_per_frame`: whether it is asked if each frame has a shift of its own
+    - `is_per_frame`: whether to estimate the delays of single frames
     """
     seen = np.isfinite(row).all(1)
     reach = min(LARGEST_SHIFT, SHORTEST_PART * float(time[-1] - time[0]))
@@ -163,7 +163,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
         share_interval=(share - half[1], share + half[1]) if is_uneven else None, deviation=0.0,
         explained=1 - float((left[scan.used] ** 2).sum() / max(scan.motion, 1e-12)), shifts=latency + share * step,
     )  # fmt: skip
-    if half[0] > WIDEST_INTERVAL:  # the hanger tells no time, or it is another one's
+    if half[0] > WIDEST_INTERVAL:  # the hanger's motion shows no delay, or belongs to another take
         return None if timing.is_of_hanger else timing
     timing = scan.with_scale(timing)
     return scan.with_deviation(timing) if is_per_frame else timing
@@ -171,7 +171,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
 
 @dataclass(frozen=True)
 class _Scan:
-    """The held row of one take and the path it is held against; used: counted frames; noise per axis [m], (3,)."""
+    """Scan of delays for one take's held row and hanger path; used: counted frames; noise per axis [m], (3,)."""
 
     time: Floats
     row: Floats
@@ -179,7 +179,7 @@ class _Scan:
     path: Curve
     used: Booleans
     noise: Floats = field(default_factory=lambda: np.ones(3))
-    still: int = 0  # frames that the noise is of
+    still: int = 0  # frames that estimate the noise
 
     @property
     def block(self) -> Integers:
@@ -191,28 +191,28 @@ class _Scan:
 
     @property
     def spread(self) -> float:
-        """Half a 90 % interval in standard deviations."""
+        """Half a 90 % interval, in standard deviations."""
         from scipy.special import stdtrit
 
         return float(stdtrit(self.blocks - 1, 0.95))
 
     @property
     def motion(self) -> float:
-        """Sum of the row's squared distances from its mean place [m^2]."""
+        """Sum of the row's squared distances from its mean position [m^2]."""
         row = self.row[self.used]
         return float(((row - row.mean(0)) ** 2).sum())
 
     def local(self, latency: float, share: float) -> Floats:
-        """The row in the hanger's frame [m], (frames, 3), if stamps are late by so much."""
+        """Return the row in the hanger's frame [m], (frames, 3), for these delays of the stamps."""
         return in_hanger_frame(self.row, self.path(self.time - latency - share * self.step))
 
     def residual(self, latency: float, share: float) -> Floats:
-        """The same about its mean over the frames that count."""
+        """Return `local` minus its mean over the used frames."""
         local = self.local(latency, share)
         return np.asarray(local - local[self.used].mean(0))
 
     def whitened(self, latencies: Floats, shares: Floats) -> Floats:
-        """Root mean square of the residual over the noise of its axes, (n,), for latencies [s] and shares, (n,)."""
+        """Return the root mean square residual in units of noise, (n,), for latencies [s] and shares, (n,)."""
         time, step, row = self.time[self.used], self.step[self.used], self.row[self.used]
         found = []
         for begin in range(0, len(latencies), at_once := max(INSTANTS_AT_ONCE // len(time), 1)):
@@ -224,11 +224,11 @@ class _Scan:
         return np.concatenate(found)
 
     def velocity(self, latency: float, share: float) -> Floats:
-        """How fast the row moves through a frame that moves with the hanger's stamps [m/s], (frames, 3)."""
+        """Return the change of the row in the hanger's frame per second of delay [m/s], (frames, 3)."""
         return (self.local(latency + NEXT, share) - self.local(latency, share)) / NEXT
 
     def by_noise(self, latency: float, share: float) -> _Scan:
-        """Return the scan with the noise that each axis has in frames in which the hanger stands still."""
+        """Return the scan with the noise of each axis from frames in which the hanger is at rest."""
         still = self.used & (np.linalg.norm(self.velocity(latency, share), axis=1) < STILL)
         if still.sum() < FEWEST_NOISE_FRAMES:
             return self
@@ -255,7 +255,7 @@ class _Scan:
         return replace(self, used=self.used & (away <= max(most, 1e-6)))
 
     def mended(self, latency: float, share: float, *, is_uneven: bool) -> tuple[float, float, Floats]:
-        """Return latency, share and their deviations, (2,), by Gauss-Newton steps and the jackknife over blocks."""
+        """Return refined latency and share with deviations, (2,), by Gauss-Newton steps and a block jackknife."""
         names = np.unique(self.block[self.used])
         place = np.repeat(np.searchsorted(names, self.block[self.used]), 3)
         found = np.array([latency, share])
@@ -281,10 +281,10 @@ class _Scan:
         return float(found[0]), float(found[1]), sd
 
     def with_scale(self, timing: Timing) -> Timing:
-        """Return a timing with the scale of the row's way across the cloth, before frames get shifts of their own.
+        """Return a timing with the scale of the row's travel across the cloth, before single frames get own delays.
 
-        A shift of each frame would hide it. Beside the scale k, the line has the row's velocity v, for the latency:
-        o + k (w - mean w) + e v.
+        Own delays of single frames would hide a scale. Besides the scale k, the line contains the row's velocity v, for
+        the latency: o + k (w - mean w) + e v.
         """
         ends = self.path(self.time - timing.latency - timing.share * self.step)[self.used]
         normal = hanger_axes(ends)[:, :, 2].mean(0)
@@ -299,7 +299,7 @@ class _Scan:
         return replace(timing, scale=float(line[1]), scale_interval=interval_of(line[1], half[1]))
 
     def with_deviation(self, timing: Timing) -> Timing:
-        """Return a timing with the deviation of each frame's own shift, where such shifts show."""
+        """Return a timing with the deviation of single frames' delays, if certain."""
         velocity = self.velocity(timing.latency, timing.share)
         moving = self.used & (np.linalg.norm(velocity, axis=1) > MOVING)
         noise = float(np.sqrt((self.noise**2).mean()))
@@ -318,7 +318,7 @@ class _Scan:
 
 
 def _most_noise(still: int) -> float:
-    """Return how many times its estimate from three axes of still frames a noise can be in variance, for certain."""
+    """Return the upper limit of the true noise variance over its estimate from three axes of frames at rest."""
     from scipy.special import gammaincinv, ndtr
 
     freedom = 3 * MEDIAN_TELLS * still
@@ -326,7 +326,7 @@ def _most_noise(still: int) -> float:
 
 
 def uneven_intervals(time: Floats) -> Floats:
-    """Return by how much the interval before each frame is longer than the median one [s], (frames,), 0 at first."""
+    """Return the excess of the interval before each frame over the median interval [s], (frames,), 0 for the first."""
     steps = np.diff(time)
     return np.asarray(np.concatenate([[0.0], steps - np.median(steps)]))
 
@@ -334,8 +334,8 @@ def uneven_intervals(time: Floats) -> Floats:
 def row_middle(points: Floats, across: Floats) -> Floats:
     """Return the middle of a straight row in each frame [m], (frames, 3), NaN where too little of it is seen.
 
-    points [m], (frames, points, 3), NaN where not seen; across [m], (points,): their places from the row's middle. Of
-    six points or more the outermost, which silhouettes lose, do not count.
+    points [m], (frames, points, 3), NaN where not seen; across [m], (points,): their positions from the row's middle.
+    Among six points or more the outermost do not count, because silhouettes lose them.
     """
     if len(across) >= 6:
         inner = np.argsort(across)[1:-1]
@@ -352,7 +352,7 @@ def row_middle(points: Floats, across: Floats) -> Floats:
 
 
 def in_order(time: Floats) -> Booleans:
-    """Return which frames, (frames,), come after every one before, by `CLOSEST` at least."""
+    """Return which frames, (frames,), are later than all earlier ones by `CLOSEST` at least."""
     kept = np.zeros(len(time), bool)
     last = -np.inf
     for k, instant in enumerate(time):

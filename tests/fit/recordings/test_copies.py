@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit.recordings.copies import Track, are_copies, share_places
+from fit.recordings.copies import Track, are_copies, share_positions
 from fit.recordings.intact import FRAME_FIELDS
 from formats.archive import read_take, write_take
 from formats.exporters.marker_files import write_csv
@@ -46,7 +46,7 @@ def copies(one, other):
 
 
 def same_places(one, other):
-    return share_places(Track(one), Track(other))
+    return share_positions(Track(one), Track(other))
 
 
 COPIES = {
@@ -100,13 +100,13 @@ def test_takes_at_rest_are_no_copies(noise):
 def test_frames_that_come_again_and_cloth_that_has_not_moved_tell_nothing():
     """The hanger goes by a centimetre after 0.7 s; the lower points are later."""
     take = recorded(amplitude=0.08)
-    telling = Track(take).telling
+    informative = Track(take).informative
     away = np.linalg.norm(take.points - take.points[0], axis=2)[:, 2:].max(1)
-    assert telling.tolist() == np.flatnonzero(away > 0.01).tolist()
+    assert informative.tolist() == np.flatnonzero(away > 0.01).tolist()
     for again in (np.repeat(np.arange(150), 2), np.tile(np.arange(150), 2)):
-        assert len(Track(part(take, again)).telling) == 0
+        assert len(Track(part(take, again)).informative) == 0
     once = part(take, np.r_[0:150, 60:70])  # ten of them come again
-    assert len(Track(once).telling) == len(telling) - 10
+    assert len(Track(once).informative) == len(informative) - 10
 
 
 @pytest.mark.parametrize(("count", "is_one"), [(9, False), (10, False), (11, True), (40, True)])
@@ -167,7 +167,7 @@ def test_a_long_take_is_looked_at_in_parts_and_its_copy_is_known(monkeypatch):
     monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 100, 1 / 30))
     monkeypatch.setattr("fit.recordings.copies.MOST_ASKED", 400)
     take = recorded()
-    assert len(Track(take).telling) <= 400
+    assert len(Track(take).informative) <= 400
     assert copies(take, part(recorded(), slice(1000, None)))
     assert not copies(take, recorded(seed=1))
 

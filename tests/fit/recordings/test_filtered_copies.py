@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from fit.recordings.copies import Track, are_copies, share_places
+from fit.recordings.copies import Track, are_copies, share_positions
 from fit.recordings.filtered_copies import Motion, noise_left
 from formats.archive import read_take, write_take
 from formats.importers.swung_cloth import import_swung_cloth
@@ -71,7 +71,7 @@ def test_a_recording_whose_every_place_has_changed_is_known_by_its_noise(change)
     copy = COPIES[change](take)
     assert are_copies(Track(take), Track(copy))
     assert are_copies(Track(copy), Track(take))
-    assert not share_places(Track(take), Track(copy))
+    assert not share_positions(Track(take), Track(copy))
 
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3, 3e-3])
@@ -183,7 +183,7 @@ def test_places_are_smoothed_as_lines_from_frame_to_frame_whatever_the_clock():
     time[0] = 0.0
     places = random.normal(size=(60, 1, 3))
     motion, fine = Motion(time, places, np.ones((60, 1), bool)), np.arange(-2, 6, 1e-3)
-    found = motion.smoothed(np.array([0]), 0.2).places[:, 0]
+    found = motion.smoothed(np.array([0]), 0.2).positions[:, 0]
     at = 0.1 * np.arange(len(found))
     bells = np.exp(-((at[:, None] - fine) ** 2) / (2 * 0.2**2))
     wanted = bells @ np.stack([np.interp(fine, time, places[:, 0, k]) for k in range(3)], 1)
@@ -191,7 +191,7 @@ def test_places_are_smoothed_as_lines_from_frame_to_frame_whatever_the_clock():
     straight = Motion(time, time[:, None, None] * np.ones(3), np.ones((60, 1), bool))
     inner = straight.smoothed(np.array([0]), 0.2)
     middle = (at > 0.8) & (at < time[-1] - 0.8)
-    assert inner.places[middle, 0, 0] == pytest.approx(at[middle], abs=1e-5)
+    assert inner.positions[middle, 0, 0] == pytest.approx(at[middle], abs=1e-5)
 
 
 def test_a_pause_may_last_ten_times_as_long_as_the_frames():

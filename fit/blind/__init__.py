@@ -1,1 +1,1 @@
-"""The blind check: a generator of withheld truths, the seal around them, and the scorer."""
+"""Blind check of the diagnosis: generated cases with sealed labels, and the scoring of answers."""

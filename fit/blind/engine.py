@@ -22,23 +22,23 @@ from formats.arrays import Floats
 from formats.nature import GRAVITY
 
 TRIANGLE_SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
-SAMPLES_A_SECOND = 200  # kept per second: swung cloth moves below 10 Hz
-FLAT_SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
+SAMPLES_A_SECOND = 200  # samples per second: swung cloth moves below 10 Hz
+FLAT_SAFETY = 0.7  # of the linear limit, as the bound holds for the flat sheet
 HANGING_TIME = 2.0  # s that the sheet hangs still before a take
 SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
 POISSON = 0.3  # of the ground
-MOST_GROUND = 0.9  # of the stretch stiffness: the rest is left for the fibres
-HEM_WIDTH = 0.02  # m of cloth that is turned up
+MOST_GROUND = 0.9  # of the stretch stiffness: the rest belongs to the fibres
+HEM_WIDTH = 0.02  # m: width of the hem
 HEM_BENDING = 3.0  # times the bending stiffness of the cloth
 MAGNET_AT = 0.65  # of the height below the held edge
-MAGNET_REACH = 0.05  # m, over which its pull falls
-LIGHTEST = 0.1  # of its mass that every node keeps where mass is uneven
+MAGNET_REACH = 0.05  # m: decay length of the magnet's pull
+LIGHTEST = 0.1  # of its mass: least mass of a node under an uneven distribution
 POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cloth:
-    """A sheet and everything that acts on it; a size of 0 is exactly absent.
+    """Parameters of a sheet and of all forces on it; a size of 0 switches a force off exactly.
 
     - `width`, `height` [m]
     - `density` [kg/m^2]
@@ -97,7 +97,7 @@ class Cloth:
 
     @property
     def mass(self) -> float:
-        """Mass of the cloth on scales [kg], hem included, foreign objects not."""
+        """Weighed mass of the cloth [kg], with the hem and without foreign objects."""
         return self.density * self.width * self.height + self.hem * self.width
 
 
@@ -105,7 +105,7 @@ class Cloth:
 class Motion:
     """Motion of a batch of takes: time [s], (samples,); points [m], (takes, samples, points, 3), world frame, z up.
 
-    shapes, (takes, samples, nodes, 6): places [m] and velocities [m/s], or None.
+    shapes, (takes, samples, nodes, 6): positions [m] and velocities [m/s], or None.
     """
 
     time: Floats
@@ -158,10 +158,10 @@ class Engine:
         """Run the simulator over the whole motion of the hanger.
 
         - `ends` [m], (takes, n, 6): left and right end of the held edge, evenly spaced over `duration` [s], world frame
-        - `places` [m], (points, 2): where on the flat sheet to look.
+        - `places` [m], (points, 2): positions of the points on the flat sheet.
 
         Raises:
-            BlowUpError: a simulation left the realm of finite numbers.
+            BlowUpError: a simulation did not stay finite.
         """
         runtime.start()
         from fit.blind import kernel
@@ -205,7 +205,7 @@ class Engine:
         return Motion(np.arange(samples) / SAMPLES_A_SECOND, points, states, steps + round(settle / dt))
 
     def numbers(self) -> dict[str, float]:
-        """Return every number of the physics [SI] that all takes share."""
+        """Return the physical parameters [SI] common to all takes."""
         cloth = self.cloth
         across, away = np.sin(cloth.gravity_tilt)
         down = -np.sqrt(1 - across**2 - away**2)
@@ -223,7 +223,7 @@ class Engine:
         return {name: float(value) for name, value in known.items()}
 
     def poles(self, x: Floats) -> Floats:
-        """Return `POLES` [m], (takes, 6), from where the nodes start, (takes, nodes, 3)."""
+        """Return `POLES` [m], (takes, 6), from the nodes' initial positions, (takes, nodes, 3)."""
         magnet = self.sheet.node_at(0.0, -MAGNET_AT * self.sheet.height)
         return np.hstack([x[:, self._corner] + self._tie, x[:, magnet] + [0.0, 0.06, 0.0]])
 
@@ -233,12 +233,12 @@ class Engine:
 
     @property
     def _tie(self) -> Floats:
-        """From the corner to where its thread is tied [m], (3,)."""
+        """Return the vector from the corner to its thread's fixed end [m], (3,)."""
         return np.array([0.25 * self.cloth.corner, 0.1, -0.15])
 
 
 def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
-    """Masses [kg], (nodes,): uneven along a quarter sine of the same first moment as a straight slope; hem below."""
+    """Return nodal masses [kg], (nodes,): a quarter-sine slope with a linear slope's first moment, and the hem."""
     xi, eta = 2 * sheet.rest[:, 0] / sheet.width, -2 * sheet.rest[:, 1] / sheet.height - 1
     same_moment = np.pi**2 / 12
     slope = cloth.mass_slope[0] * np.sin(np.pi * xi / 2) + cloth.mass_slope[1] * np.sin(np.pi * eta / 2)
@@ -266,20 +266,20 @@ def _hinge_rows(cloth: Cloth, sheet: Sheet) -> tuple[Floats, Floats]:
 
 
 def _air_mass(sheet: Sheet) -> Floats:
-    """Area [m^2] times the share of the carried air, (nodes,): 1 in the middle, falling to zero at the edges."""
+    """Return area [m^2] times the share of carried air, (nodes,): 1 in the middle, falling to zero at the edges."""
     xi, eta = 2 * sheet.rest[:, 0] / sheet.width, -2 * sheet.rest[:, 1] / sheet.height - 1
     return np.asarray(sheet.node_area * (np.clip(1 - xi**2, 0, 1) * np.clip(1 - eta**2, 0, 1)) ** 0.6)
 
 
 def magnet_spot(sheet: Sheet) -> Floats:
-    """Shares of the magnet's pull, (nodes,)."""
+    """Return the nodes' shares of the magnet's pull, (nodes,)."""
     spot = np.exp(-((sheet.rest - MAGNET_AT * np.array([0.0, -sheet.height])) ** 2).sum(1) / MAGNET_REACH**2)
     spot[spot < 0.01] = 0.0
     return np.asarray(spot / spot.sum())
 
 
 def held_fraction(sheet: Sheet) -> Floats:
-    """Return where the held nodes are along the held edge, (held,), from 0 to 1."""
+    """Return the positions of the held nodes along the held edge, (held,), from 0 to 1."""
     return np.asarray(sheet.rest[sheet.held, 0] / sheet.width + 0.5)
 
 
@@ -293,7 +293,7 @@ def hung(ends: Floats, sheet: Sheet) -> Floats:
 
 
 def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
-    """Smooth path of the ends at every step, (takes, steps, 6)."""
+    """Return a smooth path of the ends at every step, (takes, steps, 6)."""
     from scipy.interpolate import CubicSpline
 
     given = np.linspace(0.0, duration, ends.shape[1])
@@ -301,14 +301,14 @@ def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
 
 
 def _rows(*shape: int) -> Floats:
-    """Zeros, one vector of takes each."""
+    """Return rows of zeros, one vector of takes each."""
     from fit.blind.kernel import TAKE_LANES
 
     return runtime.aligned_zeros((*shape, TAKE_LANES), np.float64)
 
 
 def _in_lanes(values: Floats) -> Floats:
-    """(takes, n) -> (groups x n, lanes); the rest of the last group's lanes repeats the last take."""
+    """Reorder (takes, n) to (groups x n, lanes); the last take fills the remaining lanes."""
     from fit.blind.kernel import TAKE_LANES
 
     groups = -(-len(values) // TAKE_LANES)
@@ -319,6 +319,6 @@ def _in_lanes(values: Floats) -> Floats:
 
 
 def _from_lanes(values: Floats, takes: int) -> Floats:
-    """(groups, samples, n, lanes) -> (takes, samples, n)."""
+    """Reorder (groups, samples, n, lanes) to (takes, samples, n)."""
     moved = np.moveaxis(values, -1, 1)
     return np.ascontiguousarray(moved.reshape(-1, *moved.shape[2:])[:takes])

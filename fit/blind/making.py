@@ -1,4 +1,4 @@
-"""Make a sealed set of cases: labels sealed first, then case after case, each whole or absent, resumable at any time.
+"""Generate a sealed set of cases: labels first, then one case after the other, resumable at any time.
 
 DIR/cases/<id>/take-1.mcap ... held-out-2.mcap      public
 DIR/manifest.json                                   SHA-256 of every public file and of the sealed labels
@@ -27,7 +27,7 @@ from formats.whole_files import write_whole
 
 
 class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The sealed part: how the set was drawn and the truth of every case."""
+    """Sealed labels: settings of the random draw and the truth of every case."""
 
     format: str
     seed: int
@@ -45,7 +45,7 @@ class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The published part: hashes. `files` maps paths in the set's folder to their SHA-256."""
+    """Public manifest of a set: `files` maps paths in the set's folder to their SHA-256."""
 
     format: str
     sealed: str
@@ -57,7 +57,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 MANIFEST, LABELS, SEALED_KEY = "manifest.json", "sealed/labels.bin", "sealed/key"
 LABELS_FORMAT, MANIFEST_FORMAT = "hangtime-blind-labels/1", "hangtime-blind-manifest/1"
 Progress = Callable[[int, int], None]
-Made = tuple[str, dict[str, str]]  # a case and the SHA-256 of its files
+Made = tuple[str, dict[str, str]]  # progress: a case's name and the SHA-256 of its files
 
 
 def make_set(
@@ -65,10 +65,10 @@ def make_set(
     side: float | None = None, generator: Generator = OWN_GENERATOR, sensor: Mapping[str, float] = PERFECT_SENSOR,
     progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
-    """Make a set or continue one; files with the right hash are not made again.
+    """Generate or continue a set; files with the right hash are not generated again.
 
-    `sensor` gives parts of every look (`noise`, `away`, `rate`) instead of drawing them. The steps of a ladder with one
-    seed have the same cases otherwise.
+    `sensor` fixes parts of every look (`noise`, `away`, `rate`) that are random otherwise. The steps of a ladder with
+    one seed have the same cases otherwise.
 
     Raises:
         FitError: nothing to make, the folder holds another set, the generator's engine is not there, the side fits no
@@ -98,7 +98,7 @@ def make_real_set(
     folder: Path, takes_folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *,
     progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
-    """Make a set of real takes with planted faults of measurement, or go on with one.
+    """Generate or continue a set of real takes with planted measurement faults.
 
     Raises:
         FitError: too few takes, nothing to make, no untouched case, or the folder holds another set.
@@ -119,7 +119,7 @@ def make_real_set(
 
 
 def _check_side(side: float, truths: list[Truth]) -> None:
-    """Refuse a mesh of which a sheet would not hold two sides, before anything is sealed."""
+    """Refuse a mesh side larger than half a sheet, before anything is sealed."""
     largest = min(min(t.look.width, t.look.height) for t in truths) / 2
     if not 0 < side <= largest:  # no comparison with NaN is true
         raise FitError(
@@ -131,7 +131,7 @@ def _check_side(side: float, truths: list[Truth]) -> None:
 def _make_all(
     folder: Path, labels: Labels, made: Callable[[frozenset[str]], Iterator[Made]], progress: Progress
 ) -> Manifest:
-    """Seal the labels, then make what is not there yet; `made` yields cases as they are done."""
+    """Seal the labels, then generate the missing cases; `made` yields each finished case."""
     manifest = _begin(folder, labels)
     files, total = dict(manifest.files), len(labels.cases)
     left = frozenset(case for case in labels.cases if not _is_made(folder, case, files))
@@ -147,7 +147,7 @@ def _make_all(
 
 
 def open_labels(folder: Path) -> Labels:
-    """Return the labels behind the seal.
+    """Open the seal and return the labels.
 
     Raises:
         FitError: there is no seal or key, or either was changed since it was published.
@@ -179,12 +179,12 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def changed_files(folder: Path, manifest: Manifest) -> list[str]:
-    """Return the public files that are missing or not those that were made."""
+    """Return the public files that are missing or changed."""
     return [n for n, sha in manifest.files.items() if not (folder / n).exists() or sha256_of(folder / n) != sha]
 
 
 def _begin(folder: Path, labels: Labels) -> Manifest:
-    """Seal the labels, or check that those in the folder are the same."""
+    """Seal the labels, or check that the folder's sealed labels are equal."""
     if (folder / MANIFEST).exists():
         found = open_labels(folder)
         if found != labels:
@@ -209,7 +209,7 @@ def _is_made(folder: Path, case: str, files: dict[str, str]) -> bool:
 
 
 def _made(folder: Path, truths: list[Truth], how: tuple[str, float], workers: int) -> Iterator[Made]:
-    """Make cases, in this process or in several, and yield each when done; leaving early cancels the rest."""
+    """Generate cases in one or several processes and yield each finished one; an early exit cancels the rest."""
     if workers <= 1:
         for truth in truths:
             yield _make_one(folder, truth, how)
@@ -231,13 +231,13 @@ def _made(folder: Path, truths: list[Truth], how: tuple[str, float], workers: in
 
 
 def _start_worker() -> None:
-    """One thread each; Ctrl-C reaches every process, the parent decides, and cases under way are finished."""
+    """Set up a worker process: one thread, and no reaction to Ctrl-C, on which the parent decides."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     runtime.start(1)
 
 
 def _make_one(folder: Path, truth: Truth, how: tuple[str, float]) -> Made:
-    """Make one case with a generator of this name and a mesh of this side [m]."""
+    """Generate one case with the generator of this name and a mesh of this side [m]."""
     name, side = how
     paths = write_case(folder / "cases" / truth.id, truth, side=side, generator=find_generator(name))
     return truth.id, _hashes(paths)

@@ -1,4 +1,4 @@
-"""The blind check as one HTML file with nothing from outside: rates, confusion, calibration, baselines, every case."""
+"""HTML page of a blind check, self-contained: rates, confusion, calibration, baselines, every case."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fit.templating import environment
 from formats.system_causes import step_to_write
 from formats.whole_files import write_whole
 
-# Asked of the own generator at 2 to 4 times the minimum detectable amplitude; null and unknown cases have no amplitude.
+# Targets for our own generator at 2 to 4 times the minimum detectable amplitude; nulls and unknowns have no amplitude.
 ROWS = (
     ("false alarms on nulls", "false_alarms", "at most 5 %"),
     ("right group first", "right_first", "at least 90 %"),
@@ -37,17 +37,17 @@ ROWS = (
     ("seconds a case, median", "seconds", ""),
     ("seconds a case, most", "seconds_most", "at most 180"),
 )
-Table = tuple[list[Any], list[list[Any]]]  # heads, and the cells of each line
+Table = tuple[list[Any], list[list[Any]]]  # column heads, and the cells of each row
 LARGE = 10.0  # figures from here on are written without decimals
 
 
 def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:
-    """Refuse the name of a file of the set or of its answers in any spelling.
+    """Refuse an output path that names a file of the set or of its answers, in any spelling.
 
     Raises:
         FitError: the page would lie among them, other than as an .html file beside them.
     """
-    # `Path.resolve` fails where a link leads to itself, before anything says so.
+    # `Path.resolve` fails on a link to itself, without a clear message.
     place, *known = (Path(os.path.realpath(path)) for path in (out, *folders))
     is_among = any(folder in place.parents for folder in known)
     if is_among and not (place.parent in known and place.suffix == ".html"):
@@ -84,7 +84,7 @@ def render(score: Score) -> str:
 
 
 def figure(rates: Rates, name: str) -> str:
-    """Return one figure of some rates in words, a dash where no case allows it."""
+    """Return one rate as text, a dash if no case allows it."""
     value = getattr(rates, name)
     if isinstance(value, Rate):
         return str(value) if value.n else "–"
@@ -92,14 +92,14 @@ def figure(rates: Rates, name: str) -> str:
 
 
 def _rates(score: Score) -> Table:
-    """The rates, overall and by size; heads with how many cases they are of."""
+    """Return the rates, overall and by size; column heads with the number of cases."""
     sizes = {"all": score.overall, **score.by_size}
     heads = ["", "asked", *({"name": name, "cases": rates.cases} for name, rates in sizes.items())]
     return heads, [[title, asked, *(figure(r, name) for r in sizes.values())] for title, name, asked in ROWS]
 
 
 def _ladders(score: Score) -> Table:
-    """The rates that depend most on data, by noise, points, frames and missing points."""
+    """Return the rates by noise, points, frame rate and missing points."""
     shown = [row for row in ROWS if row[1] in {"false_alarms", "right_first", "said_unknown", "amplitude_error"}]
     return ["", "cases", *(title for title, _, _ in shown)], [
         [f"{name}: {step}", rates.cases, *(figure(rates, key) for _, key, _ in shown)]
@@ -109,7 +109,7 @@ def _ladders(score: Score) -> Table:
 
 
 def _counts(table: dict[str, dict[str, int]], corner: str) -> dict[str, Any]:
-    """Counts by two names, each with the share of its colour."""
+    """Return counts by two names, each with the strength of its colour."""
     columns = sorted({c for row in table.values() for c in row})
     most = max((n for row in table.values() for n in row.values()), default=1)
     rows = [(name, [(f"{0.65 * row.get(c, 0) / most:.2f}", row.get(c, "")) for c in columns])
@@ -118,7 +118,7 @@ def _counts(table: dict[str, dict[str, int]], corner: str) -> dict[str, Any]:
 
 
 def _marks(score: Score) -> list[tuple[str, str, str]] | None:
-    """Circles, x, y and radius: the share of right names over the stated probability, in fifths."""
+    """Return circles, x, y and radius, of the share of right names over the stated probability, in fifths."""
     given = [(j.probability, not _is_wrong(j.named, j.planted)) for j in score.cases if j.probability is not None]
     if not given:
         return None

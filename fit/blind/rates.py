@@ -1,4 +1,4 @@
-"""Rates with Wilson intervals, medians and Brier scores, each with how many cases it rests on.
+"""Rates with Wilson intervals, medians and Brier scores, each with its number of cases.
 
     p_W = (k + z^2/2) / (n + z^2),   half = z / (n + z^2) sqrt(k (n - k) / n + z^2 / 4),   z = 1.96 for 95 %
 
@@ -17,7 +17,7 @@ Z = 1.959964  # 95 %
 
 
 class Rate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """k of n, with its 95 % Wilson interval; None where there is no case."""
+    """A rate k of n with its 95 % Wilson interval; None without cases."""
 
     k: int
     n: int
@@ -39,7 +39,7 @@ def wilson(k: int, n: int) -> tuple[float, float]:
 
 
 def rate_of(claims: Iterable[bool]) -> Rate:
-    """Return how often a claim held."""
+    """Return the rate of true claims."""
     held = list(claims)
     k, n = sum(held), len(held)
     if not n:
@@ -49,12 +49,12 @@ def rate_of(claims: Iterable[bool]) -> Rate:
 
 
 def median(values: list[float]) -> float | None:
-    """Return the median, None of nothing."""
+    """Return the median, or None without values."""
     return float(np.median(values)) if values else None
 
 
 def mean(values: list[float]) -> float | None:
-    """Return the mean, None of nothing."""
+    """Return the mean, or None without values."""
     return float(np.mean(values)) if values else None
 
 

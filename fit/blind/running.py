@@ -1,7 +1,7 @@
-"""Diagnose every case of a set through the command line, as a user would, and never stop for one that fails.
+"""Diagnose every case of a set through the command line, as a user would; a failed case does not stop the run.
 
-ANSWERS/<id>/diagnosis.json     what the diagnosis said
-ANSWERS/<id>/failure.txt        where it ended without one: the case counts as `inconclusive`
+ANSWERS/<id>/diagnosis.json     the diagnosis
+ANSWERS/<id>/failure.txt        the error of a case without a diagnosis, which counts as `inconclusive`
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times the usual time
-INTERRUPT_PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
+INTERRUPT_PATIENCE = 10.0  # s after the terminal's Ctrl-C, until a diagnosis that still runs is interrupted too
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
-KEPT, REFUSED = "diagnosis.partial", 2  # fits that an interrupted diagnosis keeps; exit code of a bad request
+KEPT, REFUSED = "diagnosis.partial", 2  # folder with saved fits of an interrupted diagnosis; exit code of a bad request
 Progress = Callable[[int, int, int], None]
 
 
 def diagnose_command() -> list[str]:
-    """Return the command that diagnoses takes, in this Python."""
+    """Return the command line of `hangtime diagnose` in this Python."""
     return [sys.executable, "-m", "formats.command", "diagnose"]
 
 
@@ -38,15 +38,15 @@ def run_set(
     again: bool = False, limit: float = LIMIT, workers: int = 1, takes: int | None = None,
     without: Mapping[str, str] | None = None, progress: Progress = lambda done, total, failed: None,
 ) -> int:  # fmt: skip
-    """Diagnose the cases that are not done; return how many ended without a diagnosis.
+    """Diagnose the unfinished cases; return the number that ended without a diagnosis.
 
-    - `command`: what to run instead of `hangtime diagnose`
-    - `options`: more words for it
+    - `command`: command to run instead of `hangtime diagnose`
+    - `options`: further arguments of the command
     - `again`: retry failures
     - `limit` [s]: time for one case
-    - `workers`: diagnoses side by side, which share the processors
-    - `takes`: so many of each case alone, the first ones, and none to judge on
-    - `without`: these cases alone, each with an effect that its library is to lack
+    - `workers`: number of parallel diagnoses, which share the processors
+    - `takes`: number of takes of each case, the first ones, without held-out takes; None: all
+    - `without`: only these cases, each with an effect to remove from its library
 
     Raises:
         FitError: there is no set, it is not complete, its files are not those that were made, or another run writes
@@ -71,7 +71,7 @@ def _run(
     cases: Mapping[str, str], folder: Path, answers: Path, diagnoses: _Diagnoses, again: bool, workers: int,
     progress: Progress,
 ) -> int:  # fmt: skip
-    """Diagnose these cases; of each the effect that its library is to lack, or nothing."""
+    """Diagnose these cases, each without one effect of the library or with the whole library."""
     left = [c for c in cases if not _is_done(answers / c) and (again or not (answers / c / FAILURE).exists())]
     failed = sum(not _is_done(answers / c) for c in cases if c not in left)
     progress(len(cases) - len(left), len(cases), failed)
@@ -86,7 +86,7 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             diagnoses.interrupt()
             raise
-        except (FitError, OSError):  # wrong options, or a full disk: the next case would meet them too
+        except (FitError, OSError):  # wrong options or a full disk would fail the next case too
             pool.shutdown(cancel_futures=True)
             raise
     return failed
@@ -97,7 +97,7 @@ def _is_done(answer: Path) -> bool:
 
 
 class _Diagnoses:
-    """Diagnoses that run side by side, each in a process of its own."""
+    """Parallel diagnoses, each in its own process."""
 
     def __init__(
         self, command: list[str], options: Sequence[str], limit: float, workers: int, takes: int | None
@@ -108,9 +108,9 @@ class _Diagnoses:
         self._running: set[subprocess.Popen[str]] = set()
 
     def run(self, case: Path, out: Path, without: str) -> None:
-        """Diagnose into a folder beside the answer's, and give it its name when the process has ended.
+        """Run one diagnosis in a temporary folder, and rename the folder to the answer's when the process has ended.
 
-        without: an effect that the library is to lack, or nothing
+        without: an effect to remove from the library, or nothing
         """
         work = out.with_name(f".{out.name}.partial")
         work.mkdir(parents=True, exist_ok=True)
@@ -122,7 +122,7 @@ class _Diagnoses:
             words += ["--without", without]
         has_kept = (work / KEPT).exists()
         said, code = self._call(words)
-        if code == REFUSED and has_kept:  # the kept fits are of another version or of other options
+        if code == REFUSED and has_kept:  # the saved fits are of another version or of other options
             shutil.rmtree(work / KEPT)
             said, code = self._call(words)
         if code == REFUSED and said.startswith("Usage:"):
@@ -131,7 +131,7 @@ class _Diagnoses:
                 where="--option",
                 advice="see `hangtime diagnose --help`",
             )
-        if code in {130, -signal.SIGINT}:  # the next run goes on with the fits kept in its folder
+        if code in {130, -signal.SIGINT}:  # the next run continues from the saved fits in its folder
             raise KeyboardInterrupt
         write_whole(work / LOG, said.encode())
         if code in {0, INCONCLUSIVE} and _is_done(work):
@@ -143,7 +143,7 @@ class _Diagnoses:
         work.replace(out)
 
     def _call(self, words: list[str]) -> tuple[str, int]:
-        """Run a command; return what it said and its exit code."""
+        """Run a command; return its output and its exit code."""
         try:
             process = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
@@ -162,7 +162,7 @@ class _Diagnoses:
             self._running.discard(process)
 
     def interrupt(self) -> None:
-        """Interrupt the running processes, after a time to stop alone."""
+        """Interrupt the running processes after a grace period."""
         for process in list(self._running):
             try:
                 process.wait(INTERRUPT_PATIENCE)

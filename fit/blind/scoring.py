@@ -1,4 +1,4 @@
-"""Score answers against the sealed labels: answers are hashed before the seal is opened, and every opening is recorded.
+"""Score answers against sealed labels; answers are hashed before the seal is opened, and every opening is recorded.
 
 ANSWERS/answers.sha256     one line per answer, written first
 ANSWERS/score.json         every rate, overall and by true amplitude over the minimum detectable one
@@ -29,11 +29,11 @@ from formats.whole_files import write_whole
 ANSWERS_HASHES, SCORE, LOOKS = "answers.sha256", "score.json", "looks.jsonl"
 HEADLINE_BIN = "2 to 4"
 SCORE_FORMAT = "hangtime-blind-score/1"
-ORACLE_LEAST = 0.05  # of the gap: below, a ratio of closures means nothing
+ORACLE_LEAST = 0.05  # of the gap: below this closure, a ratio of closures is undefined
 
 
 class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The rates of some cases; figures that no case allows are None."""
+    """Rates of a group of cases; a rate without cases is None."""
 
     cases: int
     false_alarms: Rate
@@ -58,7 +58,7 @@ class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Headed(msgspec.Struct):
-    """The part of a score's file that says which kind it is."""
+    """Header of a score file, which states its kind."""
 
     format: str
 
@@ -84,9 +84,9 @@ class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 def hash_answers(folder: Path, answers: Path, *, some: bool = False) -> tuple[str, list[str]]:
-    """Write the hash of every answer; return the hash of them all and the cases that have one.
+    """Write the hash of every answer; return the overall hash and the answered cases.
 
-    some: whether cases may be without an answer.
+    some: whether cases without an answer are allowed.
 
     Raises:
         FitError: cases have neither a diagnosis nor a recorded failure, or none has.
@@ -114,7 +114,7 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
 
     Real takes with planted faults are scored by `fit.blind.real_scoring`.
 
-    With `some`, only cases with an answer count; the set has been looked at all the same.
+    With `some`, only cases with an answer count; the opening of the seal is recorded all the same.
 
     Raises:
         FitError: answers are missing, public files changed, or the seal is broken.
@@ -176,7 +176,7 @@ def load_score(answers: Path) -> Score:
 
 
 def summarise(judged: tuple[Judged, ...]) -> Score:
-    """Turn judged cases into rates."""
+    """Return the rates of judged cases."""
     counted = [j for j in judged if j.is_tested]
     singles = [j for j in counted if j.kind == "single"]
     notes = []
@@ -209,7 +209,7 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
 
 
 def _ladders(judged: list[Judged]) -> dict[str, dict[str, Rates]]:
-    """Rates for every step of what the sensor gives: noise, points, frames, missing points."""
+    """Return rates for every step of the sensor's quality: noise, points, frame rate, missing points."""
     steps = sorted({(name, step) for j in judged for name, step in j.conditions.items()})
     found: dict[str, dict[str, Rates]] = {}
     for name, step in steps:
@@ -244,7 +244,7 @@ def rates_of(judged: list[Judged]) -> Rates:
 
 
 def headline(score: Score) -> str:
-    """Return one line: the rates that matter most."""
+    """Return the most important rates in one line."""
     best = score.by_size[HEADLINE_BIN].right_first
     return (
         f"false alarms {score.overall.false_alarms}; right group first at {HEADLINE_BIN} times the minimum "

@@ -1,4 +1,4 @@
-"""From where the cloth was to what a tracker reports: planted faults of measurement, noise, gaps, the sensor's frame.
+"""Simulated tracker: planted measurement faults, noise, missing points and the sensor's frame.
 
     time_offset        y(t) = x(t - tau)                    clock_drift   y(t) = x((1 - d) t)
     filter_lag         (tau/2 d/dt + 1)^2 y = x             two equal low-passes of total delay tau
@@ -24,12 +24,12 @@ SLOW_PART = 1 / 3  # of the white noise's deviation
 SLOW_TIME = 0.3  # s
 HELD_SHARE = 0.3  # of the points' noise: fiducial markers are found better than cloth
 CORNER_REACH = 0.02  # m
-GAP_FRAMES = 3  # mean length of a point's absence
-SPARE = 0.15  # s that the cloth is simulated beyond a take, for clocks that run ahead
+GAP_FRAMES = 3  # frames: mean length of a gap of a point
+SPARE = 0.15  # s of simulation beyond a take's end, for clocks that run ahead
 
 
 def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tuple[Planted, ...]) -> Floats:
-    """Return the points [m], (frames, points, 3), that a tracker with the planted faults reports, without noise.
+    """Return the points [m], (frames, points, 3), as reported by a tracker with the planted faults, without noise.
 
     points [m], (samples, points, 3), at `SAMPLES` a second; instants [s], (frames,); flat [m], (points, 2)
     """
@@ -50,9 +50,9 @@ def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tup
 
 
 def lagged(points: Floats, delay: float) -> Floats:
-    """Return the points behind two equal first-order low-passes of this total delay [s]; at rest before the start.
+    """Return points filtered by two equal first-order low-passes of this total delay [s]; at rest before the start.
 
-    Exact for points that move straight between samples.
+    The filter is exact for points that move linearly between samples.
     """
     from scipy.signal import lfilter
 
@@ -65,7 +65,9 @@ def lagged(points: Floats, delay: float) -> Floats:
 
 
 def ironing(flat: Floats) -> Floats:
-    """Return the local-linear regression of every point on its neighbours, (points, points); affine shapes stay."""
+    """Return the matrix of local-linear regression of points on their neighbours, (points, points).
+
+    Affine shapes do not change."""
     apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)
     nearest = np.median(np.sort(apart, axis=1)[:, 1])
     weights = np.exp(-0.5 * (apart / (1.5 * nearest)) ** 2)
@@ -93,12 +95,12 @@ def eroded(points: Floats, flat: Floats, amount: float) -> Floats:
 
 
 def scaled(places: Floats, share: float, distance: float) -> Floats:
-    """Return places [m], (..., 3), sensor frame, read too far by a share that grows with the distance along z."""
+    """Return positions [m], (..., 3), sensor frame, scaled by an error that grows with the distance along z."""
     return np.asarray(places * (1 + share * (1 + 0.5 * (places[..., 2:] / distance - 1))))
 
 
 def slow_noise(rng: np.random.Generator, shape: tuple[int, ...], rate: float) -> Floats:
-    """Noise of deviation 1 along the first axis, correlated over `SLOW_TIME`."""
+    """Return noise of deviation 1, correlated over `SLOW_TIME` along the first axis."""
     from scipy.signal import lfilter
 
     kept = np.exp(-1 / (rate * SLOW_TIME))
@@ -108,7 +110,7 @@ def slow_noise(rng: np.random.Generator, shape: tuple[int, ...], rate: float) ->
 
 
 def gaps(rng: np.random.Generator, shape: tuple[int, int], share: float) -> Booleans:
-    """Return which points were seen, (frames, points): each is away for `share` of the time, a few frames at once."""
+    """Return which points are seen, (frames, points): each is missing for `share` of the time, a few frames at once."""
     away = np.zeros(shape, bool)
     starts = rng.random(shape) < share / GAP_FRAMES
     lengths = rng.geometric(1 / GAP_FRAMES, shape)

@@ -1,1 +1,1 @@
-"""The report: fit result and diagnosis as one HTML file that needs nothing else."""
+"""The report: fit result and diagnosis as one self-contained HTML file."""

@@ -1,4 +1,4 @@
-"""Make a report again from the files of a results folder, without takes and without a simulation."""
+"""Rebuild a report from the files of a results folder, without takes and without a simulation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from formats.whole_files import loop_words
 
 @dataclass(frozen=True)
 class Results:
-    """The results of a folder; a fit of other takes than the diagnosis' is left out, as `left_out` says."""
+    """Results of a folder; a fit of other takes than the diagnosis' is left out, with the reason in `left_out`."""
 
     fit: FitResult | None
     diagnosis: Diagnosis | None
@@ -56,10 +56,10 @@ def _foreign(file: Path, its: list[str], whose: str, others: list[str]) -> str:
 
 
 def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, list[ReportMotion]]:
-    """Write the report of a folder's results anew; return its path, and the results and the motion that it shows.
+    """Write the report of a folder's results again; return its path, and the results and the motion that it shows.
 
-    The motion and the origin come from `report.motion.npz`. Without it the page has neither. Where that motion is of a
-    fit that was made after the diagnosis, the page is of the fit, as it was.
+    The motion and the origin come from `report.motion.npz`. Without this file the page has neither. If the motion
+    belongs to a fit that was made after the diagnosis, the page shows the fit alone, as before.
 
     Raises:
         HangtimeError: as `results_in`, or a file cannot be read or written.
@@ -79,27 +79,27 @@ def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, l
 
 
 def plot_of(report: Path, fit: FitResult | None, diagnosis: Diagnosis | None, out: Path) -> None:
-    """Draw the errors over time of a report that was just written, from the motion kept beside it.
+    """Draw the errors over time of a newly written report, from its motion file.
 
     Raises:
-        HangtimeError: no motion of these results is kept, or the picture cannot be written.
+        HangtimeError: no motion of these results is stored, or the picture cannot be written.
     """
     motions, _ = load_motions(report, created_of(fit, diagnosis))
     draw_plot(motions, run_names(fit, diagnosis), out)
 
 
 def _is_together(fit: FitResult, diagnosis: Diagnosis) -> bool:
-    """Return whether a fit and a diagnosis are of the same takes, by content where both tell it."""
+    """Return whether a fit and a diagnosis are of the same takes, by content digests if both have them."""
     if fit.take_contents and diagnosis.take_contents:
         return fit.take_contents == diagnosis.take_contents
     return fit.take_ids == diagnosis.take_ids
 
 
 def one_of(path: Path) -> FitResult | Diagnosis:
-    """Return a result by its file, or the fit of a folder, and its diagnosis where it holds no fit.
+    """Read a result file, or a folder's fit, or the folder's diagnosis if it holds no fit.
 
     Raises:
-        HangtimeError: it is none, or cannot be read.
+        HangtimeError: the path holds no result, or cannot be read.
     """
     if path.is_dir():
         found = results_in(path)

@@ -1,4 +1,4 @@
-"""The answer on top of the report: the verdict in a sentence, with the figures that carry it."""
+"""Summary at the top of the report: the verdict in one sentence, with its key figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VERDICT_WORDS = {
 
 
 def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence[ReportMotion] = ()) -> Markup:
-    """Return the answer in one sentence, with the figures that carry it."""
+    """Return the summary: the verdict in one sentence, with its key figures."""
     tone, tag = "plain", "fit"
     if diagnosis is not None:
         sentence = diagnosis.sentence
@@ -41,7 +41,7 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequenc
 
 
 def named(diagnosis: Diagnosis) -> str:
-    """Return in words which effects the figures are of; of ambiguous effects, the first."""
+    """Return the names of the effects to which the figures refer; for an ambiguous verdict, the first effect."""
     names = [name.replace("_", " ") for name in diagnosis.named]
     if diagnosis.verdict == "ambiguous":
         return f"{names[0]} (as one of {len(names)})"
@@ -49,7 +49,7 @@ def named(diagnosis: Diagnosis) -> str:
 
 
 def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, str]:
-    """Return how the page calls each run."""
+    """Return the page's name of each run."""
     return {
         "before": "before the fit",
         "after": "after the fit",
@@ -60,7 +60,7 @@ def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, s
 
 
 def _judged(motions: Sequence[ReportMotion]) -> tuple[list[ReportMotion], str]:
-    """Return the motions that errors are judged on, the held-out ones where there are some, and words for them."""
+    """Return the motions on which errors are judged, held-out ones if there are any, and a phrase for them."""
     held_out = [motion for motion in motions if motion.is_held_out]
     if held_out:
         return held_out, "on motion not used to fit"
@@ -96,7 +96,7 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def _fit_beside(fit: FitResult | None, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
-    """Return the figure of a fit that is shown beside a diagnosis, by the diagnosis' own measure."""
+    """Return the error of a fit that is shown with a diagnosis, by the diagnosis' error measure."""
     judged, on = _judged(motions)
     error = rms_of(judged, "fit")
     return [] if fit is None or error is None else [(f"the fit ({fit.method}) misses by", millimetres(error), on)]
@@ -120,7 +120,7 @@ def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str
 
 
 def _fit_figures(fit: FitResult, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
-    """Return the errors before and after: root mean square where the motion is known, else as the fit states them."""
+    """Return the errors before and after the fit: root mean square if the motion is known, else the fit's figures."""
     figures = []
     groups = (
         ("held-out takes", [m for m in motions if m.is_held_out], fit.error.held_out_before, fit.error.held_out_after),

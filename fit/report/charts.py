@@ -1,6 +1,7 @@
 """Charts of the report: HTML bars and inline SVG, coloured by the page's style sheet, legible at any width.
 
-Lines are SVG stretched to their box with unscaled strokes; all words are HTML beside it, so that they never shrink.
+Lines are SVG stretched to their box with unscaled strokes. All words are HTML outside the SVG, so that they keep their
+size.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ RUN_CLASSES = {
 
 @dataclass(frozen=True)
 class Curve:
-    """An error over time and, where known, that of the worst point [m], (frames,) each.
+    """Curves of an error over time and, if known, of the worst point's error [m], (frames,) each.
 
     - `name`: of the run, in the legend
     - `whole` [m]: the figure of all frames, and its name; None: the legend shows no figures
@@ -67,7 +68,7 @@ def gap_bars(gap: Gap, effect_name: str) -> Markup:
 
 
 def effect_bars(gap: Gap, effects: Sequence[EffectFinding], named: Sequence[str]) -> Markup:
-    """Return what each refitted effect would leave of the base error, alone; one bar per effect, best first."""
+    """Return bars of the error that each refitted effect alone would leave, one per effect, best first."""
     base, floor = gap.base_mm.value, gap.floor_mm.value
     rows = []
     for effect in effects:
@@ -90,7 +91,7 @@ def _figure_row(name: str, figure: Figure, parts: Sequence[Part], reach: float) 
 
 
 def _parts(parts: Sequence[Part], reach: float) -> list[tuple[str, str, str]]:
-    """Return the kind, left end and width of those parts of a bar that have a width."""
+    """Return kind, left end and width of the parts of a bar with positive width."""
     shown = [(kind, start, end) for kind, start, end in parts if end > start]
     return [(kind, _share(start, reach), _share(end - start, reach)) for kind, start, end in shown]
 
@@ -102,7 +103,7 @@ def _row(
 
 
 def where_bars(title: str, bins: Sequence[WhereBin], cloth: Markup = NOTHING) -> Markup:
-    """Return one where-map: a bar per bin as long as its root mean square error [mm], and a map of the cloth."""
+    """Return one split of the gap: a bar per bin with its root mean square error [mm], and a map of the cloth."""
     if not bins and not cloth:
         return NOTHING
     reach = max([b.value_mm for b in bins if math.isfinite(b.value_mm)] + [1e-9])
@@ -116,7 +117,7 @@ def where_bars(title: str, bins: Sequence[WhereBin], cloth: Markup = NOTHING) ->
 def force_map(places: Sequence[ForceAt], outline: Floats | None = None) -> Markup:
     """Return the garment from the front with the missing force at each point; outline [m], (corners, 2), of it.
 
-    A disc is its part along the normal, a bar across it the part in the plane, both as large as they are strong.
+    A disc is the force's part along the normal, and a bar across it the part in the plane, to scale.
     """
     if len(places) < 2:
         return NOTHING
@@ -139,7 +140,7 @@ def force_map(places: Sequence[ForceAt], outline: Floats | None = None) -> Marku
 
 
 def cloth_map(vertices: Sequence[VertexResidual], outline: Floats | None = None) -> Markup:
-    """Return the garment seen from the front, a spot per vertex coloured by its error.
+    """Return the garment seen from the front, with a spot per vertex, coloured by its error.
 
     outline [m], (corners, 2): of the garment; without it the points' own hull is drawn
     """

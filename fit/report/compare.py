@@ -1,4 +1,4 @@
-"""Set fits, diagnoses or takes side by side: the same rows for the terminal, for a page and for programs."""
+"""Comparison of fits, diagnoses or takes: one table for the terminal, a page and programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Compared = FitResult | Diagnosis | Take
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Rows of words, each a name and a cell for every column; `records`: the same as plain values."""
+    """Table of a comparison: rows of a name and one text per column; `records`: the same as plain values."""
 
     kind: str
     heads: tuple[str, ...]
@@ -38,7 +38,7 @@ class SideBySide:
     remarks: tuple[str, ...] = ()
 
     def page(self) -> str:
-        """Return the comparison as an HTML page that needs nothing else."""
+        """Return the comparison as a self-contained HTML page."""
         rows = [row_of(row[0], row[1:]) for row in self.rows]
         body = table("Side by side", ("", *self.heads), rows, range(1, len(self.heads) + 1))
         if self.remarks:
@@ -51,11 +51,10 @@ class SideBySide:
 
 
 def read_all(paths: Sequence[Path]) -> list[Compared]:
-    """Return what paths name: a take archive, a result file, or a folder of results.
+    """Read the items at paths: take archives, result files, or folders of results.
 
     Raises:
-        HangtimeError: one cannot be read.
-        FitError: fewer than two, or things of different kinds.
+        HangtimeError: one cannot be read. FitError: fewer than two items, or items of different kinds.
     """
     if len(paths) < 2:
         raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
@@ -74,7 +73,7 @@ def _is_take(path: Path) -> bool:
 
 
 def compare(paths: Sequence[Path]) -> SideBySide:
-    """Return fits, diagnoses or takes side by side.
+    """Return the comparison of fits, diagnoses or takes.
 
     Raises:
         HangtimeError: as `read_all`.
@@ -100,7 +99,7 @@ def compare(paths: Sequence[Path]) -> SideBySide:
 
 
 def _short(paths: Sequence[Path]) -> list[str]:
-    """Return names of paths that tell them apart: without what they have in common at their ends."""
+    """Return short distinct names of paths, without their common beginning and end."""
     parts = [list(path.parts) for path in paths]
     while all(len(part) > 1 for part in parts) and len({part[-1] for part in parts}) == 1:
         parts = [part[:-1] for part in parts]
@@ -118,7 +117,7 @@ def _fit_rows(fit: object) -> dict[str, str]:
         rows[f"{_words(parameter.name)}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)
     for c in fit.combinations:
         one = _value(c.fitted, (c.interval_low, c.interval_high), c.is_identified)
-        rows.setdefault(f"{c.name} [{c.unit}]", one)  # a damping is a parameter of `si` too
+        rows.setdefault(f"{c.name} [{c.unit}]", one)  # a damping is also a parameter of `si`
     for name, before, after in (
         ("mean distance of all points, takes fitted to", fit.error.train_before, fit.error.train_after),
         ("mean distance of all points, takes held out", fit.error.held_out_before, fit.error.held_out_after),
@@ -198,7 +197,7 @@ def _change(before: ErrorFigure | None, after: ErrorFigure | None) -> str:
 
 
 def _agree(label: str, fits: Sequence[Compared]) -> str:
-    """Say whether the intervals of a parameter or a combination have a value in common; nothing of other rows."""
+    """Return whether the intervals of a parameter or a combination overlap, in words; nothing for other rows."""
     found = []
     for fit in fits:
         assert isinstance(fit, FitResult)

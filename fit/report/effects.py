@@ -1,4 +1,4 @@
-"""One sentence and the meaning of the size of every effect of the library, for the report."""
+"""Description of every effect of the library for the report: one sentence, and the meaning of its size."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from fit.report.text import number
 
 @dataclass(frozen=True)
 class Shown:
-    """How the report shows an effect.
+    """Description of an effect in the report.
 
-    - `sentence`: of what happens
+    - `sentence`: of the effect's action
     - `size`: the meaning of its amplitude; `{times}` stands for the amplitude over `reference`
     """
 
@@ -25,7 +25,7 @@ class Shown:
     reference: float = 1.0
 
     def meaning(self, amplitude: float | None) -> str:
-        """Return the meaning of an amplitude beside its number; where there is none, one that needs no number."""
+        """Return the meaning of an amplitude with its number; without an amplitude, one that needs no number."""
         if amplitude is None:
             return "" if "{times}" in self.size else self.size
         return self.size.format(times=number(abs(amplitude) / self.reference))
@@ -43,7 +43,7 @@ def sentence_of(effect: str) -> str:
 
 
 def meaning_of(effect: str, amplitude: float | None) -> str:
-    """Return the meaning of an effect's amplitude, empty for an effect that has none; None: it is not known."""
+    """Return the meaning of an effect's amplitude, empty for an effect without one; None: unknown amplitude."""
     is_number = amplitude is None or math.isfinite(amplitude)
     return SHOWN[effect].meaning(amplitude) if effect in SHOWN and is_number else ""
 

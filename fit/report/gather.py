@@ -1,4 +1,4 @@
-"""Gather what a report shows: simulate the takes once more, each run of the report, shapes kept."""
+"""Collect a report's data: simulate every run of the report once more on the takes, with the cloth's shapes."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from formats.take import Take
 def write_fit_report(
     path: Path, result: FitResult, prepared: Ready, request: Request, first: Take | None = None, command: str = ""
 ) -> Path:
-    """Write the report of a fit and return its path; its motion is kept beside it.
+    """Write the report of a fit with its motion file, and return the report's path.
 
-    - first: of the takes, for what the page says about garment and sensor
-    - command: that made the fit, as the page is to show it
+    - first: the take whose garment and sensor the page describes
+    - command: command line of the fit, for the page
     """
     initial = np.array([p.initial for p in result.parameters])
     fitted = np.array([p.fitted for p in result.parameters])
@@ -61,13 +61,13 @@ def write_diagnosis_report(
     first: Take | None = None,
     command: str = "",
 ) -> Path:
-    """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
+    """Write the report of a diagnosis, with the fit if there is one, and return its path.
 
-    Cloth moves under the pull of the diagnosis. `base` is the fitted base model, and `with_effect` the same refitted
-    with the effect that the verdict names. `fit` is the fit with its effects, where one of our own engine exists.
+    Cloth moves under the pull of the diagnosis. The run `base` is the fitted base model, and `with_effect` its refit
+    with the effect that the verdict names. The run `fit` is the fit with its effects, if one by our own engine exists.
 
-    - first: of the takes, for what the page says about garment and sensor
-    - command: that made the diagnosis, as the page is to show it
+    - first: the take whose garment and sensor the page describes
+    - command: command line of the diagnosis, for the page
     """
     motions = []
     off = amplitudes_of(findings.effects)
@@ -98,7 +98,7 @@ def write_diagnosis_report(
 def _written(
     path: Path, fitted: FitResult | None, findings: Findings | None, motions: list[ReportMotion], origin: Origin
 ) -> Path:
-    """Keep the motion, and write the page from what was kept, so that `hangtime report` makes the same page again."""
+    """Store the motion, and write the page from the stored motion, so that `hangtime report` gives the same page."""
     diagnosis = findings.diagnosis if findings is not None else None
     created = created_of(fitted, diagnosis)
     save_motions(path, motions, origin, created)
@@ -107,7 +107,7 @@ def _written(
 
 
 def draw_left(path: Path, findings: Findings) -> None:
-    """Draw what the named model, or else the base model, leaves of the first take that is judged on.
+    """Draw the residuals of the named model, or else of the base model, on the first judged take.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
@@ -125,12 +125,12 @@ def draw_left(path: Path, findings: Findings) -> None:
 
 
 def _both(takes: Ready) -> list[tuple[Recording, bool]]:
-    """Held-out takes first: their errors are the ones that count."""
+    """Return all takes, held-out takes first, because their errors count."""
     return [(r, True) for r in takes.held_out] + [(r, False) for r in takes.training]
 
 
 def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:
-    """Motion of an engine that gives points only."""
+    """Return the motion of an engine that returns points only."""
     engine = find_engine(request.engine)(recording, request.method, request.effects, request.resolution)
     grid = plain_grid(recording.garment, request.resolution.spacing)
     return _motion(recording, is_held_out, grid.triangles, _runs(("before", "after"), engine.points(vectors), None))

@@ -1,4 +1,4 @@
-"""Keep a report's motion beside it, so that `hangtime report` makes the page again without a simulation."""
+"""Store a report's motion in a file beside it, so that `hangtime report` rebuilds the page without a simulation."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from formats.system_causes import step_to_write
 from formats.whole_files import check_ends, write_whole
 
 FORMAT = "hangtime-report-motion/1"
-STEP = 1e-4  # m: places are rounded to it, a tenth of the sensor's noise
-NOT_SEEN, LARGEST = np.iinfo(np.int32).min, 10**8  # 10 km: a place farther away is of cloth that blew up
+STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
+NOT_SEEN, LARGEST = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
 FAULT = "is no motion of a report"
-MOST_UNPACKED = 1 << 28  # bytes: hundreds of times what a page of 1.5 MB holds
+MOST_UNPACKED = 1 << 28  # bytes: hundreds of times the motion of a page of 1.5 MB
 
 
 class _Head(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,19 +35,19 @@ class _Head(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def place_beside(report: Path) -> Path:
-    """Return the file that keeps the motion of a report: `report.html` has `report.motion.npz`."""
+    """Return the path of a report's motion file: `report.html` has `report.motion.npz`."""
     return report.with_suffix(".motion.npz")
 
 
 def created_of(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
-    """Return the instant at which the result that a report's motion is of was made."""
+    """Return the creation time of the result to which a report's motion belongs."""
     return next((record.created for record in (diagnosis, fit) if record is not None), "")
 
 
 def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, created: str) -> None:
-    """Keep a report's motions and origin beside it.
+    """Store a report's motions and provenance beside it.
 
-    created: of the result that the report shows; a page of another result will not use them
+    created: creation time of the shown result; a page of another result will not use this motion
 
     Raises:
         FitError: the file cannot be written.
@@ -78,7 +78,7 @@ def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, crea
 
 
 def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin | None]:
-    """Return the motions and the origin kept beside a report; nothing where none are, or those of another result.
+    """Return the motions and the provenance stored beside a report; nothing if absent or of another result.
 
     Raises:
         FitError: the file is there and cannot be read.
@@ -128,7 +128,7 @@ def _motion(number: int, take: dict[str, Any], arrays: Any) -> ReportMotion:
 
 
 def _rounded(track: Floats) -> Indices:
-    """Return places [m], (frames, n, 3), as differences of whole steps from frame to frame, modulo 2^32."""
+    """Return positions [m], (frames, n, 3), as differences of whole steps from frame to frame, modulo 2^32."""
     known = np.isfinite(track)
     steps = np.clip(np.round(np.where(known, track, 0.0) / STEP), -LARGEST, LARGEST).astype(np.int32)
     return np.diff(np.where(known, steps, np.int32(NOT_SEEN)), axis=0, prepend=np.int32(0))

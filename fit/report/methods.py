@@ -1,4 +1,4 @@
-"""Figures of the two published methods: Figure 6's table, the objective with its parts, identifiable combinations."""
+"""Report section in the terms of the published methods: error table, objective and parameter combinations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAPER_MEASURE = (
 
 
 def method_figures(fit: FitResult | None) -> Markup:
-    """Return the section's body, empty without a fit."""
+    """Return the body of the section on the published methods, empty without a fit."""
     if fit is None:
         return NOTHING
     return _error_table(fit) + _objective_table(fit.objective) + _combination_table(fit.combinations)
@@ -37,7 +37,7 @@ def search_history(fit: FitResult) -> Markup:
 
 
 def _error_table(fit: FitResult) -> Markup:
-    """Maximum and mean over the frames of the mean distance of the points, before and after, as in Figure 6."""
+    """Return maximum and mean over frames of the points' mean distance, before and after, as in Figure 6."""
     rows = []
     for name, before, after in (
         ("takes used to fit", fit.error.train_before, fit.error.train_after),

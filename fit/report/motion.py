@@ -1,4 +1,4 @@
-"""Real and simulated motion as the report shows it, and the one measure of its error.
+"""Real and simulated motion for the report, and the error measure of all its figures.
 
 The error of a frame is the root mean square distance of the free points that are seen in it. The hanger does not hold
 a free point. A point of a silhouette lies a constant few millimetres beside the cloth. Its mean offset over the take
@@ -15,7 +15,7 @@ import numpy as np
 from fit.errors import FitError
 from formats.arrays import Booleans, Floats, Integers
 
-RUNS = ("before", "after", "base", "with_effect", "fit")  # in the order in which they are shown
+RUNS = ("before", "after", "base", "with_effect", "fit")  # runs in the order of display
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class ReportMotion:
 
     - `time` [s], (frames,)
     - `real` [m], (frames, points, 3), NaN where not seen
-    - `runs`: simulations by their names of `RUNS`
+    - `runs`: simulations, by the names in `RUNS`
     - `triangles`, (triangles, 3): indices of vertices; two that follow one another make a quadrilateral
     - `held` [m], (frames, 2, 3): the two ends of the held edge, left first
     - `free`, (points,): whether a point counts; None: every point
@@ -74,17 +74,17 @@ class ReportMotion:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Return the names of its runs in the order of `RUNS`."""
+        """Names of the motion's runs, in the order of `RUNS`."""
         return tuple(name for name in RUNS if name in self.runs)
 
     @property
     def counted(self) -> Booleans:
-        """Return which points of which frames count, (frames, points): seen, and free."""
+        """Which points count in which frames, (frames, points): those seen and free."""
         free = np.ones(len(self.point_names), bool) if self.free is None else self.free
         return np.asarray(np.isfinite(self.real).all(2) & free)
 
     def offset(self, name: str) -> Floats:
-        """Return the mean of real less simulated place that is no error [m], (points, 3)."""
+        """Return the mean offset between real and simulated points that does not count as error [m], (points, 3)."""
         seen = self.counted[..., None]
         if self.is_material:
             return np.zeros(self.real.shape[1:])
@@ -92,7 +92,7 @@ class ReportMotion:
         return np.asarray(apart.sum(0) / np.maximum(seen.sum(0), 1))
 
     def compared(self, name: str) -> Floats:
-        """Return a run's points as they are compared with the real ones [m], (frames, points, 3)."""
+        """Return a run's points, shifted for comparison with the real ones [m], (frames, points, 3)."""
         return self.runs[name].points + self.offset(name)
 
     def errors(self, name: str) -> Floats:
@@ -105,9 +105,9 @@ class ReportMotion:
 
     @property
     def worst_frame(self) -> int:
-        """Return the frame with the largest error of the first run, 0 where there is none.
+        """Return the frame with the largest error of the first run, or 0 without any error.
 
-        Frames that show less than half of the free points that any frame shows do not count.
+        Frames with less than half of the largest number of seen free points do not count.
         """
         if not self.shown or not self.counted.any():
             return 0
@@ -117,7 +117,7 @@ class ReportMotion:
 
 
 def rms_of(motions: list[ReportMotion], name: str) -> float | None:
-    """Return the error of a run over all frames of some motions [m]; None where none of them shows it."""
+    """Return the error of a run over all frames of some motions [m]; None if no motion contains the run."""
     errors = [motion.errors(name).ravel() for motion in motions if name in motion.runs]
     whole = float(_rms(np.concatenate(errors), axis=0)) if errors else np.nan
     return whole if np.isfinite(whole) else None

@@ -1,4 +1,4 @@
-"""Provenance of a report: program, command, garment, sensor and takes that it comes from."""
+"""Provenance of a report: program version, command, garment, sensor and takes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from formats.take import Take
 
 
 class Origin(msgspec.Struct, frozen=True, kw_only=True):
-    """Facts about a report's origin.
+    """Provenance of a report.
 
     - `facts`: names with their values, as the page lists them
     - `takes`: take, its part, and the sha256 of its content
@@ -29,17 +29,17 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def command_line() -> str:
-    """Return the command that runs, as a shell would read it.
+    """Return the running command as a shell command line.
 
-    A byte of a file's name that is no UTF-8 is shown by its code, as in \\xff: the page and its motion are UTF-8.
+    A byte of a file name that is not UTF-8 appears as its code, as in \\xff: the page and its motion are UTF-8.
     """
     return os.fsencode(shlex.join(["hangtime", *sys.argv[1:]])).decode("utf-8", "backslashreplace")
 
 
 def origin_of(takes: Ready, first: Take | None = None, command: str = "") -> Origin:
-    """Return the origin of a result of these takes.
+    """Return the provenance of a result of these takes.
 
-    first: of the takes, whose garment and sensor are told
+    first: the take whose garment and sensor are described
     """
     facts = [("Hangtime", version("hangtime")), ("simulation and libraries", f"sha256 {physics_version()}")]
     if command:

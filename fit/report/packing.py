@@ -1,4 +1,4 @@
-"""Pack motion for the report's player, small enough to travel inside the page.
+"""Compress motion for the report's player, small enough to be embedded in the page.
 
 Positions are rounded to whole steps and differenced from frame to frame (modulo 2^16). Zigzag coding makes small
 differences of either sign small numbers. The numbers are split into low and high bytes and deflated, which leaves about
@@ -21,16 +21,16 @@ POINT_STEP = 1e-4  # m, a tenth of the sensor's noise
 MESH_STEP = 5e-4  # m, half a pixel of the player for a garment half a metre wide
 UNSEEN = -32768
 LARGEST_SHORT = 32767
-STRIDES = (1, 2, 3, 4, 6, 8, 12)  # every so many frames a mesh, so that the page stays small
+STRIDES = (1, 2, 3, 4, 6, 8, 12)  # frames per stored mesh, so that the page stays small
 
 
 def pack(track: Floats | None, step: float, every: int = 1) -> dict[str, Any] | None:
-    """Return positions [m], (frames, points, 3), as the player unpacks them, one of `every` frames."""
+    """Encode positions [m], (frames, points, 3), in the player's format, one of `every` frames."""
     if track is None or not track.size:
         return None
     kept = np.asarray(track, dtype=float)[::every]
     known = kept[np.isfinite(kept).all(-1)]
-    # The median is in the middle of the cloth even when a few vertices have been thrown far away.
+    # The median stays in the middle of the cloth even if a few vertices are outliers.
     centre = np.round(np.median(known, axis=0), 3) if len(known) else np.zeros(3)
     with np.errstate(invalid="ignore"):
         scaled = np.clip(np.round((kept - centre) / step), -LARGEST_SHORT, LARGEST_SHORT)
@@ -43,9 +43,9 @@ def pack(track: Floats | None, step: float, every: int = 1) -> dict[str, Any] | 
 
 
 def pack_motions(motions: Sequence[ReportMotion], budget: int) -> tuple[list[dict[str, Any]], str]:
-    """Return the motions for the player within `budget` bytes, and a sentence on what had to be left out.
+    """Return the motions for the player within `budget` bytes, and a sentence on omissions.
 
-    Meshes are thinned out in time first, then left out from the last motion on, then whole motions are.
+    Meshes get fewer frames first, then the last motions lose their meshes, then whole motions are left out.
     """
     packed = [_without_meshes(motion) for motion in motions]
     note = ""
@@ -58,7 +58,7 @@ def pack_motions(motions: Sequence[ReportMotion], budget: int) -> tuple[list[dic
     sizes = np.cumsum([_size(m) for m in coarsest])
     count = int(np.searchsorted(sizes, left, side="right"))
     if count and count <= len(packed):
-        # Half of what the coarsest would grow to is less than any stride needs: do not try what cannot fit.
+        # If half of the coarsest packing's size exceeds the budget, no stride can fit, so none is tried.
         hopeful = [every for every in STRIDES if 0.5 * sizes[count - 1] * STRIDES[-1] / every <= left] or [STRIDES[-1]]
         for every in hopeful:
             meshes = [_meshes(motion, every) for motion in motions[:count]]

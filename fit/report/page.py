@@ -1,4 +1,4 @@
-"""Write the report: one HTML file with its style, its player and its data inside, and nothing from outside."""
+"""Write the report: one HTML file that contains its style, player and data, without external references."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from formats.fit_records import FitResult
 from formats.system_causes import step_to_write
 from formats.whole_files import write_whole
 
-PAGE_BUDGET = 1_450_000  # bytes of the whole file: what most programs still send by mail without a word
+PAGE_BUDGET = 1_450_000  # bytes of the whole file: most mail programs send this much without a warning
 
 SECTIONS = (  # anchor, name in the contents, title
     ("gap", "The gap", "The gap"), ("motion", "Motion", "Real against simulated motion"),
@@ -66,7 +66,7 @@ def render_report(
     motions: Sequence[ReportMotion] = (),
     origin: Origin | None = None,
 ) -> str:
-    """Return the report as HTML text; motion fills what the rest leaves of its budget."""
+    """Return the report as HTML text; motion fills the rest of the size budget."""
     rest = len(_page(fit, diagnosis, motions, origin, ([], len(motions), "")).encode())
     packed, note = pack_motions(motions, max(PAGE_BUDGET - rest, 0))
     return _page(fit, diagnosis, motions, origin, (packed, len(packed), note))

@@ -1,4 +1,4 @@
-"""Draw the error over time of every take as one PNG picture, for those who would rather look than read a table."""
+"""Draw the error over time of every take as one PNG picture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_eff
 def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: Path) -> None:
     """Draw the root mean square distance of the free points over time [mm], a panel for each take.
 
-    names: of the runs, as the legend calls them
+    names: of the runs, for the legend
 
     Raises:
         FitError: there is no motion.
@@ -66,6 +66,6 @@ def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: P
 
 
 def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
-    """Return begin and end of each run of frames that has a value, two frames or more."""
+    """Return begin and end of each sequence of two or more frames with values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]

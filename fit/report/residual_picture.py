@@ -1,10 +1,10 @@
-"""Draw what a simulation leaves of a take: arrows from simulated to tracked points, and their size over time.
+"""Draw the residuals of a simulation: arrows from simulated to tracked points, and their size over time.
 
 The PNG picture has four rows. The first three show six instants of the take, in the hanger's frame:
 
 - front: along the bar and down, as one looks at the cloth
 - side: out of the hanger's plane and down, as one looks along the bar
-- in plane: the errors along the cloth only, at the points' places on the flat cloth
+- in plane: the errors along the cloth only, at the points' positions on the flat cloth
 
 The fourth row shows the root mean square over the points of each frame, across the bar, down and out of the cloth.
 Arrows have their true length: their scale is that of the view.
@@ -47,13 +47,13 @@ class Views:
 
     @property
     def parts_mm(self) -> Floats:
-        """Root mean square of each part of the errors in each frame [mm], (frames, 3), NaN where nothing is judged."""
+        """Return the root mean square of each error component per frame [mm], (frames, 3), NaN if nothing is judged."""
         squares, count = np.nansum(self.along**2, axis=1), self.counted.sum(1)[:, None]
         return np.asarray(np.where(count > 0, 1e3 * np.sqrt(squares / np.maximum(count, 1)), np.nan))
 
 
 def views_of(recording: Recording, simulated: Floats) -> Views:
-    """Return the errors of a simulation, (frames, points, 3) [m], seen from the hanger."""
+    """Return the errors of a simulation, (frames, points, 3) [m], in the hanger's frame."""
     ends = recording.held(recording.time)
     axes, middle = hanger_axes(ends), ends.reshape(-1, 2, 3).mean(1)[:, None]
     counted = recording.counted
@@ -67,7 +67,7 @@ def views_of(recording: Recording, simulated: Floats) -> Views:
 
 
 def draw_residuals(recording: Recording, simulated: Floats, path: Path, title: str = "") -> None:
-    """Draw what a simulation, (frames, points, 3) [m], leaves of a recording, as a PNG picture.
+    """Draw the residuals of a simulation, (frames, points, 3) [m], of a recording, as a PNG picture.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
@@ -80,7 +80,7 @@ def draw_residuals(recording: Recording, simulated: Floats, path: Path, title: s
     pen = ImageDraw.Draw(picture)
     total = float(np.sqrt(np.nanmean((views.along[views.counted] ** 2).sum(-1)))) if views.counted.any() else 0.0
     pen.text((MARGIN, 12), _plain(f"{title or recording.take_id}: {1e3 * total:.1f} mm rms"), fill="black")
-    pen.text((WIDTH - 420, 12), "blue: simulated, black: tracked, red: what is left", fill="black")
+    pen.text((WIDTH - 420, 12), "blue: simulated, black: tracked, red: residual", fill="black")
     frames = _instants(views)
     width = (WIDTH - MARGIN) // INSTANTS
     _draw_row(pen, views, frames, (0, 1), MARGIN, width, "front")
@@ -95,7 +95,7 @@ def draw_residuals(recording: Recording, simulated: Floats, path: Path, title: s
 
 
 def _tangents(local: Floats) -> Floats:
-    """Return unit vectors from the bar to each simulated point, square to the bar, (frames, points, 3)."""
+    """Return unit vectors from the bar to each simulated point, perpendicular to the bar, (frames, points, 3)."""
     down = local * [0.0, 1.0, 1.0]
     length = np.linalg.norm(down, axis=2, keepdims=True)
     straight = np.broadcast_to([0.0, 1.0, 0.0], down.shape)
@@ -103,7 +103,7 @@ def _tangents(local: Floats) -> Floats:
 
 
 def _instants(views: Views) -> list[int]:
-    """Return frames, evenly over the take, each the one nearby of which most is seen."""
+    """Return evenly spaced frames of the take, each replaced by the nearby frame with most seen points."""
     count = views.counted.sum(1)
     parts = np.array_split(np.arange(len(count)), INSTANTS)
     return [int(part[int(np.argmax(count[part]))]) for part in parts if len(part)]
@@ -173,7 +173,7 @@ def _dot(pen: Any, at: Floats, colour: str) -> None:
 
 
 def _arrow(pen: Any, at: Floats, to: Floats) -> None:
-    """A line from the simulated point, with the tracked one as its end."""
+    """Draw a line from the simulated point to the tracked one."""
     pen.line([(float(at[0]), float(at[1])), (float(to[0]), float(to[1]))], fill=LINK, width=1)
     _dot(pen, to, SEEN)
 

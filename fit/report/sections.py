@@ -1,4 +1,4 @@
-"""The sections of the report, each from the records it shows; a section without anything to show is empty."""
+"""Sections of the report, each built from the records it shows; a section without content is empty."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from formats.fit_records import ErrorFigure, FitResult
 
 OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
-# The order of a failed check stands behind the last colon of its sentence.
-POINTS_SHOWN = 6  # points with a curve of their own, the worst ones
-MOST_POINTS = 400  # of a curve of one point: more are finer than a screen's pixels
+# The instruction of a failed check follows the last colon of its sentence.
+POINTS_SHOWN = 6  # worst points, which get a curve each
+MOST_POINTS = 400  # vertices of a point's curve: more are finer than a screen's pixels
 
 
 def gap(diagnosis: Diagnosis | None) -> Markup:
@@ -73,7 +73,7 @@ def player(
 def errors(
     fit: FitResult | None, motions: Sequence[ReportMotion], shown: int, diagnosis: Diagnosis | None = None
 ) -> Markup:
-    """Return the error over time of every run of every motion, or of the fit result where there is no motion."""
+    """Return the error over time of every run of every motion, or of the fit result if there is no motion."""
     charts, names = [], run_names(fit, diagnosis)
     for index, motion in enumerate(motions):
         curves = []
@@ -107,7 +107,7 @@ def errors(
 
 
 def _by_point(motion: ReportMotion, index: int, names: dict[str, str]) -> Markup:
-    """Return a curve for each of the worst free points, folded away."""
+    """Return a curve for each of the worst free points, in a collapsed section."""
     if not motion.shown:
         return NOTHING
     size = np.nan_to_num(
@@ -132,7 +132,7 @@ def _by_point(motion: ReportMotion, index: int, names: dict[str, str]) -> Markup
 
 
 def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
-    """Return the fitted parameters, of the fit and of the diagnosis' base model."""
+    """Return the section of fitted parameters, of the fit and of the diagnosis' base model."""
     parts = []
     if fit is not None:
         about = Markup("Method <code>{}</code>, search <code>{}</code>.").format(fit.method, fit.search)
@@ -149,7 +149,7 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 
 
 def _meanings(fit: FitResult) -> dict[str, str]:
-    """Return what a fit's parameters mean, by name; for a method that is not known, those of effects alone."""
+    """Return the meanings of a fit's parameters by name; for an unknown method, those of effects only."""
     sizes = {p.name: meaning_of(p.name.partition(".")[0], p.fitted) for p in fit.parameters}
     try:
         return sizes | {p.name: p.meaning for p in find_method(fit.method).parameters}
@@ -165,7 +165,7 @@ def _size(name: str, amplitude: float) -> str:
 
 
 def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
-    """Return what a camera made of the takes, found before anything was fitted."""
+    """Return the section on the camera's faults, found before any fit."""
     found = next((record.camera for record in (diagnosis, fit) if record is not None and record.camera), [])
     if not found:
         return NOTHING
@@ -174,7 +174,7 @@ def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 
 
 def method(fit: FitResult | None) -> Markup:
-    """Return errors by the published method, objective and identified combinations before and after the fit."""
+    """Return the section with the published method's errors, objective and combinations before and after the fit."""
     found = method_figures(fit)
     return (
         piece("parts.html", "details", "Errors as the published method counts them, objective", found, False)
@@ -184,7 +184,7 @@ def method(fit: FitResult | None) -> Markup:
 
 
 def effects(diagnosis: Diagnosis | None) -> Markup:
-    """Return every effect of the library, tested or not."""
+    """Return the section on every effect of the library, tested or not."""
     if diagnosis is None or not diagnosis.effects:
         return NOTHING
     refitted = [e for e in diagnosis.effects if e.closure is not None or e.id in diagnosis.named]
@@ -204,7 +204,7 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
 
 
 def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
-    """Return the four maps of the gap's places."""
+    """Return the section with the four splits of the gap: region, phase, frequency, direction."""
     if diagnosis is None:
         return NOTHING
     found = diagnosis.where
@@ -221,7 +221,7 @@ def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
 
 
 def missing_force(found: MissingForce | None, outline: Floats | None = None) -> Markup:
-    """Return what the missing force looks like, whether or not the library has a name for it."""
+    """Return the section on the missing force, whether or not an effect of the library explains it."""
     if found is None:
         return NOTHING
     shares = dict(found.spatial_share)
@@ -241,7 +241,7 @@ def _energy(power: float | None) -> str:
 
 
 def gates(diagnosis: Diagnosis | None) -> Markup:
-    """Return the checks that a diagnosis has to pass."""
+    """Return the section on the gates of a diagnosis."""
     if diagnosis is None or not diagnosis.gates:
         return NOTHING
     intro = "A check that fails gives no verdict about physics: too little data, or a simulation to refine first."
@@ -249,7 +249,7 @@ def gates(diagnosis: Diagnosis | None) -> Markup:
 
 
 def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
-    """Return the cost of the result, its inputs, and the notes."""
+    """Return the section on cost, inputs and notes of the result."""
     figures: list[tuple[str, str]] = []
     notes: list[str] = []
     both: list[tuple[str, FitResult | Diagnosis]] = []
@@ -271,7 +271,7 @@ def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 
 
 def next_experiment(diagnosis: Diagnosis | None) -> Markup:
-    """Return the recording that would say more."""
+    """Return the section on the proposed next recording."""
     if diagnosis is None or diagnosis.next_experiment is None:
         return NOTHING
     found = diagnosis.next_experiment
@@ -304,12 +304,12 @@ OF_PARAMETERS = {
 
 
 def reading(diagnosis: Diagnosis | None) -> Markup:
-    """Return how to read the page: its words, and no others."""
+    """Return the section that explains the terms used on the page."""
     return piece("parts.html", "reading", (OF_A_DIAGNOSIS if diagnosis is not None else {}) | OF_PARAMETERS)
 
 
 def origin(found: Origin | None) -> Markup:
-    """Return where the page comes from, to the digest of every take."""
+    """Return the provenance section, including the digest of every take."""
     if found is None:
         return NOTHING
     rows = [(f"take {take}, {part}", f"sha256 {digest}") for take, part, digest in found.takes]
@@ -317,7 +317,7 @@ def origin(found: Origin | None) -> Markup:
 
 
 def lead(text: str) -> Markup:
-    """Return the paragraph that a section begins with."""
+    """Return the first paragraph of a section."""
     return piece("parts.html", "lead", text)
 
 
@@ -332,7 +332,7 @@ def pairs(entries: Sequence[tuple[str, str]]) -> Markup:
 
 
 def _figure_chart(caption: str, before: ErrorFigure | None, after: ErrorFigure | None) -> Markup:
-    """Chart of per-frame errors; the frames of several takes follow one another."""
+    """Return the chart of per-frame errors of a fit result; several takes follow one another."""
     given = [(run, figure) for run, figure in (("before", before), ("after", after)) if figure is not None]
     if not given:
         return NOTHING

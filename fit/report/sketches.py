@@ -1,7 +1,7 @@
-"""A sketch of every effect of the library, for the report.
+"""SVG sketches of every effect of the library, for the report.
 
-A sketch is drawn on 80 by 56 units: blue the cloth, grey dashed the cloth or reading without the effect, orange the
-effect. The colours are the page's. A stroke has a style, which is a class of `page.css`, and an SVG path.
+A sketch has 80 by 56 units. Blue is the cloth, dashed grey the cloth or reading without the effect, orange the effect.
+A stroke has a style, which is a class of `page.css`, and an SVG path.
 """
 
 from __future__ import annotations

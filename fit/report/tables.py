@@ -16,7 +16,7 @@ from formats.fit_records import FitParameter, verdict_on
 
 
 def parameter_table(rows: Sequence[FitParameter], meanings: Mapping[str, str] | None = None) -> Markup:
-    """Return a table of parameters with their bounds drawn; meanings: of those that bring none, by name."""
+    """Return a table of parameters with drawn bounds; meanings: by name, for parameters without a note."""
     heads = ("parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "meaning")
     known = meanings or {}
     return table(
@@ -33,7 +33,7 @@ def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> Mark
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A row of a table: its name, a cell for every further column, and the class that marks it."""
+    """A row of a table: its name, a cell for every further column, and its CSS class."""
 
     name: str
     cells: Sequence[str]
@@ -110,7 +110,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     closure = effect.closure
     about["remark"] = place + twin + absorbed + effect.note
     between = effect.amplitude_interval
-    is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # nothing says that it is there
+    is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # no evidence for this effect
     spread, meaning = interval(between), meaning_of(effect.id, None if is_open else effect.amplitude)
     size, spread = (spread, "") if is_open else (number(effect.amplitude), spread)
     closed = percent(closure.value) if closure is not None else MISSING

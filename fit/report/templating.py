@@ -1,4 +1,4 @@
-"""The templates of the report, as whole pages or as pieces of them."""
+"""Rendering of the report's templates, as whole pages or as fragments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def render(template: str, **values: object) -> str:
 
 
 def piece(template: str, macro: str, *values: object) -> Markup:
-    """Return what a macro of a template makes of values; plain text is escaped, markup stays."""
+    """Return the output of a template's macro for given values; plain text is escaped, markup stays."""
     return Markup(getattr(environment("fit.report").get_template(template).module, macro)(*values))
 
 

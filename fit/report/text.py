@@ -1,4 +1,4 @@
-"""Numbers and names as a reader of the report wants them."""
+"""Formatting of numbers, units, intervals and names for the report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def words(name: str) -> Markup:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with so many significant digits; a dash where there is none."""
+    """Return a number with this many significant digits; a dash for None."""
     if value is None or not math.isfinite(value):
         return MISSING
     if value == 0:

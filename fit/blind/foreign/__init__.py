@@ -1,1 +1,1 @@
-"""Other people's engines as generators of the blind check."""
+"""Third-party simulators as generators of the blind check."""

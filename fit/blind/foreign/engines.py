@@ -1,7 +1,7 @@
-"""The simulators of a set's cloth: our own generator or a foreign engine, each with its possible plants.
+"""Registry of the generators, our own and third-party simulators, with the effects that each can plant.
 
-Effects of boundary and measurement act on the held edge's path and on the points, so that any engine has them. Other
-effects need access to an engine's masses, damping or forces at the nodes.
+Effects of boundary and measurement act on the held edge's path and on the points, so that every engine supports them.
+Other effects need access to an engine's masses, damping or forces at the nodes.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from formats.arrays import Floats
 
 WORKERS = Path(__file__).with_name("workers")
 FARTHEST_NODE = 100.0  # m: far outside any room
-# Every engine can be driven along another path, seen by a faulty tracker, and hung in a tilted field.
+# effects that every engine supports: of path, tracker and gravity's direction
 ANYWHERE = (*(p.id for p in PLANTS if p.acts_on in {"boundary", "measurement"}),)
 OUTSIDE = ("air_drag", "draught", "air_lift")  # forces at the nodes
 
 
 @dataclass(frozen=True)
 class Generator:
-    """One simulator of blind cases; `foreign` is None for the own one. side [m]: its usual mesh."""
+    """A generator of blind cases; `foreign` is None for our own. side [m]: default side of its mesh."""
 
     name: str
     side: float
@@ -37,7 +37,7 @@ class Generator:
     foreign: Foreign | None = None
 
     def plants(self, names: list[str]) -> tuple[Plant, ...]:
-        """Return the library's effects of these names, all that this generator has for no name.
+        """Return the library's effects of these names; without names, all that this generator supports.
 
         Raises:
             FitError: a name that cannot be planted.
@@ -45,7 +45,7 @@ class Generator:
         return choose_plants(names, self.effects, f"with the generator {self.name}")
 
     def unknown_plants(self) -> tuple[Plant, ...]:
-        """Return the effects of no library that this generator has."""
+        """Return the effects outside the library that this generator supports."""
         return tuple(plant for plant in UNKNOWNS if plant.id in self.unknowns)
 
     def points(
@@ -57,8 +57,7 @@ class Generator:
         share: of the usual step
 
         Raises:
-            BlowUpError: the simulation left the realm of finite numbers.
-            FitError: the engine is not there.
+            BlowUpError: the simulation did not stay finite. FitError: the engine is not there.
         """
         if self.foreign is None:
             return Engine(cloth, side=side, step_share=share).run(ends, duration, places).points

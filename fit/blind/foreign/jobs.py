@@ -1,4 +1,4 @@
-"""A cloth and its motions as arrays that another engine can be given, and points from what it answers.
+"""Exchange of cloth and motions with a third-party simulator: job arrays, and points from its answer.
 
     rest [m], (nodes, 2); triangles, (faces, 3), of an even grid; mass [kg], (nodes,); start [m], (takes, nodes, 3)
     held, (held,): nodes of the held edge; fraction, (held,): place along it; spot, (nodes,): shares of a magnet's pull
@@ -36,7 +36,7 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True)
 class Job:
-    """The input of an engine, and the sheet of its answer."""
+    """Input arrays for an engine, and the sheet that its answer refers to."""
 
     arrays: dict[str, NDArray[np.generic]]
     sheet: Sheet
@@ -45,9 +45,9 @@ class Job:
 def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, settle: float = HANGING_TIME) -> Job:
     """Return the job of one cloth in several takes.
 
-    - `engine`: of the cloth on the mesh that is to be used
+    - `engine`: our engine of the cloth, on the mesh of the job
     - `ends` [m], (takes, n, 6), evenly spaced over `duration` [s]
-    - `step` [s]: the largest that the engine may take
+    - `step` [s]: largest time step of the other engine
     """
     sheet, cloth = engine.sheet, engine.cloth
     every = int(np.ceil(1 / (SAMPLES_A_SECOND * step)))
@@ -76,6 +76,6 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
 
 
 def points_on(sheet: Sheet, nodes: Floats, places: Floats) -> Floats:
-    """Return the points [m], (takes, samples, points, 3), at places [m], (points, 2), on the flat sheet."""
+    """Return the points [m], (takes, samples, points, 3), at positions [m], (points, 2), of the flat sheet."""
     corners, weights = place_on(sheet, places)
     return np.asarray(np.einsum("pc,tspcx->tspx", weights, nodes[:, :, corners]))

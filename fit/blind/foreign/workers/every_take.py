@@ -1,4 +1,4 @@
-"""Answer a job of `fit.blind.foreign.jobs` take by take. NumPy only."""
+"""Loop of a worker over the takes of a job (`fit.blind.foreign.jobs`). NumPy only."""
 
 import numpy as np
 from answering import answer_jobs

@@ -1,4 +1,4 @@
-"""MuJoCo's flexes as a cloth in a process of its own: answers jobs of `fit.blind.foreign.jobs`.
+"""Worker process that simulates jobs of `fit.blind.foreign.jobs` with a MuJoCo flex.
 
 Every node is a body with three slides along the world's axes; a two-dimensional flex spans them. MuJoCo's elasticity is
 a St. Venant-Kirchhoff membrane of constant-strain triangles and a quadratic bending of edge flaps. Of a triangle of
@@ -23,7 +23,7 @@ from every_take import answer_takes
 from outside_forces import OutsideForces
 
 THICKNESS = 1e-3  # m, of which only E t^3 matters here
-TRIANGLE_EDGES = ((1, 2), (2, 0), (0, 1))  # MuJoCo's order within a triangle
+TRIANGLE_EDGES = ((1, 2), (2, 0), (0, 1))  # MuJoCo's order of edges within a triangle
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 
 
@@ -53,7 +53,7 @@ def build(job, numbers):
 
 
 def membrane(corners, numbers):
-    """Return the 21 numbers that MuJoCo keeps of every triangle, (faces, 21), from its corners (faces, 3, 2)."""
+    """Return the 21 numbers that MuJoCo stores per triangle, (faces, 21), from its corners (faces, 3, 2)."""
     mu, lam = numbers["mu"], numbers["lam"]
     c = np.array([
         [lam + 2 * mu + numbers["fibre_weft"], lam, 0.0], [lam, lam + 2 * mu + numbers["fibre_warp"], 0.0],
@@ -69,14 +69,14 @@ def membrane(corners, numbers):
 
 
 def bending_scale(ends, numbers):
-    """Return each edge's bending over that of the warp, (edges,), from its ends (edges, 2, 2)."""
+    """Return each edge's bending stiffness over that of the warp, (edges,), from its ends (edges, 2, 2)."""
     is_upright = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) > np.abs(ends[:, 1, 0] - ends[:, 0, 0])
     scale = np.where(is_upright, numbers["bending_weft"] / numbers["bending_warp"], 1.0)
     return np.where(ends[:, :, 1].mean(1) < numbers["hem_from"], numbers["hem_bending"], 1.0) * scale
 
 
 def swing(model, job, take, numbers):
-    """Return the nodes of one take, (samples, nodes, 3), and its cost [s of this process], settling left out."""
+    """Return the nodes of one take, (samples, nodes, 3), and the processor time [s] without settling."""
     rest, held, path = job["rest"], job["held"], job["path"][take]
     dt, every, settle = float(job["dt"]), int(job["every"]), int(job["settle_steps"])
     fraction = job["fraction"][:, None]

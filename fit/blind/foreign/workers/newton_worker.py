@@ -1,4 +1,4 @@
-"""Newton's semi-implicit solver as a cloth in a process of its own: answers jobs of `fit.blind.foreign.jobs`.
+"""Worker process that simulates jobs of `fit.blind.foreign.jobs` with Newton's semi-implicit solver.
 
 Newton's triangles have W = mu/2 |F|^2 + k/2 (J - 1 - mu/k)^2 per rest area, so k = lambda + mu gives the job's ground.
 Newton's springs along the grid's lines are the two fibre families. Each spring stands for the strip of cloth on either
@@ -55,13 +55,13 @@ def build(job, numbers):
 
 
 def lines_of(rest):
-    """Return the grid's lines across and down, as places of the sheet's nodes, (rows, columns)."""
+    """Return the grid of node indices, (rows, columns)."""
     columns = int(np.isclose(rest[:, 1], rest[0, 1]).sum())
     return np.arange(len(rest)).reshape(-1, columns)
 
 
 def springs_of(rest, numbers):
-    """Yield nodes and stiffness [N/m] of every fibre spring; along an edge of the sheet half a strip."""
+    """Yield nodes and stiffness [N/m] of every fibre spring; a spring along the sheet's edge has half a strip."""
     node = lines_of(rest)
     rows, columns = node.shape
     dx, dy = rest[1, 0] - rest[0, 0], rest[0, 1] - rest[columns, 1]
@@ -99,7 +99,7 @@ def hinges_of(rest, triangles, numbers):
 
 
 def swing(model, job, take, numbers):
-    """Return the nodes of one take, (samples, nodes, 3), and its cost [s of this process], settling left out."""
+    """Return the nodes of one take, (samples, nodes, 3), and the processor time [s] without settling."""
     held, path = job["held"], job["path"][take]
     dt, every, settle = float(job["dt"]), int(job["every"]), int(job["settle_steps"])
     fraction = job["fraction"][:, None]

@@ -1,8 +1,8 @@
-"""Forces on a sheet from outside, for engines that have none of their own: air, and what no library knows.
+"""External forces on a sheet, for engines without them: air, and effects outside the library.
 
 The laws are those of our generator; `fit.blind.kernel` has equations and sources. They are a plate coefficient by angle
-of attack with skin friction along the cloth, lift, and a draught. Laws of no library are a wake with memory, a weight
-on a string, a thread to the room and a magnet. The module runs in the engine's Python: NumPy only.
+of attack with skin friction along the cloth, lift, and a draught. Effects outside the library are a wake with memory, a
+weight on a string, a thread to the room and a magnet. The module runs in the engine's Python: NumPy only.
 """
 
 import numpy as np
@@ -34,11 +34,11 @@ class OutsideForces:
 
     @property
     def are_there(self):
-        """Return whether air or a spot of mass acts."""
+        """Whether any of these forces acts."""
         return self.has_air or self.has_spots
 
     def at(self, now, x, v):
-        """Return the forces [N], (nodes, 3), at a time [s] since the take's start, and advance what has memory."""
+        """Return the forces [N], (nodes, 3), at a time [s] since the take's start, and advance states with memory."""
         force = np.zeros_like(x)
         if self.has_air:
             self._add_air(now, x, v, force)
@@ -56,7 +56,7 @@ class OutsideForces:
         along = vc - vn[:, None] * n
         normal = -plate(speed, vn, p["drag"])
         normal -= 0.5 * AIR_DENSITY * p["lift"] * vn * (along**2).sum(1) / (speed + 1e-12)
-        if self.wind.any():  # drag in moving air less drag in still air, which is planted apart
+        if self.wind.any():  # drag in moving air minus drag in still air, which is a separate effect
             flow = self.wind * (1 + 0.15 * np.sin(1.9 * now + p["gust_phase"])) - vc
             normal += plate(np.sqrt((flow**2).sum(1)), (flow * n).sum(1), DRAUGHT) + plate(speed, vn, DRAUGHT)
         if p["wake"]:

@@ -22,6 +22,18 @@ def test_the_slant_at_a_straight_rim_is_exact(outwards, along):
     assert slant == pytest.approx((math.atan(outwards), abs(math.atan(along))), abs=1e-4)
 
 
+@pytest.mark.parametrize(("sideways", "downwards"), [(0.5, 0.1), (0.1, 0.5), (0.3, -0.3)])
+def test_at_a_slanting_rim_outwards_and_along_are_square_to_each_other(sideways, downwards):
+    """Cloth above a diagonal: outwards is (1, 1) / sqrt(2), so the slopes are their sum and difference over sqrt(2)."""
+    pixel = np.array([LEFT + 80.0, TOP + 80.0])
+    rows, columns = np.indices(WHOLE.shape)
+    slope = np.array([sideways, downwards]) * 1.6 / SQUARE.fx
+    inverse = (1 - (slope[0] * (columns - 80) + slope[1] * (rows - 80)) / 1.6) / 1.6
+    slant = rim_slant(silhouette(rows + columns <= 160, 1 / inverse), pixel, 1.6, SQUARE)
+    outwards, along = (sideways + downwards) / math.sqrt(2), (sideways - downwards) / math.sqrt(2)
+    assert slant == pytest.approx((math.atan(outwards), abs(math.atan(along))), abs=1e-4)
+
+
 def test_cloth_farther_than_fifty_millimetres_does_not_tell_the_slant():
     """Of 15.6 px; beyond, it bends by half a metre a metre."""
     rows, columns = np.indices(WHOLE.shape)

@@ -74,9 +74,13 @@ def described(monkeypatch, *parts):
     return find_missing_force(observer, np.zeros(5))
 
 
-def rows_of(rng, count, pull_of, *, point, third):
-    """Rows of random velocity, acceleration and upright normals, with the pull that a law makes of them."""
+def rows_of(rng, count, pull_of, *, point, third, cosine=0.0):
+    """Rows of random velocity, acceleration and upright normals, with the pull that a law makes of them.
+
+    cosine: the correlation of velocity and acceleration
+    """
     velocity, acceleration = rng.normal(size=(2, count, 3))
+    acceleration = cosine * velocity + np.sqrt(1 - cosine**2) * acceleration
     normal = np.tile([0.0, 0.0, 1.0], (count, 1))
     speed = velocity[:, 2:]
     odd = np.stack([velocity, np.abs(speed) * speed * normal], 1)
@@ -204,3 +208,11 @@ def test_the_pull_is_that_of_a_critically_damped_spring_of_three_hertz():
     assert even[mine, 2:] == pytest.approx(np.tile(np.eye(3), (len(mine), 1, 1)))
     assert powers[mine, 4] == pytest.approx(speed[moving], abs=0.004)
     assert powers[mine, 8] == pytest.approx(squares[moving], abs=0.008)  # a kink passes 2 Hz rounded
+
+
+def test_what_either_kind_of_feature_explains_is_no_share_of_one_of_them(monkeypatch):
+    """v + a that correlate by 0.6: either alone explains (1 + 0.6) / 2 of it, and beyond the other (1 - 0.6) / 2."""
+    rng = np.random.default_rng(2)
+    rows = rows_of(rng, 20000, lambda v, a: v + a, point=0, third=1, cosine=0.6)
+    found = described(monkeypatch, rows)
+    assert (found.odd_share, found.even_share) == pytest.approx((0.2, 0.2), abs=0.02)  # 0.01 is sqrt(1 / 20000)

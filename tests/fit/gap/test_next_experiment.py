@@ -138,6 +138,15 @@ def test_standard_deviations_are_larger_by_what_blocks_have_in_common():
     assert _inflation(observer, explained, [change]) == 1.0
 
 
+@pytest.mark.parametrize(("scores", "inflation"), [((2, 5, 3), 9.0), ((2, 7, 5, 3), 17.0)])
+def test_of_several_changes_the_median_inflation_counts(scores, inflation):
+    """Each change is 1 in two blocks of one number, and the residual a and -a: 2 a^2 / 2 are its ratio."""
+    changes = list(np.kron(np.eye(len(scores)), [1.0, 1.0]))
+    residual = np.kron(np.array(scores, float), [1.0, -1.0])
+    observer = SimpleNamespace(layout=SimpleNamespace(block=np.arange(len(residual))))
+    assert _inflation(observer, SimpleNamespace(residual=residual), changes) == pytest.approx(inflation)
+
+
 def path_of(name, *instants):
     motion = next(m for m in MENU if m.id == name)
     return motion.path(np.array(instants))

@@ -106,3 +106,14 @@ def test_a_hanger_moves_from_three_centimetres_a_second_on(top, moves):
     assert ("hanger speeding up" in names) == moves
     assert ("ring-down, hanger at rest" in names) == moves
     assert moves or names == {"hanger at rest before the swing"}
+
+
+def test_the_highest_frequency_of_an_even_number_of_frames_counts_once(scene):
+    """3 mm constant and 4 mm from frame to frame to and fro: 9 and 16 of 25 mm^2 (Parseval)."""
+    recording, _ = scene
+    assert len(recording.time) % 2 == 0
+    to_and_fro = (-1.0) ** np.arange(len(recording.time))
+    by = (0.003 + 0.004 * to_and_fro)[:, None, None] * np.ones(recording.points.shape)
+    shares = {b.name: b.share for b in missed(scene, by).frequency}
+    assert shares["0 to 0.3 Hz"] == pytest.approx(9 / 25)
+    assert shares["above 3 Hz"] == pytest.approx(16 / 25)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -19,11 +21,16 @@ def test_points_are_as_far_from_a_polygon_as_from_its_nearest_side_or_corner():
     assert to_polygon(points, SQUARE) == pytest.approx(np.array([[0.2, 0.5, 0.4, 0.0]]))
 
 
-def outline_of(grid=5):
-    time = np.arange(0, 1, 1 / 30)
+TIME = np.arange(0, 1, 1 / 30)
+
+
+def recording_of(grid=5):
     garment = sheet(grid=grid)
-    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
-    return OutlineDistance(recording), hung(garment, time)[None]
+    return prepare(take_of(garment, TIME, np.zeros((len(TIME), 3)), hung(garment, TIME)))
+
+
+def outline_of(grid=5):
+    return OutlineDistance(recording_of(grid)), hung(sheet(grid=grid), TIME)[None]
 
 
 def test_only_the_sixteen_points_of_the_edge_count():
@@ -45,6 +52,22 @@ def test_a_cloth_that_hangs_lower_costs_its_hem_and_its_corners():
     objective, points = outline_of()
     lower = points - [0.0, 0.0, 0.01]
     assert objective.terms(lower) == pytest.approx(0.01 * 8 / 16, abs=1e-6)
+
+
+@pytest.mark.parametrize("is_seen_lower", [False, True])
+def test_both_ways_between_outlines_count_half(is_seen_lower):
+    """The hem's middle point hangs lower by d, which is the pitch of the points.
+
+    The point is d from the straight hem. The straight hem's middle is d / sqrt(2) from two sides at 45 degrees.
+    """
+    objective, points = outline_of()
+    middle = 22  # of the last of five rows of five
+    pitch = float(points[0, 0, 23, 0] - points[0, 0, 22, 0])
+    lower = points.copy()
+    lower[:, :, middle, 2] -= pitch
+    if is_seen_lower:
+        objective, lower = OutlineDistance(dataclasses.replace(recording_of(), points=lower[0])), points
+    assert objective.terms(lower) == pytest.approx(0.5 * pitch / 16 * (1 + 1 / np.sqrt(2)), rel=1e-6)
 
 
 def test_it_is_searched_for_without_residuals_of_points_and_needs_an_edge():

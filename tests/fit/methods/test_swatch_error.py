@@ -120,6 +120,15 @@ def test_a_frame_without_a_marker_counts_for_neither_side():
     assert with_gap[0] < 0.05 * without[0]
 
 
+def test_a_markers_speed_is_the_mean_of_the_frames_in_which_it_was_seen():
+    """0.2 m/s in frames 0 to 119 of 240 and then still, lost from frame 100 on: 0.2 m/s, and not half of this."""
+    seen = hanging()
+    seen[100:, 40] = np.nan
+    simulated = hanging()
+    simulated[:, 40, 1] += 0.2 * np.minimum(TIME, TIME[120])
+    assert error_against(seen).terms(simulated[None])[0][1] == pytest.approx(0.5 * 0.2 / 81, rel=1e-3)
+
+
 def test_a_lost_marker_bends_no_line_that_it_is_a_point_of():
     """A flat swatch that swings; where one marker is lost for a second, its bridged place is far off the plane."""
     swung = hanging()

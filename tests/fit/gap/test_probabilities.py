@@ -1,0 +1,35 @@
+"""Probabilities of effects that share the draws of the held-out error, worked by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.gap.closure import Resampling
+from fit.gap.probabilities import probabilities
+from tests.fit.gap.test_evidence import flat_evidence, level
+from tests.fit.gap.verdict_scene import hypothesis
+
+HALVES = Resampling(np.repeat([[0], [6]], 12, axis=1).repeat(20, axis=0), 1.0)  # 20 draws of a block of either half
+
+
+def with_halves(one, first_mm, second_mm):
+    """The same hypothesis with one error in the first six half-seconds and another in the last six."""
+    sums = np.repeat([10.0 * first_mm**2, 10.0 * second_mm**2], 6)
+    return dataclasses.replace(one, errors=dataclasses.replace(one.errors, sums=sums))
+
+
+def test_an_effect_is_not_at_work_alone_in_draws_in_which_it_is_together_with_another():
+    """Of 119 mm^2 beyond the noise of 25 the hem leaves 8.6 in half of the draws, where both leave nothing.
+
+    In the other half the hem leaves nothing by itself. So an effect is at work in every draw, the hem in all of them
+    and drag in one half: 4 x 1 / (1 + 3 x 1) and 4 x 0.5 / (1 + 3 x 1).
+    """
+    evidence = flat_evidence({"hem": 6.0}, resampling=HALVES, floor_error_mm=0.0)
+    hem = with_halves(evidence.singles["hem"], 5.8, 5.0)
+    both = level(hypothesis(("hem", "air_drag"), 5.0), 5.0)
+    evidence = dataclasses.replace(evidence, singles={"hem": hem})
+    assert np.mean(evidence.worth_naming["hem"]) == 1.0
+    assert probabilities(evidence, both) == pytest.approx({"hem": 1.0, "air_drag": 0.5})

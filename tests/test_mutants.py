@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import tomllib
+from pathlib import Path
+
 import pytest
 
 from tests.mutants.__main__ import SURVIVORS, is_listed, is_wording
@@ -57,3 +61,47 @@ def test_an_entry_lists_one_change_of_one_function():
     assert listed("a.b", "- x\n+ y")
     assert not listed("a.c", "- x\n+ y")
     assert not listed("a.b", "- x\n+ z")
+
+
+ROOT = Path(__file__).parents[1]
+
+
+def lines_of(function: str) -> set[str]:
+    """The lines of a function, or of a method, by its whole name; none where there is no such function."""
+    names = function.split(".")
+    depth = next((n for n in range(len(names), 0, -1) if ROOT.joinpath(*names[:n]).with_suffix(".py").exists()), 0)
+    if not depth:
+        return set()
+    text = ROOT.joinpath(*names[:depth]).with_suffix(".py").read_text()
+    node: ast.AST = ast.parse(text)
+    for name in names[depth:]:
+        below = (n for n in ast.iter_child_nodes(node) if getattr(n, "name", None) == name)
+        if (found := next(below, None)) is None:
+            return set()
+        node = found
+    assert isinstance(node, ast.FunctionDef)
+    return {line.strip() for line in text.splitlines()[node.lineno - 1 : node.end_lineno]}
+
+
+def stale_entries(text: str) -> list[str]:
+    """The entries whose removed lines are not in the function that they name."""
+    return [
+        f"{one['function']}: {line}"
+        for one in tomllib.loads(text)["survivor"]
+        for line in one["change"].strip().splitlines()
+        if line.startswith("-") and line[1:].strip() not in lines_of(one["function"])
+    ]
+
+
+def test_every_listed_survivor_changes_a_line_that_is_there():
+    assert stale_entries(SURVIVORS.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    "function", ["fit.search.bounds.redrawn", "fit.search.intervals.jackknife", "fit.bounds.redraw", "fits.redraw"]
+)
+def test_an_entry_of_a_line_that_is_elsewhere_or_nowhere_is_stale(function):
+    line = "return np.clip(centre + spread * np.tan(np.pi * (below + uniform * (above - below))), low, high)"
+    entry = '[[survivor]]\nfunction = "{}"\nchange = """\n- {}\n+ pass\n"""\nreason = "equivalent"\n'
+    assert stale_entries(entry.format("fit.search.bounds.redraw", line)) == []
+    assert stale_entries(entry.format(function, line)) == [f"{function}: - {line}"]

@@ -1,1 +1,1 @@
-"""The export of a fit as files for other programs."""
+"""Export of a fit as files for other programs."""

@@ -1,4 +1,4 @@
-"""The origin and the limits of an exported file, in words and as plain values."""
+"""Provenance and cautions of an exported file, in words and as plain values."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from formats.fit_records import FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
-SAME_WEIGHT = 0.01  # relative: scales tell more, and fits to several takes keep their mean
+SAME_WEIGHT = 0.01  # relative difference of weight: scales are more precise, but fits to several takes store their mean
 
 
 def provenance(result: FitResult) -> dict[str, Any]:
-    """Return who made the fit, of what, with which error."""
+    """Return the provenance of the fit: version, method, takes and error."""
     error = result.error.held_out_after or result.error.train_after
     return {
         "generator": f"hangtime {metadata.version('hangtime')}",
@@ -43,7 +43,7 @@ def quantity_record(quantity: Quantity) -> dict[str, Any]:
     interval = None if quantity.low is None else [quantity.low, quantity.high]
     return {
         "value": quantity.value, "unit": quantity.unit, "interval_90": interval, "status": quantity.status,
-        "is_identified": quantity.is_told, "meaning": quantity.meaning,
+        "is_identified": quantity.is_known, "meaning": quantity.meaning,
     }  # fmt: skip
 
 
@@ -60,11 +60,11 @@ def origin_lines(result: FitResult) -> list[str]:
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return a sentence for each flaw of a take, and for each number that is not what it looks like."""
+    """Return a sentence for each flaw of a take, and for each quantity that needs a caution."""
     lines = [plain(note) for note in flaw_notes(result.notes)]
     if fabric is not None:
         for q in fabric.quantities:
-            if not q.is_told:
+            if not q.is_known:
                 number = _number(q.value, q.low, q.high, q.unit, q.status)
                 lines.append(f"{q.name}: {number}; {MEANING_OF_STATUS[q.status]}.")
         if fabric.layers > 1:
@@ -79,7 +79,7 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
 
 
 def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
-    """Say what is odd about a take whose garment moves: it is of another garment, incomplete, damaged or doubted."""
+    """Return remarks on an animated take: of another garment, incomplete, damaged or doubtful."""
     if take is None:
         return []
     other = other_garment(result, take)
@@ -87,10 +87,10 @@ def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
 
 
 def other_garment(result: FitResult, take: Take) -> str:
-    """Say that a take is of another garment than the fit; nothing where it is not, or where an old fit cannot tell."""
+    """Return a remark if a take is of another garment than the fit; nothing if not, or if an old fit lacks it."""
     garment = take.garment
     if result.garment_content:
-        own = {content_of_garment(one) for one in (garment, garment.as_meant)}  # an earlier fit kept the spelling
+        own = {content_of_garment(one) for one in (garment, garment.as_meant)}  # earlier fits used the spelling
         is_other = result.garment_content not in own
     else:
         fitted = result.material.get("areal_density", garment.areal_density)
@@ -108,7 +108,7 @@ def other_garment(result: FitResult, take: Take) -> str:
 
 
 def _number(value: float, low: float | None, high: float | None, unit: str, status: Status) -> str:
-    """Return a number with its interval; of one that is not identified the interval alone."""
+    """Return a quantity with its interval; only the interval if it is not identified."""
     ends = "" if low is None or high is None else f"90 % interval {short(low)} to {short(high)} {unit}"
     if status == "not identified":
         return ends or "no interval"

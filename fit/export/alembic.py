@@ -1,7 +1,7 @@
-"""Moving cloth as Alembic, written by Blender's own Python.
+"""Export of moving cloth as Alembic, written by Blender's Python.
 
-PyPI has no kept library that writes Alembic. Blender is on PyPI as `bpy`, and writes it. It gets
-the triangles and their places at an even rate. The file has z up, metres, and a sample a frame.
+PyPI has no maintained library that writes Alembic, but Blender, on PyPI as `bpy`, does. Blender receives the triangles
+and their vertices at an even rate. The file has z up, metres, and a sample a frame.
 """
 
 from __future__ import annotations

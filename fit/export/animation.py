@@ -1,4 +1,4 @@
-"""The fitted cloth seen moving: under a take's hanger or a new motion, as a film, a GIF or a cache."""
+"""Animation of the fitted cloth, under a take's hanger, a new motion or on a figure, as film, GIF or mesh cache."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ SUFFIXES = (*FILMS, ".usdc", ".glb")
 LIBRARIES = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
 SMALLEST, LARGEST = 64, 4096  # px
 
-SIMULATED = 0.6  # of the time of a film, about, that its simulation takes
+SIMULATED = 0.6  # of the time of a film: approximate share of its simulation
 Show = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class Animated:
-    """The file that was written, and sentences on how the motion went."""
+    """The written file, and remarks on the motion."""
 
     path: Path
     remarks: tuple[str, ...] = ()
@@ -46,7 +46,7 @@ class Animated:
 class Scene:
     """A garment and its motion: the take's own where `motion` is empty; without a take, a swatch of the fabric.
 
-    With a `figure`, a skirt or T-shirt that it wears: the take's, or one of the fabric.
+    With a `figure`, the figure wears a skirt or T-shirt: the take's, or a plain one of the fabric.
     """
 
     result: FitResult
@@ -57,11 +57,11 @@ class Scene:
     figure: FigureOrder | None = None
 
     def check(self, *, has_take: bool | None = None) -> None:
-        """Refuse what can be refused without a simulation; has_take: whether one is to come where there is none yet.
+        """Refuse invalid requests before any simulation; has_take: whether a take will follow later.
 
         Raises:
-            FitError: neither take nor motion, a fit without a fabric and without a take, a motion that is not known, or
-                a figure that cannot move so.
+            FitError: neither take nor motion, a fit without a fabric and without a take, an unknown motion, or an
+            invalid figure.
         """
         check_spacing(self.spacing)
         has_take = self.take is not None if has_take is None else has_take
@@ -70,7 +70,7 @@ class Scene:
                 raise FitError("a figure moves by itself", where="--motion", advice="leave out --motion or --figure")
             self.figure.check(self.seconds)
             if self.take is not None:
-                sewn(self.take.garment)  # it refuses what no figure wears
+                sewn(self.take.garment)  # refuses a garment that no figure wears
         elif self.motion:
             check_motion(self.motion, self.seconds)
         elif not has_take:
@@ -83,7 +83,7 @@ class Scene:
             fabric_of(self.result)
 
     def moving(self, progress: Progress | None = None) -> Moving:
-        """Simulate it; progress is told the share that is done.
+        """Simulate the scene; `progress` receives the finished share.
 
         Raises:
             FitError: what `check` and, with a figure, `fit.export.worn` refuse.
@@ -101,7 +101,7 @@ class Scene:
 
 
 def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: bool = False) -> None:
-    """Refuse a file that cannot be made, before anything is simulated.
+    """Refuse an output file that cannot be written, before any simulation.
 
     Raises:
         FitError: an unknown format, or a size that no film has.
@@ -130,7 +130,7 @@ def animate(
     scene: Scene, path: Path, *, size: tuple[int, int] = DEFAULT_SIZE, overwrite: bool = False,
     show: Show = lambda share, text: None,
 ) -> Animated:  # fmt: skip
-    """Simulate a scene and write it in the format of the path's end, whole or not at all.
+    """Simulate a scene and write it in the format of the path's suffix, atomically.
 
     Raises:
         FitError: an unknown format, a size that no film has, or a scene that cannot be simulated.
@@ -161,6 +161,6 @@ def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, ov
 
 
 def _part(show: Show, doing: str, first: float, last: float) -> Progress:
-    """Return a display of the share of one part of the work, within all of it."""
+    """Return a progress display for one part of the whole work."""
     show(first, doing)
     return lambda share: show(first + share * (last - first), doing)

@@ -1,13 +1,13 @@
-"""A script that builds the cloth in Blender, with settings that only come near the fit.
+"""Export of a Blender script that builds the cloth, with settings that approximate the fit.
 
 Blender's settings act per vertex and spring, so that their meaning changes with the mesh. A fit of `kinect-skirt`
-found six of them for a mesh of its own spacing, and they are written as they are. For any other fit the map of
-`fit.methods.kinect_skirt` is turned round:
+determines six of them for a mesh of its own spacing, and they are written unchanged. For any other fit the map of
+`fit.methods.kinect_skirt` is inverted:
 
     Mass = 1,  Struct = k / 10,  Bend = 10^6 B,  Spring = tau / 4e-4,  Air = 100 c
 
 with the stretch stiffness k [N/m], the bending stiffness B [N m], its damping time tau [s] and the linear damping c
-[1/s]. `fit.engines.blender` says how the six become Blender's settings; the script holds those.
+[1/s]. `fit.engines.blender` maps the six to Blender's settings, which the script contains.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
 
 
 def _six(result: FitResult, fabric: Fabric | None) -> Any:
-    """Return the method's six parameters, (6,): those of the fit, or the fabric's by the map turned round."""
+    """Return the method's six parameters, (6,): those of the fit, or the fabric's by the inverse map."""
     found = {p.name: p.fitted for p in result.parameters}
     if set(NEEDED) <= found.keys():
         return np.array([found[name] for name in NEEDED])

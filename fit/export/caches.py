@@ -1,7 +1,7 @@
-"""Moving cloth as files: a USD cache, glTF with morph targets, PC2 beside an OBJ, and CSV of the tracked points.
+"""Export of moving cloth: USD cache, glTF with morph targets, PC2 with an OBJ, and CSV of the tracked points.
 
 USD and CSV keep the frames' own times. glTF interpolates linearly between frames and keeps their times too. PC2 has an
-even rate, to which an uneven recording is brought by cubic splines.
+even rate, to which cubic splines resample an uneven recording.
 
 In glTF y is up, so (x, y, z) becomes (x, z, -y). Every frame is a morph target, the difference to the first frame. Its
 weight is 1 at its time and 0 at its neighbours'. The parts of a figure are rigid, and move as such in both.
@@ -38,7 +38,7 @@ CODES_PER_SECOND = 30.0  # USD time codes a second
 
 
 def words(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return where a motion comes from and which numbers behind it are not identified."""
+    """Return the provenance of a motion, and its unidentified quantities, in sentences."""
     return [*origin_lines(result), *caution_lines(result, fabric)]
 
 
@@ -51,7 +51,7 @@ def motion_csv(moving: Moving) -> str:
 
 
 def motion_rows(moving: Moving) -> Iterator[Sequence[object]]:
-    """Yield a row a point and frame: the tracked points as simulated, and the ends of the held edge."""
+    """Yield a row per point and frame: the simulated tracked points, and the ends of the held edge."""
     named = [*moving.point_names, "held_left", "held_right"]
     places = np.concatenate([moving.points, moving.held], axis=1)
     for n, t in enumerate(moving.time):
@@ -191,7 +191,7 @@ def _gltf_figure(
     for k, (name, (places, triangles)) in enumerate(zip(figure.names, figure.meshes, strict=True)):
         moved = poses[:, k, :3] @ turned.T
         turns = Rotation.from_matrix(turned @ poses[:, k, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)).as_quat()
-        # The quaternions q and -q are one turn; from q to the opposite of its neighbour a player turns the long way.
+        # The quaternions q and -q are one rotation; a player interpolates the short way only between like signs.
         flips = np.cumprod(np.concatenate([[1.0], np.where((turns[1:] * turns[:-1]).sum(1) < 0, -1.0, 1.0)]))
         position = file.add(places.astype(np.float32), "VEC3", VERTICES, has_ends=True)
         normals = file.add(node_normals(places, triangles).astype(np.float32), "VEC3", VERTICES)
@@ -214,7 +214,7 @@ def _gltf_figure(
 
 
 class _Glb:
-    """The accessors and the binary part of a glTF file."""
+    """Builder of a glTF file: accessors and binary part."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
@@ -258,7 +258,7 @@ def pc2(moving: Moving) -> bytes:
 
 
 def obj(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
-    """Return the first frame of the motion of `pc2` as an OBJ, with the words that PC2 has no room for."""
+    """Return the first frame of the motion of `pc2` as an OBJ, with the provenance that PC2 cannot hold."""
     lines = [f"# {line}" for line in words(result, fabric)]
     lines.append(f"# Motion: {len(moving.places)} samples at {moving.rate:.6g} a second, z up, metres.")
     lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in moving.places[0].tolist()]

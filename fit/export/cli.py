@@ -25,7 +25,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is al
 
 
 class ExportKind(StrEnum):
-    """The command `hangtime export`; `fit.export.kinds.EXPORT_KINDS` does the work."""
+    """Choices of `hangtime export --to`; `fit.export.kinds.EXPORT_KINDS` implements them."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -232,10 +232,10 @@ def animate_command(
 
 
 def _refuse_unused(option: str, given: object, why: str, with_what: str, *, is_used: bool) -> None:
-    """Refuse an option that would change nothing.
+    """Refuse an option without effect.
 
     Raises:
-        FitError: it is given, and is not used.
+        FitError: the option is given and not used.
     """
     from fit.errors import FitError
 

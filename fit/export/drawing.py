@@ -1,10 +1,10 @@
-"""Pictures of moving cloth: shaded triangles, the nearest in each pixel, seen from in front and a little from the side.
+"""Rendering of moving cloth: shaded triangles with a depth buffer, seen obliquely from the front.
 
 A camera in the distance d looks at the middle of the motion, or follows a figure. A point at right r, up u and depth w
 from there is drawn at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface
 (Lambert). A part of the light comes from everywhere. Between nodes their normals are interpolated. Front and back have
-two colours. The words above the cloth never lie on it. A figure walks on a floor with a line every half metre, on which
-it casts a shadow from straight above.
+two colours. The text above the cloth never overlaps it. A figure walks on a floor with a line every half metre, with a
+shadow from light straight above.
 
 Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection.
 """
@@ -20,12 +20,12 @@ from fit.export.moving import Moving
 from fit.export.raster import FINER, Faces, drawn
 from formats.arrays import Floats, Integers
 
-SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad, where the camera stands
-BESIDE = np.radians(52.0)  # rad, the same where it follows a figure: a stride is seen from the side
-ASIDE = np.radians(70.0)  # rad that the light stands farther to the left of a camera that follows a figure
+SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad: azimuth and elevation of the camera
+BESIDE = np.radians(52.0)  # rad: the same for a camera that follows a figure and shows a stride from the side
+ASIDE = np.radians(70.0)  # rad: additional azimuth of the light to the left of a camera that follows a figure
 CAMERA_DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
-OUTSIDE_FIRST = 0.01  # m by which the outside of cloth is drawn as nearer: layers that touch may cross by as much
+OUTSIDE_FIRST = 0.01  # m: depth offset of the outside of cloth, as layers in contact may overlap by this much
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
 AMBIENT = 0.42  # share of the light that comes from everywhere
 TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
@@ -34,19 +34,19 @@ SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])
 BAR, WORDS = (70, 74, 80), (60, 64, 70)
-LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px: what is read at arm's length
-TITLE_LINES = 3.0  # times the letters' size: at the top, kept for the words
-LEAST_TITLED = 200  # px of height, below which the cloth needs all of the picture
+LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px: legible at arm's length
+TITLE_LINES = 3.0  # times the letters' size: space for text at the top
+LEAST_TITLED = 200  # px: below this height the cloth fills the picture without text
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
 PIECES = 24  # of a line on the floor
 FLOOR_LINES, LINE_WIDTH, FLOOR_WIDTH = 0.5, 0.012, 3.0  # m: between lines, of a line, from end to end
 Seen = Callable[[Floats], Floats]
 
-BEHIND = 100.0  # m by which shadows and lines are drawn as farther than all that stands on the floor
+BEHIND = 100.0  # m: depth offset of shadows and lines behind everything on the floor
 
 
 def node_normals(places: Floats, triangles: Integers) -> Floats:
-    """Return the nodes' unit normals, (nodes, 3), from the triangles that meet there, weighed by their areas."""
+    """Return the nodes' unit normals, (nodes, 3), as area-weighted means of their triangles' normals."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     faces = np.cross(b - a, c - a)
     sums = np.zeros(places.shape)
@@ -102,7 +102,7 @@ class Stage:
         self._light = light / np.linalg.norm(light)
 
     def _project(self, places: Floats, followed: Floats, scale: float, centre: tuple[float, float]) -> Floats:
-        """Return places in the picture, (..., 3): right and down [px], and distance [m] along the camera's view."""
+        """Project points into the picture, (..., 3): right and down [px], and distance [m] along the camera's view."""
         local = (places - followed - self._middle) @ self._axes.T
         far = self._distance + local[..., 2]
         flat = local[..., :2] * (scale * self._distance / far)[..., None]
@@ -147,7 +147,7 @@ class Stage:
 
     @staticmethod
     def _bar(ends: Floats) -> Faces:
-        """Return the held edge's bar and its ends, in front of all; ends, (2, 3), in the picture."""
+        """Return faces of the held edge's bar and its ends, in front of everything; ends, (2, 3), in the picture."""
         along = ends[1, :2] - ends[0, :2]
         across = FINER * np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
         quad = np.array([ends[0, :2] - across, ends[1, :2] - across, ends[1, :2] + across, ends[0, :2] + across])
@@ -159,7 +159,7 @@ class Stage:
 
     @staticmethod
     def _shadow(seen: Seen, corners: Floats) -> Faces:
-        """Return triangles, (n, 3, 3), pressed flat on the floor."""
+        """Return triangles, (n, 3, 3), projected vertically onto the floor."""
         return _flat(seen(corners * [1.0, 1.0, 0.0]) + np.array([0.0, 0.0, BEHIND]), SHADOW)
 
     @staticmethod
@@ -192,7 +192,7 @@ def _faces(corners: Floats, normals: Floats, front: Floats, back: Floats) -> Fac
 
 
 def _flat(corners: Floats, colour: Floats) -> Faces:
-    """Return triangles of one colour that no light shades."""
+    """Return triangles of one colour without shading."""
     count = len(corners)
     colours = np.tile(colour, (count, 1))
     return Faces(corners, np.ones((count, 3, 3)), colours, colours, np.zeros(count))

@@ -1,6 +1,6 @@
-"""The fabric of a fit: its SI quantities with their intervals, and what the takes say about each of them.
+"""The fabric of a fit: its SI quantities with intervals and their status, such as identified or constant.
 
-`fit.virtual_tests.fitted_rows` says which parameters decide a quantity, and how far its interval reaches.
+`fit.virtual_tests.fitted_rows` determines which parameters decide a quantity, and its interval.
 
 Layers that slide on one another share weight, tension, shear and bending (`fit.virtual_tests.sheet`); the quantities
 are of one layer.
@@ -26,7 +26,7 @@ Status = Literal["measured", "not identified", "no interval", "weighed", "tied t
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
     "not identified": "the takes do not identify it: they leave the whole interval possible",
-    "no interval": "fitted, and nobody computed how sure it is",
+    "no interval": "fitted, without a computed interval",
     "weighed": "from the garment's weight and area, not from its motion",
     "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",
     "assumed": "a constant of the method; it was not measured",
@@ -35,7 +35,7 @@ MEANING_OF_STATUS: dict[Status, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """One number of a fabric in SI units; low and high are a 90 % interval, None where there is none."""
+    """One quantity of a fabric in SI units; low and high are a 90 % interval, None without an interval."""
 
     name: str
     value: float
@@ -46,14 +46,14 @@ class Quantity:
     high: float | None = None
 
     @property
-    def is_told(self) -> bool:
-        """Return whether the number is known: measured or weighed."""
+    def is_known(self) -> bool:
+        """Whether the value is known: identified or weighed."""
         return self.status in ("measured", "weighed")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fabric:
-    """One layer of a fitted fabric; `layers` of them make the garment's sheet."""
+    """One layer of a fitted fabric; the garment's sheet has `layers` of them."""
 
     quantities: tuple[Quantity, ...]
     layers: int
@@ -63,11 +63,11 @@ class Fabric:
         return next(q for q in self.quantities if q.name == name)
 
     def get(self, name: str) -> float:
-        """Return a quantity's value, 0 where the fabric does not have it."""
+        """Return a quantity's value, 0 if the fabric does not have it."""
         return next((q.value for q in self.quantities if q.name == name), 0.0)
 
     def mean_of_ways(self, name: str) -> float:
-        """Return the geometric mean of warp and weft, for a format that knows one direction."""
+        """Return the geometric mean of warp and weft, for a format with one direction."""
         return float(np.sqrt(self[f"{name}_warp"].value * self[f"{name}_weft"].value))
 
     @property
@@ -90,7 +90,7 @@ SHARED_NUMBERS = (
     "areal_density", "stretch_warp", "stretch_weft", "shear", "bending_warp", "bending_weft", "bending_friction",
     "added_mass",
 )  # fmt: skip
-# Name, unit, meaning, and how it follows from a material row.
+# Name, unit, meaning, and function of a material row.
 _FROM_MATERIAL: tuple[tuple[str, str, str, Read], ...] = (
     ("areal_density", "kg/m^2", "mass per area", lambda r: r[mat.DENSITY]),
     ("stretch_warp", "N/m", "tension per strain along the warp, which runs down the cloth",
@@ -116,7 +116,7 @@ _FROM_EFFECTS = {
 
 
 def fabric_of(result: FitResult) -> Fabric:
-    """Return the fabric that a fit found.
+    """Return the fabric of a fit.
 
     Raises:
         FitError: the fit has no SI values: another engine's, one that fitted the weight, or an older version's.
@@ -154,10 +154,10 @@ WITHOUT_FABRIC = ("csv", "parquet", "blender", "usd", "gltf", "pc2", "abc")
 
 
 def why_no_fabric(result: FitResult) -> str:
-    """Return why a fit says nothing about a fabric in SI units; nothing where it does.
+    """Return the reason why a fit has no fabric in SI units, or nothing if it has one.
 
     Raises:
-        FitError: the method is not known.
+        FitError: the method is unknown.
     """
     if result.engine != OWN_ENGINE:
         return f"the fit is of {result.engine}'s cloth, whose numbers have no SI values"
@@ -180,7 +180,7 @@ def _quantity(
     ends = rows.ends(read, behind)
     status: Status = status_of(behind) if behind else "weighed" if name == "areal_density" else "assumed"
     same = [c for c in told if c.name == name.replace("_", " ")]
-    if same and len(behind) > 1:  # the takes may tell it, and none of its parameters
+    if same and len(behind) > 1:  # the takes may identify the quantity without identifying any of its parameters
         status, ends = status_of(same), (same[0].interval_low, same[0].interval_high)
     low, high = ends if ends is not None else (None, None)
     return Quantity(
@@ -189,14 +189,14 @@ def _quantity(
 
 
 def status_of(behind: Sequence[FitParameter | Combination]) -> Status:
-    """Return what the takes say about a number that follows from these fitted ones."""
+    """Return the status of a quantity that depends on these fitted parameters."""
     if any(p.is_identified is False for p in behind):
         return "not identified"
     return "no interval" if any(p.is_identified is None for p in behind) else "measured"
 
 
 def _tied(shear: Quantity, rows: FittedRows, stretch: list[FitParameter]) -> Quantity:
-    """Return shear with its status where a method makes it a share of the stretch stiffness."""
+    """Return shear with its status for a method that makes it a share of the stretch stiffness."""
     behind = rows.parameters_behind(lambda r: r[mat.SHEAR])
     if behind and [p.name for p in behind] == [p.name for p in stretch] and shear.status == "measured":
         return replace(shear, status="tied to stretch")

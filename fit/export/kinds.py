@@ -1,6 +1,6 @@
-"""The kinds of export of a fit: one entry a kind, with the call that writes it.
+"""Registry of the export kinds, each with the function that writes it.
 
-A kind is made of the fit alone, of the fabric in it, or of its motion under a take's hanger.
+A kind contains the fit alone, its fabric, or its motion under a take's hanger.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from formats.fit_records import FitResult
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
-# Programs open these by the end of their name alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
+# Programs choose the format by the suffix alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
 BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2"}
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """The request of an export; `take` gives garment and motion, for kinds that have them."""
+    """Request of an export; `take` provides garment and motion, for kinds that contain them."""
 
     result: FitResult
     take: Take | None = None
@@ -45,13 +45,13 @@ class Order:
         """Return the fabric of the fit, one layer of it.
 
         Raises:
-            FitError: the fit says nothing about a fabric.
+            FitError: the fit has no fabric.
         """
         return fabric_of(self.result)
 
     @property
     def fabric_if_any(self) -> Fabric | None:
-        """Return the fabric, None where the fit says nothing about one."""
+        """Return the fabric, or None if the fit has none."""
         return None if why_no_fabric(self.result) else self.fabric
 
     @functools.cached_property
@@ -69,7 +69,7 @@ class Order:
 
     @property
     def sheet(self) -> Sheet:
-        """Return the garment of the take, a swatch where there is none."""
+        """Return the garment of the take, or a swatch without a take."""
         if self.take is None:
             return strip(EXPORTED_SIDE, EXPORTED_SIDE, self.spacing or SWATCH_SPACING)
         spacing = self.spacing or self.result.spacing or find_method(self.result.method).spacing
@@ -94,7 +94,7 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of export: file name's end, what makes the files, and the ends of those beside the first."""
+    """A kind of export: suffix of its file, function that makes the files, and suffixes of further files."""
 
     suffix: str
     make: Callable[[Order], dict[str, bytes]]
@@ -126,7 +126,7 @@ def _pc2(order: Order) -> dict[str, bytes]:
 
 WITHOUT_TAKE = {"table", "newton", "u3m"}  # the fabric alone
 WITHOUT_MESH = {"table", "u3m"}
-MESH_OF_TAKE = {"csv", "parquet"}  # they have a mesh where they hold a motion
+MESH_OF_TAKE = {"csv", "parquet"}  # kinds with a mesh if they contain a motion
 WITH_THICKNESS = {"usd-physics"}
 
 EXPORT_KINDS: dict[str, Kind] = {
@@ -146,10 +146,10 @@ EXPORT_KINDS: dict[str, Kind] = {
 
 
 def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> list[Path]:
-    """Write a fit as a file of a kind, and return every file that was written, the one at `path` first.
+    """Write a fit as a kind of file; return every written file, the one at `path` first.
 
     Raises:
-        FitError: an unknown kind; a fit that holds no such thing; a take that is missing or does not belong to it.
+        FitError: an unknown kind, a fit without the content of this kind, or a take that is missing or not of the fit.
         OutputError: a file is there already, or cannot be written.
     """
     if kind not in EXPORT_KINDS:
@@ -189,7 +189,7 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
 
 
 def _check_used(order: Order, kind: str) -> None:
-    """Refuse what would change nothing in an export of a kind.
+    """Refuse arguments without effect on an export of this kind.
 
     Raises:
         FitError: a take or a spacing that is not used.
@@ -204,5 +204,5 @@ def _check_used(order: Order, kind: str) -> None:
 
 
 def default_path(fit_file: Path, kind: str) -> Path:
-    """Return the name of an export beside its fit."""
+    """Return the default path of an export, beside its fit."""
     return fit_file.with_name(fit_file.stem + EXPORT_KINDS[kind].suffix)

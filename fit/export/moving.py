@@ -1,4 +1,4 @@
-"""The fitted cloth in motion under a take's hanger: the nodes of every frame."""
+"""Simulation of the fitted cloth under a take's hanger, with the nodes of every frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from formats.fit_records import FitResult
 from formats.take import Take
 
 (CONTACT,) = find_effects(["self_contact"])
-MOST_UNEVEN = 0.02  # of the mean time between two frames, up to which a clock counts as even
+MOST_UNEVEN = 0.02  # of the mean frame interval: deviation up to which a clock counts as even
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Moving:
     - `rest` [m], (nodes, 2), on the flat cloth
     - `points` [m], (frames, points, 3), as a tracker would report them, with their names
     - `held` [m], (frames, 2, 3): ends of the held edge
-    - `figure` that wears it, if any
-    - `remarks`: sentences on how it went
+    - `figure`: the figure that wears the cloth, if any
+    - `remarks`: sentences on the simulation
     """
 
     name: str
@@ -53,17 +53,17 @@ class Moving:
 
     @property
     def followed(self) -> Floats:
-        """Return what a camera follows [m], (frames, 3): where a figure is on the floor, or the origin."""
+        """The point that a camera follows [m], (frames, 3): a figure's position on the floor, or the origin."""
         middle = self.held.mean(1) * [1.0, 1.0, 0.0]
         return middle if self.figure is not None else np.zeros_like(middle)
 
     @property
     def rate(self) -> float:
-        """Return the mean frames a second."""
+        """Mean number of frames a second."""
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
 
     def even(self, rate: float | None = None) -> Moving:
-        """Return the same motion at an even rate [1/s], by cubic splines in time; as it is where it is even already."""
+        """Return the motion resampled to an even rate [1/s] by cubic splines in time, unchanged if already even."""
         from scipy.interpolate import CubicSpline
 
         wanted = self.rate if rate is None else rate
@@ -94,8 +94,8 @@ def motion_of(
 ) -> Moving:  # fmt: skip
     """Simulate a recording with a fit; raises as `moving_cloth` does.
 
-    - layers_apart [m]: distance that contact keeps between layers of the cloth, where the fit has no contact
-    - progress: receives the share that is done
+    - layers_apart [m]: distance that contact keeps between layers of the cloth, if the fit has no contact
+    - progress: receives the finished share
     """
     check_engine(result)
     method = find_method(result.method)
@@ -122,7 +122,7 @@ def motion_of(
 
 
 def check_engine(result: FitResult) -> None:
-    """Refuse a fit whose cloth keeps no shapes.
+    """Refuse a fit by an engine that stores no shapes.
 
     Raises:
         FitError: the fit is of another engine.

@@ -1,8 +1,8 @@
-"""New motions of a hanger, for a fitted garment that is to be seen moving otherwise than it was recorded.
+"""New motions of a hanger, to show a fitted garment in a motion that was not recorded.
 
-A motion of one way (`formats.motion`) is A s(t) sin(2 pi f t). The ways are along the held edge, through the cloth, up
-and down, and a turn about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and falls
-within RAMP before the last REST. It is 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
+A motion of one kind (`formats.motion`) is A s(t) sin(2 pi f t). The kinds are along the held edge, through the cloth,
+up and down, and a rotation about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and
+falls within RAMP before the last REST. It is 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swing
 TURN = np.radians(40.0)  # of a twist
 RATE = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
 MOTION_FPS = 30.0  # frames a second of a new motion
-HUNG_SIDE = 0.4  # m, of a fabric that hangs without a take
+HUNG_SIDE = 0.4  # m: side of a swatch without a take
 
 
 def displaced(ends: Floats, way: str, instants: Floats, seconds: float) -> Floats:
@@ -58,10 +58,10 @@ def _smooth(share: Floats) -> Floats:
 
 
 def check_motion(way: str, seconds: float) -> None:
-    """Refuse an unknown way, or a length that cannot be simulated in reasonable time.
+    """Refuse an unknown kind of motion, or a length that cannot be simulated in reasonable time.
 
     Raises:
-        FitError: it is one.
+        FitError: kind or length is refused.
     """
     if way not in NEW_MOTIONS:
         raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
@@ -72,10 +72,10 @@ def check_motion(way: str, seconds: float) -> None:
 
 
 def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
-    """Return the recording's garment on a hanger that moves in another way, seen by nobody.
+    """Return a recording of the same garment on a hanger with a new motion, without tracked points.
 
     Raises:
-        FitError: an unknown way, or a length that cannot be simulated in reasonable time.
+        FitError: an unknown kind of motion, or a length that cannot be simulated in reasonable time.
     """
     check_motion(way, seconds)
     ends = recording.held(np.zeros(1)).reshape(2, 3)
@@ -90,14 +90,14 @@ def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
 
 
 def hung_swatch(fabric: Fabric) -> Recording:
-    """Return a swatch of the fabric that hangs still from its top corners, as if it had been recorded."""
+    """Return a recording of a swatch of the fabric at rest, held at its top corners."""
     garment = swatch(fabric["areal_density"].value * HUNG_SIDE**2, side=HUNG_SIDE, markers=5)
-    # The corners come 8 % nearer to each other, as a hand holds cloth; a straight edge between them hardly folds.
+    # The corners are 8 % nearer to each other, as in hands, because cloth under a straight edge hardly folds.
     return hung_still(garment, "swatch", 0.92)
 
 
 def hung_still(garment: Garment, name: str, wide: float = 1.0) -> Recording:
-    """Return a garment that hangs still from its held edge, as if it had been recorded; wide: times its width."""
+    """Return a recording of a garment at rest, held at its held edge; wide: distance of the ends over its length."""
     time = np.arange(0, 1, 1 / MOTION_FPS)
     top = garment.outline_m[:2]
     held = np.tile([[wide * top[0][0], 0.0, 0.0], [wide * top[1][0], 0.0, 0.0]], (len(time), 1, 1))

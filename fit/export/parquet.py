@@ -1,4 +1,4 @@
-"""Tables as Parquet: numbers as doubles, null where there is none, and the provenance in the file's metadata."""
+"""Export of tables as Parquet: numbers as doubles, null for missing values, provenance in the file's metadata."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from formats.fit_records import FitResult
 
 
 def parquet(heads: Sequence[str], rows: Iterable[Sequence[object]], result: FitResult) -> bytes:
-    """Return a table as Parquet; a column that holds a text anywhere holds texts.
+    """Return a table as Parquet; a column with any text is a text column.
 
     Raises:
         ModuleNotFoundError: PyArrow is not installed.

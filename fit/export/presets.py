@@ -1,6 +1,6 @@
 """Presets for other simulators: Newton's cloth solvers as JSON, and a sheet of MuJoCo's flex as XML.
 
-Of Newton 1.8, with its energies per rest area read from the source and the strip of `tests/fit/export` as the proof:
+The energies of Newton 1.8 per rest area come from its source code; a strip in `tests/fit/export` verifies them:
 
     SolverStyle3D       k_u (|F_u| - 1)^2 / 2 + k_v (|F_v| - 1)^2 / 2 + k_s (f_u . f_v)^2 / 2, f = F / |F|
                         which is our membrane: tri_aniso_ke = (weft, warp, shear)
@@ -30,7 +30,7 @@ Both are the fabric's B where K_s = K_d = 4 B / 3. Hence
 Style3D takes cos^12 and sin^12 of the edge's angle as shares of the first two numbers, and four times (sin cos)^2 of
 the third. One number for all edges gives K_d = sqrt(2) K_s in VBD and SemiImplicit. Then K_s = 2 B / (3 - sqrt 2) is
 right along the grid, and cylinders along diagonals are 26 % too stiff. `benchmarks/export.py` bends a clamped strip.
-SolverVBD begins each step where the cloth would fall freely to, and too few iterations leave a part of this fall.
+SolverVBD starts each step from free fall, and too few iterations leave a part of this fall.
 
 MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Its edges have Style3D's energy at
 k = B / 3, so that K_d = 2 K_s and D = 5 B / 6. The file asks for 6 B / 5. Membrane and bending are then right with t =
@@ -58,7 +58,7 @@ SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0
 EDGE_SHARE = 4 / 3  # of B: every edge of an even grid, K_s = K_d
 ONE_NUMBER_SHARE = 2 / (3 - np.sqrt(2))  # of B: K_s where K_d = sqrt(2) K_s
 FLEX_SHARE = 6 / 5  # of B: where K_d = 2 K_s
-FEWEST_STEPS = 4.0  # steps a period of the fastest node, for MuJoCo's semi-implicit Euler
+FEWEST_STEPS = 4.0  # steps per period of the fastest node, for MuJoCo's semi-implicit Euler
 BY_EDGE = (
     "edge_ke is right for bends along the grid, and a quarter too stiff along its diagonals. edge_ke_by_edge, set in "
     "ModelBuilder.edge_bending_properties, is right along both."
@@ -66,7 +66,7 @@ BY_EDGE = (
 
 
 def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPACING) -> bytes:
-    """Return the numbers of Newton's solvers as JSON; those of edges are for a square grid of this spacing [m]."""
+    """Return the parameters of Newton's solvers as JSON; those of edges are for a square grid of this spacing [m]."""
     stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     density = fabric["areal_density"].value
     ways = [fabric["stretch_weft"].value, fabric["stretch_warp"].value, fabric["shear"].value]
@@ -118,7 +118,7 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
 
 
 def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
-    """Return a sheet of MuJoCo's flex as MJCF that hangs from its held edge."""
+    """Return a MuJoCo flex as MJCF: a sheet that hangs from its held edge."""
     stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     thickness = float(np.sqrt(12 * FLEX_SHARE * bending / stretch))
     masses = fabric["areal_density"].value * sheet.node_areas
@@ -174,7 +174,7 @@ def _numbers(quantity: Quantity) -> str:
 
 
 def _timestep(fabric: Fabric, sheet: Sheet) -> float:
-    """Return a step [s] that the explicit integrator is stable at: of the fastest wave across the finest triangle."""
+    """Return a stable time step [s] of the explicit integrator, from the fastest wave across the finest triangle."""
     a, b, c = (sheet.rest[sheet.triangles[:, k]] for k in range(3))
     shortest = min(float(np.linalg.norm(p - q, axis=1).min()) for p, q in ((a, b), (b, c), (c, a)))
     density = fabric["areal_density"].value

@@ -1,4 +1,4 @@
-"""Triangles as pixels: the nearest one in each pixel, shaded by normals that are linear over it.
+"""Rasteriser of shaded triangles with a depth buffer and linearly interpolated normals.
 
 A triangle covers the pixels whose centres lie inside. Its depth is linear in the picture, which is exact for planes in
 a parallel projection and within a thousandth of the depth here. Colour is that of the triangle's side seen, times
@@ -6,7 +6,7 @@ a parallel projection and within a thousandth of the depth here. Colour is that 
     shade = ambient + (1 - ambient) |n . l|
 
 with the unit normal n at the pixel and the direction l of the light (Lambert). A triangle of shade 0 is flat: its
-colour is taken as it is. A pixel kept is the mean of FINER by FINER pixels drawn.
+colour is taken as it is. Each output pixel is the mean of FINER by FINER drawn pixels.
 
 Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013), section 15.6: the z-buffer
 and barycentric interpolation.
@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from fit import runtime
 from formats.arrays import Floats
 
-FINER = 2  # times as many pixels are drawn as are kept along each side
-UNCOVERED = np.int64(2**63 - 1)  # in a pixel that no triangle covers
+FINER = 2  # drawn pixels per output pixel along each side
+UNCOVERED = np.int64(2**63 - 1)  # index of a pixel without a triangle
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _kernels() -> tuple[Any, Any]:
                     a, b, c, doubled = shares(corners, k, x, y)
                     if ti.abs(doubled) > 1e-9 and a >= -1e-5 and b >= -1e-5 and c >= -1e-5:
                         depth = a * corners[k, 0, 2] + b * corners[k, 1, 2] + c * corners[k, 2, 2]
-                        bits = ti.bit_cast(ti.max(depth, 1e-3), ti.i32)  # of positive numbers grow with them
+                        bits = ti.bit_cast(ti.max(depth, 1e-3), ti.i32)  # ordered like positive floats
                         code = (ti.cast(bits, ti.i64) << 32) + ti.cast(k, ti.i64)
                         ti.atomic_min(nearest[y, x], code)
 
@@ -114,7 +114,7 @@ def _kernels() -> tuple[Any, Any]:
                     bright = ambient + (1.0 - ambient) * ti.abs(n0 * light[0] + n1 * light[1] + n2 * light[2]) / size
                     bright = shaded[k] * bright + 1.0 - shaded[k]
                     r, g, b = bright * back[k, 0], bright * back[k, 1], bright * back[k, 2]
-                    if doubled < 0.0:  # down is positive: a turn that the eye sees as anticlockwise is clockwise here
+                    if doubled < 0.0:  # down is positive: anticlockwise in the picture is clockwise here
                         r, g, b = bright * front[k, 0], bright * front[k, 1], bright * front[k, 2]
                 red, green, blue = red + r, green + g, blue + b
             share = 1.0 / (FINER * FINER)
@@ -128,10 +128,10 @@ def _kernels() -> tuple[Any, Any]:
 def drawn(
     faces: Faces, size: tuple[int, int], sky: Floats, light: Floats, ambient: float
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """Return a picture of the faces, (rows, columns, 3), whose corners are in a picture FINER times as fine.
+    """Return a picture of faces, (rows, columns, 3), with corners in pixels of a picture FINER times as fine.
 
-    size: columns and rows; sky: colour where nothing is; light: unit vector towards it; ambient: share of the light
-    that comes from everywhere
+    size: columns and rows; sky: background colour; light: unit vector towards the light; ambient: share of ambient
+    light
     """
     cover, shade = _kernels()
     wide, high = size

@@ -1,6 +1,6 @@
-"""The cloth that an exported file holds at rest: a swatch of the fabric, or the garment of a take.
+"""Sheets of cloth at rest for export: a swatch of the fabric, or the garment of a take.
 
-World frame: z up, x along the held edge, y away from whoever looks at the front; metres.
+World frame: z up, x along the held edge, y away from a viewer of the front; metres.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
 EXPORTED_SIDE = 0.3  # m
-SWATCH_SPACING = 0.02  # m: folds of cloth that hangs by itself are several times wider
+SWATCH_SPACING = 0.02  # m: folds of hanging cloth are several times wider
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet of cloth at rest: its nodes, faces and places in the cut.
+    """A sheet of cloth at rest: nodes, triangles and flat positions.
 
     - `name`
     - `rest` [m], (nodes, 2): x across, y up on the flat cloth
@@ -79,7 +79,7 @@ def strip(width: float, height: float, spacing: float, name: str = "swatch") -> 
 
 
 def garment_sheet(garment: Garment, spacing: float) -> Sheet:
-    """Return a garment with the mesh that a fit simulates it with.
+    """Return a garment's sheet with the mesh of the fit's simulation.
 
     Raises:
         FitError: the garment cannot be meshed.
@@ -93,5 +93,5 @@ def garment_sheet(garment: Garment, spacing: float) -> Sheet:
 
 
 def upright(rest: Floats) -> Floats:
-    """Return flat cloth as it hangs in the world frame, (nodes, 3)."""
+    """Return flat hanging cloth in the world frame, (nodes, 3)."""
     return np.stack([rest[:, 0], np.zeros(len(rest)), rest[:, 1]], 1)

@@ -1,4 +1,4 @@
-"""The parts of a figure as rigid meshes that move: for pictures, and for files of moving meshes."""
+"""Moving rigid meshes of a figure's parts, for pictures and mesh files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from fit.recordings.bodies import Body, BodyMotion
 from formats.arrays import Floats, Integers
 
-ROUND, RISING = 24, 6  # places round a part, a multiple of 4, and from its middle to either end
+ROUND, RISING = 24, 6  # vertices around a part, a multiple of 4, and from its middle to either end
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,17 +23,17 @@ class Solids:
 
     @functools.cached_property
     def meshes(self) -> tuple[tuple[Floats, Integers], ...]:
-        """Return for each body its places [m] along its axes, (n, 3), and its triangles, seen from outside."""
+        """Return for each body its vertices [m] along its axes, (n, 3), and its triangles, oriented outwards."""
         return tuple(mesh_of(body) for body in self.bodies)
 
     @functools.cached_property
     def triangles(self) -> Integers:
-        """Return the triangles of all bodies together, whose places are `places`."""
+        """Return the triangles of all bodies together, with vertices as in `places`."""
         firsts = np.cumsum([0, *(len(places) for places, _ in self.meshes)])
         return np.concatenate([t + first for (_, t), first in zip(self.meshes, firsts, strict=False)])
 
     def places(self, instant: float) -> Floats:
-        """Return the places of all bodies at an instant [s], (n, 3) [m], world frame."""
+        """Return the vertices of all bodies at an instant [s], (n, 3) [m], world frame."""
         poses = self.motion.at(np.array([instant]))[0]
         return np.concatenate(
             [p @ pose[3:].reshape(3, 3) + pose[:3] for (p, _), pose in zip(self.meshes, poses, strict=True)]
@@ -41,10 +41,10 @@ class Solids:
 
 
 def mesh_of(body: Body) -> tuple[Floats, Integers]:
-    """Return the surface of a body along its own axes: places [m], (n, 3), and triangles, (m, 3).
+    """Return the surface of a body along its own axes: vertices [m], (n, 3), and triangles, (m, 3).
 
-    Directions of a sphere are moved out to the corner of the core that they face. At the four quarters and the middle
-    two places face two corners each, and the sides of the box lie between them.
+    The vertices of a sphere are shifted to the nearest corner of the core box. At the four quarters and the middle two
+    vertices face two corners each, and the sides of the box lie between them.
     """
     quarter = np.linspace(0, np.pi / 2, ROUND // 4 + 1)
     round_ = np.concatenate([quarter + k * np.pi / 2 for k in range(4)])

@@ -1,6 +1,6 @@
-"""A fit as tables: CSV of every number, and a sheet of what to type into programs for garments.
+"""Export of a fit as tables: CSV of every number, and a sheet of values for garment design programs.
 
-The sheet gives SI values, and what the same fabric would show on the tests that people know. 1 gf = 9.80665 mN.
+The sheet gives SI values, and the fabric's readings in common textile tests. 1 gf = 9.80665 mN.
 
     strip       F = k e w: a strip of width w, stretched by the strain e
     cantilever  B = g rho c^3: half the length c that hangs over an edge when its end is 41.5 degrees below
@@ -23,7 +23,7 @@ from formats.nature import GRAVITY
 from formats.rows import aligned, csv_text
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
-LINE_LENGTH = 100  # characters of a line of text
+LINE_LENGTH = 100  # characters per line of text
 
 
 PARAMETER_HEADS = (
@@ -38,7 +38,7 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
 
 
 def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[object]]:
-    """Return a row a parameter and a row a quantity of the fabric, SI units, under `PARAMETER_HEADS`.
+    """Return a row per parameter and per quantity of the fabric, SI units, under `PARAMETER_HEADS`.
 
     A parameter that is not identified keeps its value in its own column, `one_of_many`, and leaves `value` empty.
     """
@@ -54,7 +54,7 @@ def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[ob
 
 
 def _set_apart(row: Sequence[object]) -> Sequence[object]:
-    """Return a row with its value in the column `one_of_many` where the takes do not identify it."""
+    """Return a row; a value that the takes do not identify is in the column `one_of_many`."""
     kind, name, value, low, high, unit, status, meaning = row
     told, other = (None, value) if status == "not identified" else (value, None)
     return kind, name, told, low, high, unit, status, other, meaning
@@ -104,7 +104,7 @@ def software_table(result: FitResult, fabric: Fabric) -> str:
     lines += aligned([heads, *rows], right=(1,))
     lines += ["", *_wrapped(UNIT_WORDS)]
     if cautions := caution_lines(result, fabric):
-        lines += ["", "Not measured, or not told by these takes:", *_wrapped(cautions)]
+        lines += ["", "Not measured, or not identified by these takes:", *_wrapped(cautions)]
     return "\n".join(lines) + "\n"
 
 

@@ -1,8 +1,8 @@
-"""A fabric as U3M 1.1, with physics alone: weight in the common part, SI quantities and intervals under `custom`.
+"""Export of a fabric's physics as U3M 1.1: weight in the common part, SI quantities and intervals under `custom`.
 
-The common part knows thickness [mm], weight [g/m^2], and the raw forces of one fabric analyser. Thickness is null, as
-no motion tells it. Forces are left out: motion measures none. `custom.hangtime` holds everything else.
-Source: Vizoo, "U3M", version 1.1, `u3m_schema.json`.
+The common part has thickness [mm], weight [g/m^2], and the raw forces of one fabric analyser. Thickness is null, as
+motion does not identify it. Forces are omitted, as motion does not measure them. `custom.hangtime` holds everything
+else. Source: Vizoo, "U3M", version 1.1, `u3m_schema.json`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from formats.fit_records import FitResult
 
 
 def u3m(result: FitResult, fabric: Fabric) -> bytes:
-    """Return a `.u3m` file; the same fit has the same identity whenever it is written."""
+    """Return a `.u3m` file; its identity depends on the fit only, not on the time of writing."""
     digest = hashlib.sha256(msgspec.json.encode(result)).digest()
     takes = ", ".join(result.take_ids)
     record: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""A fabric as a deformable in USD: the schema that AOUSD proposes, with what it leaves out under `hangtime:`.
+"""Export of a fabric as a USD deformable by AOUSD's proposed schema, with further quantities under `hangtime:`.
 
 The proposal (OpenUSD-proposals #111, "Deformable Body Physics in USD") has one stretch and one shear stiffness
 [force/distance] and one bending stiffness [force x distance]. For a plate of thickness h they are E h / (1 - nu^2), G h
@@ -22,7 +22,7 @@ from fit.export.sheet import Sheet, upright
 from fit.export.usd_stage import ROOT, define_cloth, new_stage, usd_bytes
 from formats.fit_records import FitResult
 
-THICKNESS = 1e-3  # m: the proposal's own fallback; no motion tells a thickness
+THICKNESS = 1e-3  # m: the proposal's own fallback, as motion does not identify a thickness
 MATERIAL = f"{ROOT}/fabric"
 
 
@@ -105,6 +105,6 @@ def _own(prim: Any, quantity: Quantity) -> None:
     attribute.SetDocumentation(f"{quantity.meaning} [{quantity.unit}]")
     prim.CreateAttribute(f"{name}:unit", types.Token).Set(quantity.unit)
     prim.CreateAttribute(f"{name}:status", types.Token).Set(quantity.status)
-    prim.CreateAttribute(f"{name}:isIdentified", types.Bool).Set(quantity.is_told)
+    prim.CreateAttribute(f"{name}:isIdentified", types.Bool).Set(quantity.is_known)
     if quantity.low is not None and quantity.high is not None:
         prim.CreateAttribute(f"{name}:interval90", types.Double2).Set(Gf.Vec2d(quantity.low, quantity.high))

@@ -1,4 +1,4 @@
-"""Open exported USD files: z up, metres, one root with its provenance, and one mesh of cloth."""
+"""Common parts of exported USD files: z up, metres, a root with provenance, and the mesh of the cloth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROOT, CLOTH, FIGURE = "/Garment", "/Garment/cloth", "/Garment/figure"
 
 
 def new_stage(result: FitResult) -> Any:
-    """Return a stage with an empty root that says where the fit comes from.
+    """Return a stage with an empty root that holds the fit's provenance.
 
     Raises:
         ModuleNotFoundError: usd-core is not installed.
@@ -32,14 +32,14 @@ def new_stage(result: FitResult) -> Any:
 
 
 def define_cloth(stage: Any, triangles: NDArray[np.signedinteger]) -> Any:
-    """Return the mesh of the cloth with its faces, seen from both sides; its points are the caller's."""
+    """Define the two-sided mesh of the cloth with its faces; the caller sets its points."""
     mesh = define_mesh(stage, CLOTH, triangles)
     mesh.CreateDoubleSidedAttr(True)
     return mesh
 
 
 def define_mesh(stage: Any, path: str, triangles: NDArray[np.signedinteger]) -> Any:
-    """Return a mesh with its faces; its points are the caller's."""
+    """Define a mesh with its faces; the caller sets its points."""
     from pxr import UsdGeom, Vt
 
     mesh = UsdGeom.Mesh.Define(stage, path)

@@ -1,4 +1,4 @@
-"""Moving cloth as a film: MP4 and WebM by PyAV, GIF by Pillow."""
+"""Encoding of moving cloth as a film: MP4 and WebM by PyAV, GIF by Pillow."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fit.export.moving import Moving
 Progress = Callable[[int, int], None]
 
 CODECS = {".mp4": ("libx264", "libsvtav1", "mpeg4"), ".webm": ("libvpx-vp9", "libsvtav1", "libvpx")}
-GIF_RATE = 20.0  # frames a second at most: browsers slow down what is shown for less than 20 ms, GIF counts in 10 ms
+GIF_RATE = 20.0  # frames a second at most: browsers slow down frames shorter than 20 ms, and GIF counts in 10 ms
 DEFAULT_SIZE = (960, 720)  # px
 
 
 def film(
     moving: Moving, suffix: str, remark: str, size: tuple[int, int] = DEFAULT_SIZE, progress: Progress | None = None
 ) -> bytes:
-    """Return a film of the motion in the format of a file name's end, `remark` in its metadata.
+    """Return a film of the motion in the format of a suffix, with `remark` in its metadata.
 
     Raises:
         ModuleNotFoundError: Pillow or PyAV is not installed.

@@ -1,7 +1,7 @@
-"""A fitted skirt or T-shirt on a walking figure: simulated, checked against body and itself, and made fine to be drawn.
+"""Simulation of a fitted skirt or T-shirt on a walking figure, with checks for intersections, and a fine mesh.
 
-The cloth is drawn with smaller pieces than its elements, on their own cubic surface. Effects on the hanger and on the
-measurement are left out, because there is neither.
+The cloth is drawn with smaller triangles than its elements, on the elements' cubic surface. Effects on hanger and
+measurement are omitted, because there is neither.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
 GARMENTS = tuple(PLAIN)
 NAMES = {"skirt": "skirt", "t-shirt": "T-shirt"}
 SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
-DRAWN_SPACING = 0.012  # m between the corners of what is drawn
-LONGEST_WALK = 20.0  # s: single precision tells micrometres as far as a figure walks in them
+DRAWN_SPACING = 0.012  # m between the vertices of the drawn mesh
+LONGEST_WALK = 20.0  # s: single precision resolves micrometres over the distance of this walk
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
-MOST_STRETCHED = 0.15  # woven cloth gives way by some percent, on the bias by more
-MOSTLY = 0.99  # of the cloth, of which a second figure tells how far it is stretched
+MOST_STRETCHED = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
+MOSTLY = 0.99  # share of the cloth, whose largest strain is reported as well
 # s, of a T-shirt's bending. The slanted pieces of its sleeves would need ten times shorter steps for 20 ms.
 MOST_BENDING_TIME = 2e-3
-SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # by layers that slide on one another
+SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # for layers that slide on one another
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigureOrder:
-    """How the figure moves: by rule, or as a BVH file says; and its garment, where no take has one."""
+    """Request of a figure: procedural walk or BVH file, and its garment if no take provides one."""
 
     kind: str = "walk"
     wear: str = "skirt"
@@ -60,7 +60,7 @@ class FigureOrder:
     height: float = STANDARD_HEIGHT  # m
 
     def check(self, seconds: float) -> None:
-        """Refuse what no figure does.
+        """Refuse invalid requests of a figure.
 
         Raises:
             FitError: an unknown kind or garment, or a speed, a height or a length that no walk has.
@@ -83,7 +83,7 @@ class FigureOrder:
             check_speed(self.speed)
 
     def skeleton(self, seconds: float, arms: float = ARM_OUT) -> SkeletonMotion:
-        """Return the figure's joints, with its arms so far out at first [rad]; raises as `check` and `read_bvh`."""
+        """Return the figure's joints; arms_out [rad]: initial angle of the arms; raises as `check` and `read_bvh`."""
         self.check(seconds)
         if self.bvh is not None:
             return read_bvh(self.bvh, self.height, seconds, arms)
@@ -91,7 +91,7 @@ class FigureOrder:
 
 
 def sewn(garment: Garment) -> tuple[Garment, float]:
-    """Return a garment for a figure with its back, and the share of the flat sheet's weight and stiffness of each.
+    """Return a garment for a figure with its back, and each layer's share of the flat sheet's weight and stiffness.
 
     Raises:
         FitError: no figure can wear it.
@@ -106,8 +106,8 @@ def worn(
     """Return a skirt or T-shirt on a walking figure; without a garment, a plain one of the fitted fabric.
 
     Raises:
-        FitError: what no figure can wear or do, or a figure that walks through the cloth.
-        BlowUpError: the simulation did not stay finite.
+        FitError: an invalid garment or motion, or a figure that walks through the cloth. BlowUpError: the simulation
+        did not stay finite.
     """
     check_engine(result)
     flat = PLAIN[order.wear](fabric_of(result)["areal_density"].value) if garment is None else garment
@@ -162,14 +162,14 @@ def worn(
 
 
 def _shortened(order: FigureOrder, asked: float, seconds: float) -> tuple[str, ...]:
-    """Return that a motion ends before the length that was asked for [s]; nothing where it does not."""
+    """Return a remark if a motion ends before the requested length [s], else nothing."""
     if order.bvh is None or seconds > asked - 1 / MOTION_FPS:
         return ()
     return (f"{order.bvh.name} ends early: the motion lasts {seconds:.1f} s, its lead included, and not {asked:g} s.",)
 
 
 def _less_damped(fitted: float, used: float) -> tuple[str, ...]:
-    """Return that bending is damped less than in the fit, by damping times [s]; nothing where it is not."""
+    """Return a remark if bending is damped less than in the fit, from damping times [s], else nothing."""
     if used >= fitted:
         return ()
     return (
@@ -178,7 +178,7 @@ def _less_damped(fitted: float, used: float) -> tuple[str, ...]:
 
 
 def _stretched(simulator: Simulator, shapes: Singles) -> tuple[float, float]:
-    """Return by which share cloth is stretched between samples of contact: at most, and where it is `MOSTLY` less."""
+    """Return the largest strain of the cloth between samples of contact, and its quantile `MOSTLY`."""
     surface = simulator.surface
     sides = np.concatenate([surface.quads[:, pair] for pair in ([0, 1], [0, 2])])
     rest = surface.samples.apply(simulator.mesh.rest)
@@ -192,7 +192,7 @@ def _stretched(simulator: Simulator, shapes: Singles) -> tuple[float, float]:
 
 
 def _remarks(kind: str, crossed: list[int], deepest: float, stretched: tuple[float, float]) -> tuple[str, ...]:
-    """Return what is to be said on crossings, on the body, and on cloth that is pulled too far."""
+    """Return remarks on self-intersections, on penetration of the body, and on large strains."""
     pictures = sum(1 for count in crossed if count)
     itself = (
         f"The {kind} never crosses itself, in {len(crossed)} pictures looked at." if not pictures else

@@ -1,1 +1,1 @@
-"""A walking figure that wears a fitted skirt or T-shirt."""
+"""Simulation of a fitted skirt or T-shirt that a walking figure wears."""

@@ -1,8 +1,8 @@
-"""A figure's motion from a BVH file, as motion capture and animation programs write it.
+"""Import of a figure's motion from a BVH file, the format of motion capture and animation programs.
 
-The file's hierarchy gives every joint an offset from its parent, and every frame angles about named axes, and places.
-The turns of a joint follow each other in the order of its channels: R = R_1 R_2 R_3, each about its own axis. Lengths
-are scaled so that thighs and shanks are a figure's. The lower toe is on the floor, and the figure faces -y at first.
+The file's hierarchy gives every joint an offset from its parent. Every frame gives angles about named axes, and
+positions. A joint's rotations follow the order of its channels: R = R_1 R_2 R_3, each about its own axis. Lengths are
+scaled so that thighs and shanks are a figure's. The lower toe is on the floor, and the figure faces -y at first.
 
 A figure begins standing, so that a skirt can hang round it. It takes up the file's motion within LEAD.
 
@@ -26,16 +26,16 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LEAD = 2.0  # s
-ON_FLOOR = 0.2  # share of the frames in which the lower foot may seem to be in the floor: captured feet tremble
+ON_FLOOR = 0.2  # share of the frames in which the lower foot may be below the floor, because captured feet tremble
 LARGEST = 50_000_000  # bytes
 SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
 LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
 FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
 SHORTEST_MOTION = 1.0  # s
 MOST_JOINTS = 1000
-MOST_CHANNELS = 6  # three places and three turns
+MOST_CHANNELS = 6  # three positions and three angles
 CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
-# The names of joints, without sides, prefixes and signs; the first that a file has is taken.
+# Names of joints, without sides, prefixes and signs; the first name that a file contains is used.
 JOINT_NAMES = {
     "hip": ("upleg", "thigh", "hip", "upperleg", "femur"),
     "knee": ("leg", "lowerleg", "lowleg", "shin", "knee", "calf", "tibia"),
@@ -61,9 +61,9 @@ class _Joint:
 
 
 def read_bvh(path: Path, height: float, seconds: float | None = None, arms_out: float = ARM_OUT) -> SkeletonMotion:
-    """Return the motion of a BVH file on a figure of a height [m], for so many seconds, or to its end.
+    """Return the motion of a BVH file for a figure of a height [m], up to a length [s] or its end.
 
-    arms_out [rad]: how far its arms stand off to the side at first
+    arms_out [rad]: initial angle of the arms from the vertical
 
     Raises:
         FitError: no BVH file, or one without a person's legs and arms.
@@ -88,7 +88,7 @@ def read_bvh(path: Path, height: float, seconds: float | None = None, arms_out: 
 
 
 def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
-    """Return the joints of a file, its times [s], and the joints' places in its units, (frames, joints, 3)."""
+    """Return the joints of a file, its times [s], and the joints' positions in its units, (frames, joints, 3)."""
     try:
         check_ends(path)
         if path.stat().st_size > LARGEST:
@@ -164,7 +164,7 @@ def _hierarchy(path: Path, words: list[str]) -> list[_Joint]:
 
 
 def _forward(joints: list[_Joint], rows: Floats) -> Floats:
-    """Return the places of all joints, (frames, joints, 3)."""
+    """Return the positions of all joints by forward kinematics, (frames, joints, 3)."""
     places, turns = np.zeros((len(rows), len(joints), 3)), np.zeros((len(rows), len(joints), 3, 3))
     at = 0
     for k, joint in enumerate(joints):
@@ -200,12 +200,12 @@ def _about(axis: int, angle: Floats) -> Floats:
 
 
 def _plain(name: str) -> str:
-    """Return a joint's name in small letters without prefix, digits and signs."""
+    """Return a joint's name in lower case without prefix, digits and signs."""
     return re.sub(r"[^a-z]", "", name.rsplit(":", 1)[-1].lower())
 
 
 def _named(path: Path, joints: list[_Joint]) -> dict[str, int]:
-    """Return which joint each of ours is."""
+    """Return the file's joint for each joint of our skeleton."""
     plain = [_plain(j.name) for j in joints]
     index = {"pelvis": 0}
     for side in SIDES:
@@ -232,7 +232,7 @@ def _few(joints: list[_Joint]) -> list[str]:
 
 
 def _end_of(joints: list[_Joint], places: Floats, joint: int) -> Floats:
-    """Return the places of the first child of a joint; of one a little further on where there is none."""
+    """Return the positions of a joint's first child, or of an extrapolated end if there is none."""
     child = next((k for k, j in enumerate(joints) if j.parent == joint and np.linalg.norm(j.offset) > 0), None)
     if child is not None:
         return places[:, child]
@@ -240,10 +240,10 @@ def _end_of(joints: list[_Joint], places: Floats, joint: int) -> Floats:
 
 
 def _check_bones(path: Path, found: dict[str, Floats]) -> None:
-    """Refuse a figure without length in a limb or width in its hips, which no scale makes a person.
+    """Refuse a figure with a limb of zero length or hips of zero width, which no scaling corrects.
 
     Raises:
-        FitError: two joints of a limb, or the two hips, are in one place, or further off than numbers tell.
+        FitError: two joints of a limb, or the two hips, coincide, or their distance is not finite.
     """
     bones = [(f"{s}_{a}", f"{s}_{b}") for s in SIDES for a, b in BONES] + [("left_hip", "right_hip")]
     for one, two in bones:
@@ -257,10 +257,10 @@ def _check_bones(path: Path, found: dict[str, Floats]) -> None:
 
 
 def _check_speeds(path: Path, found: dict[str, Floats], step: float) -> None:
-    """Refuse a joint that leaps, which no cloth can follow; found: places [m] of joints at frames, `step` [s] apart.
+    """Refuse a joint that jumps, which no cloth can follow; found: joint positions [m] at frames `step` [s] apart.
 
     Raises:
-        FitError: one moves faster than any person does.
+        FitError: a joint moves faster than any person can.
     """
     fastest = 0.0, "", 0
     for name, places in found.items():
@@ -304,7 +304,9 @@ def _upright(found: dict[str, Floats], height: float) -> dict[str, Floats]:
 
 
 def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float, arms_out: float) -> SkeletonMotion:
-    """Return the motion at even instants, from standing on, up to `last` [s] of the file; arms_out as of `read_bvh`."""
+    """Return the motion at even instants, with a lead from standing, up to `last` [s] of the file.
+
+    arms_out: as in `read_bvh`"""
     from scipy.interpolate import CubicSpline
 
     clock = np.arange(int((last + LEAD / 2) / BETWEEN_INSTANTS) + 1) * BETWEEN_INSTANTS

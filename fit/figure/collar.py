@@ -20,7 +20,7 @@ from formats.garment import Garment
 
 APART, HEIGHT = 0.012, 0.034  # m from the neck, nearer in front by the tilt; of the height, above the shoulders' joints
 TILT = np.radians(12.0)  # rad, lower in front: with DIP the neck is as high behind as on the shoulders
-DIP = 0.018  # m, that its middle is lower in front and behind
+DIP = 0.018  # m: depth of its middle in front and behind
 PIECES = 64  # of a quarter
 
 
@@ -31,7 +31,7 @@ def half_side(garment: Garment, radius: float) -> float:
 
 
 def collar_nodes(garment: Garment, mesh: ClothMesh) -> tuple[Indices, Floats]:
-    """Return the nodes on a sewn T-shirt's neck, (held,), and how far along it they are [m], from its left end."""
+    """Return the nodes on a sewn T-shirt's neckline, (held,), and their arc length [m] from its left end."""
     way, gone = np.full(len(mesh.rest), np.nan), 0.0
     for side in neck_sides(garment):
         share, is_on = place_along(mesh.rest, side)
@@ -43,9 +43,9 @@ def collar_nodes(garment: Garment, mesh: ClothMesh) -> tuple[Indices, Floats]:
 
 
 def collar_places(way: Floats, is_back: Booleans, radius: float, half: float) -> Floats:
-    """Return where nodes of the collar are [m], (n, 3): to the left, to the back and up.
+    """Return positions of the collar's nodes [m], (n, 3): left, back and up.
 
-    - way [m], (n,): along the neck's edge, in front or behind
+    - way [m], (n,): arc length along the neckline, in front or behind
     - radius [m], half [m]: r and a
     """
     first = _quarter(radius)
@@ -58,6 +58,6 @@ def collar_places(way: Floats, is_back: Booleans, radius: float, half: float) ->
 
 
 def _quarter(radius: float) -> Floats:
-    """Return the quarter of the curve from its right end to its middle [m], (pieces + 1, 3), without straight side."""
+    """Return the curved quarter of the collar from its right end to its middle [m], (pieces + 1, 3)."""
     turn = np.linspace(0, np.pi / 2, PIECES + 1)
     return np.stack([-radius * np.cos(turn), radius * np.sin(turn), -DIP * np.sin(turn) ** 2], 1)

@@ -1,4 +1,4 @@
-"""Put a garment on a figure before the simulation: laid flat through the figure's bones, which then grow to their size.
+"""Initial shape of a T-shirt on a figure: the flat garment surrounds thin bones, which then grow to body size.
 
 Front and back of the flat garment lie a few millimetres apart. All parts of the body are threads between them at first,
 and widen step by step. After each step
@@ -7,11 +7,11 @@ and widen step by step. After each step
 
 brings the n_i sides at node i back towards their length L_ij on the flat cloth. Nodes within a gap of a body move to
 its surface, along the gradient of its distance. The front stays in front of the bones, and the back behind them. Every
-node sinks a little. The collar moves from its place in the flat garment to the neck. The cloth relaxes the remaining
+node sinks a little. The collar moves from its position in the flat garment to the neck. The cloth relaxes the remaining
 strain while it settles.
 
 Source: M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, "Position based dynamics", J. Vis. Commun. Image Represent.
-18 (2007): constraints on places, averaged over the sides of a node
+18 (2007): constraints on positions, averaged over the sides of a node
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from fit.cloth.mesh import ClothMesh
 from fit.recordings.bodies import Body
 from formats.arrays import Booleans, Floats, Indices
 
-GROWING, GROWN = 120, 150  # steps in which the body grows, and in which the cloth then finds its length
+GROWING, GROWN = 120, 150  # steps of the body's growth, and of the cloth's relaxation after it
 ROUNDS = 6  # of the sides in each step
 THREAD = 0.02  # of a body's size, at first
 HALF_APART = 0.004  # m of either layer from the middle, at first
-SINKING = 1e-5  # m in each round: loose hems fall instead of folding
-SMALL = 1e-5  # m, of the differences that make a gradient
+SINKING = 1e-5  # m per round: sinking, so that loose hems fall instead of folding
+SMALL = 1e-5  # m: step of the finite differences of a gradient
 PUSH = 1.2  # of the mean correction: over-relaxation
 
 
@@ -42,12 +42,12 @@ def dressed(
     bodies: tuple[Body, ...],
     gap: float,
 ) -> Floats:
-    """Return where the nodes of a garment begin [m], (nodes, 3), world frame: the figure faces -y.
+    """Return initial positions of a garment's nodes on a figure that faces -y [m], (nodes, 3), world frame.
 
     - `is_back`, (nodes,)
-    - `held`, (held,): nodes of the collar, and their places `collar` [m], (held, 3)
-    - `origin` [m], (3,): the place of the flat garment's origin
-    - `gap` [m] of nodes from the bodies
+    - `held`, (held,): nodes of the collar, and their positions `collar` [m], (held, 3)
+    - `origin` [m], (3,): position of the flat garment's origin
+    - `gap` [m]: distance of nodes from the bodies
     """
     places = origin + np.column_stack(
         [mesh.rest[:, 0], np.where(is_back, HALF_APART, -HALF_APART), mesh.rest[:, 1]]
@@ -91,13 +91,13 @@ def _sides(mesh: ClothMesh) -> tuple[Indices, Floats]:
 
 
 def _sized(body: Body, size: float) -> Body:
-    """Return a body as long as before, and `size` times as wide."""
+    """Return a body of the same length and `size` times the width."""
     wide, deep, long = body.half_size
     return replace(body, half_size=(wide * size, deep * size, long), radius=body.radius * size, taper=body.taper * size)
 
 
 def _push_out(places: Floats, body: Body, gap: float) -> None:
-    """Move places within a gap [m] of a body to that distance, in place."""
+    """Move positions that are within a gap [m] of a body to this distance, in place."""
     reach = np.linalg.norm(body.half_size) + body.radius + abs(body.taper) * body.half_size[2] + gap
     near = np.flatnonzero(((places - np.array(body.centre)) ** 2).sum(1) < reach**2)
     distance = body.distance(places[near])

@@ -1,7 +1,7 @@
-"""A skirt's girth down its length, and the garment with its back sewn on.
+"""Construction of a sewn skirt from its front, and its girth along its length.
 
-A skirt that is described by its front alone has a back of the same shape. A flat sheet that stands for both layers is
-taken apart: front and back then have half of its weight and stiffness each.
+A skirt that is described by its front alone has a back of the same shape. A flat sheet that represents both layers is
+split: front and back then have half of its weight and stiffness each.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WAIST_FRONT, FLARE, LENGTH = 0.40, 0.56, 0.50  # m: front of a skirt, its top, i
 
 
 def plain_skirt(density: float) -> Garment:
-    """Return the front of a skirt of an areal density [kg/m^2], for a fabric that was no skirt."""
+    """Return the front of a plain skirt of an areal density [kg/m^2], for a fabric recorded as another garment."""
     outline = ((-WAIST_FRONT / 2, 0.0), (WAIST_FRONT / 2, 0.0), (FLARE / 2, -LENGTH), (-FLARE / 2, -LENGTH))
     names = ("top_left", "top_right", "bottom_right", "bottom_left")
     return Garment(
@@ -31,7 +31,7 @@ def plain_skirt(density: float) -> Garment:
 
 
 def usual_skirt(height: float) -> Garment:
-    """Return front and back of a skirt whose wearer, so tall [m], is as wide as usual."""
+    """Return front and back of a skirt for a wearer of a height [m] and usual width."""
     plain = plain_skirt(1.0)
     scale = height / STANDARD_HEIGHT
     wider = tuple((scale * x, scale * y) for x, y in plain.outline_m)
@@ -40,7 +40,7 @@ def usual_skirt(height: float) -> Garment:
 
 
 def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
-    """Return a skirt with its back, and the share of the flat sheet's weight and stiffness that front and back have.
+    """Return a skirt with its back, and the share of the flat sheet's weight and stiffness of each layer.
 
     Raises:
         FitError: the garment is no skirt.
@@ -73,7 +73,7 @@ def is_hem(outline: tuple[tuple[float, float], ...], side: tuple[int, int]) -> b
 
 
 def ends_at(garment: Garment, below: Floats) -> tuple[Floats, Floats]:
-    """Return the left and right ends of the front [m], (n,), at distances below its top [m]; the nearest there are."""
+    """Return the left and right ends of the front [m], (n,), at distances below its top [m], clipped to its length."""
     outline = np.array(garment.outline_m)
     after = np.roll(outline, -1, 0)
     heights = np.clip(outline[:, 1].max() - np.asarray(below, float), outline[:, 1].min(), outline[:, 1].max())
@@ -88,6 +88,6 @@ def ends_at(garment: Garment, below: Floats) -> tuple[Floats, Floats]:
 
 
 def girth(garment: Garment, below: Floats) -> Floats:
-    """Return how far it is round the sewn skirt [m], (n,), at distances below its top [m]."""
+    """Return the circumference of the sewn skirt [m], (n,), at distances below its top [m]."""
     left, right = ends_at(garment, below)
     return np.asarray(2 * (right - left))

@@ -1,9 +1,9 @@
-"""A walk by rule: where pelvis, legs and arms are, from speed and height.
+"""Procedural walk: positions of pelvis, legs and arms, from speed and height.
 
-A leg's phase is 0 when its heel meets the ground and 0.5 when the other one's does. The foot stays on the ground until
+A leg's phase is 0 when its heel meets the ground and 0.5 when the other heel does. The foot stays on the ground until
 0.62. It first turns on its heel, then lies flat, then turns on its ball. In its swing the ankle follows cubics that
-leave and meet the ground with its own speed. The knee is where a thigh and a shank of given length put it. So no foot
-slides once the walk is under way.
+leave and meet the ground with its own speed. The lengths of thigh and shank determine the knee. So no foot slides after
+the start of the walk.
 
 Step length over cadence is constant, W = 0.006 m min: a speed v [m/s] has steps of sqrt(60 v W). The pelvis goes
 steadily. It rises twice a stride, and moves over the leg that stands. It turns with the leg that goes ahead, and drops
@@ -50,23 +50,23 @@ from fit.figure.skeleton import (
 )
 from formats.arrays import Floats
 
-BETWEEN_INSTANTS = 2e-3  # s: bodies that go 2 m/s change speed by centimetres a second from one to the next
+BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
 SLOWEST, NORMAL, FASTEST = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
 WALK_RATIO = 0.006  # m min, step length over steps a minute
-STANCE = 0.62  # of a stride that a foot is on the ground
+STANCE = 0.62  # of a stride: stance of a foot
 NORMAL_STEP = 0.75  # m, of a man's normal walk, at which the pelvis moves as its source says
 RISE, SHIFT = 0.046 / 2, 0.044 / 2  # m to either side
 TURN, DROP = np.radians(4.0), np.radians(5.0)  # rad to either side
 ARM, ARM_BACK, ELBOW = np.radians(16.0), np.radians(6.0), np.radians(20.0)  # rad: swing to either side, mean, bend
 ARM_OUT = np.radians(12.0)  # rad to the side, past the skirt
-LOWERED = 0.38  # of how far arms stand off at first: sleeves that lie flat with arms raised fold under lowered ones
-# Phase, and how far the toe points up [rad].
+LOWERED = 0.38  # of the arms' initial angle: sleeves that lie flat with arms raised fold under lowered ones
+# Phase, and upward pitch of the toe [rad].
 FOOT_PHASE = np.array([0.0, 0.10, 0.36, 0.45, 0.52, 0.62, 0.68, 0.84, 0.94, 1.0])
 FOOT_PITCH = np.radians([18.0, 0.0, 0.0, -6.0, -18.0, -52.0, -55.0, -4.0, 18.0, 18.0])
-SMOOTHED = 0.015  # of a stride, standard deviation: a motion of pieces gets no jerks
-FOOT_OUT = 0.8  # times the hips' offset that ankles are from the middle
-CLEARED = 0.03  # m that a foot is lifted in its swing, beside what its turn lifts it
-LONGEST_LEG = 0.999  # of thigh and shank: no knee is quite straight
+SMOOTHED = 0.015  # of a stride, standard deviation of the smoothing of a piecewise motion
+FOOT_OUT = 0.8  # times the hips' offset: distance of the ankles from the middle
+CLEARED = 0.03  # m: lift of a foot in its swing, in addition to the lift by its rotation
+LONGEST_LEG = 0.999  # of thigh and shank: largest length of a leg, as no knee is fully straight
 RAMP = 1.6  # s
 
 
@@ -76,7 +76,7 @@ def step_length(speed: float) -> float:
 
 
 def check_speed(speed: float) -> None:
-    """Refuse a speed [m/s] at which nobody walks.
+    """Refuse a speed [m/s] outside the range of walking.
 
     Raises:
         FitError: it is one.
@@ -90,7 +90,7 @@ def walk(
 ) -> SkeletonMotion:
     """Return a figure of a height [m] that stands, and then walks towards -y at a speed [m/s].
 
-    arms_out [rad]: how far its arms stand off to the side at first; it lowers them as its steps grow
+    arms_out [rad]: initial angle of the arms from the vertical, which shrinks as the steps grow
 
     Raises:
         FitError: nobody walks at such a speed.
@@ -105,7 +105,7 @@ def walk(
     size = share * step / NORMAL_STEP
     gone = 2 * np.pi * phase["left"]
     pelvis = _turned(size * TURN * np.cos(gone), size * DROP * np.cos(gone - 2 * np.pi * 0.2))
-    # Over the leg that stands in the middle of its stance, 0.3 of its stride; highest over either leg.
+    # The pelvis is above the standing leg, and highest, in the middle of its stance, at 0.3 of its stride.
     sideways = size * SHIFT * np.cos(gone - 2 * np.pi * 0.3)
     rise = size**2 * RISE * np.cos(2 * (gone - 2 * np.pi * 0.3))
     feet = {side: _foot(phase[side], step, height) for side in SIDES}
@@ -121,7 +121,7 @@ def walk(
              height * ANKLE_HEIGHT + share * (ankle[:, 1] - height * ANKLE_HEIGHT)], 1
         )  # fmt: skip
         knee = knee_between(hip, ankle, -pelvis[:, 1], height * THIGH, height * SHANK)
-        # A leg that is too short for its way takes its foot along.
+        # A leg that is too short to reach its foot pulls the foot along.
         ankle = knee + height * SHANK * unit(ankle - knee)
         tilt = share * pitch - np.arctan2(ANKLE_HEIGHT - FOOT_RADIUS, BALL)
         far = height * np.hypot(ANKLE_HEIGHT - FOOT_RADIUS, BALL)
@@ -134,7 +134,7 @@ def walk(
 
 
 def _turned(turn: Floats, drop: Floats) -> Floats:
-    """Return axes, (n, 3, 3), whose left goes ahead by a turn about the vertical [rad], and up by a drop."""
+    """Return axes, (n, 3, 3), after a rotation about the vertical [rad] and a drop of one side [rad]."""
     zero = 0 * turn
     left = np.stack([np.cos(drop) * np.cos(turn), -np.cos(drop) * np.sin(turn), np.sin(drop)], 1)
     back = np.stack([np.sin(turn), np.cos(turn), zero], 1)
@@ -150,7 +150,7 @@ def _foot(phase: Floats, step: float, height: float) -> tuple[Floats, Floats]:
     stride = 2 * step
 
     def on_ground(at: Floats) -> Floats:
-        """The ankle of a foot on the ground, against where the pelvis was at phase 0."""
+        """Return the ankle of a foot on the ground, relative to the pelvis at phase 0."""
         pitch = pitches(at)
         pivot = np.where(pitch > 0, -HEEL_BEHIND, BALL) * height
         high = (ANKLE_HEIGHT - FOOT_RADIUS) * height
@@ -175,7 +175,7 @@ def _foot(phase: Floats, step: float, height: float) -> tuple[Floats, Floats]:
 
 
 def _highest(phase: dict[str, Floats], step: float, height: float) -> float:
-    """Return the mean height of the pelvis [m] at which the legs just reach the ground all the time."""
+    """Return the largest mean height of the pelvis [m] at which the legs always reach the ground."""
     one = np.linspace(0, 1, 401)
     size = step / NORMAL_STEP
     ankle, _ = _foot(one, step, height)
@@ -190,7 +190,7 @@ def _highest(phase: dict[str, Floats], step: float, height: float) -> float:
 def _upper(middle: Floats, size: Floats, gone: Floats, height: float, aside: Floats) -> dict[str, Floats]:
     """Return chest, neck, head and arms: the shoulders turn against the pelvis, and the arms against the legs.
 
-    aside [rad], (instants,): of the arms
+    aside [rad], (instants,): angle of the arms from the vertical
     """
     trunk = _turned(-size * TURN * np.cos(gone), 0 * gone)
     up = np.array([0.0, 0.0, 1.0])
@@ -217,6 +217,6 @@ def _upper(middle: Floats, size: Floats, gone: Floats, height: float, aside: Flo
 
 
 def standing(height: float, arms_out: float = ARM_OUT) -> dict[str, Floats]:
-    """Return the joints of a figure that stands still [m], (3,) each, with its arms so far out [rad]."""
+    """Return the joints of a standing figure [m], (3,) each; arms_out [rad]: angle of its arms from the vertical."""
     motion = walk(BETWEEN_INSTANTS, NORMAL, height, arms_out)
     return {name: places[0] for name, places in motion.joints.items()}

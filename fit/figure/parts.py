@@ -1,9 +1,9 @@
-"""The body of a figure: rounded boxes and tapering capsules between its joints, as wide as its garment allows.
+"""Body of a figure: rounded boxes and tapering capsules between its joints, sized to fit its garment.
 
-Hips and thighs lie side by side in a cross-section of two half circles of radius r and two straight sides of 2 a. Its
-girth is G = 4 a + 2 pi r. The skirt's band is such a curve, with the half width a + r and the depth r in the ratio
-DEPTH. The hips fill the band but for the cloth's clearance. Further down the skirt widens, and hips and thighs widen by
-SHARE of it. Other widths are shares of the height, and those of the legs follow the thighs.
+Hips and thighs fill a cross-section of two half circles of radius r and two straight sides of 2 a. Its girth is G = 4 a
++ 2 pi r. The skirt's band is this curve, with the half width a + r and the depth r in the ratio DEPTH. The hips fill
+the band except for the cloth's clearance. Further down the skirt widens, and hips and thighs widen by SHARE of it.
+Other widths are shares of the height, and those of the legs follow the thighs.
 
 In a T-shirt the hips are those of a figure in a plain skirt. Arms are as thick as the sleeves allow.
 
@@ -27,16 +27,16 @@ from formats.garment import Garment
 
 BAND = 0.05  # of the height, above the hips' joints: where the skirt's band sits
 DEPTH = 0.58  # of half of the width, at the band
-SHARE = 0.6  # of the skirt's flare that the hips have
+SHARE = 0.6  # of the skirt's flare: flare of the hips
 CLEARANCE = 0.004  # m between body and cloth
 THIGH_RADIUS, KNEE_RADIUS, CALF_RADIUS, ANKLE_RADIUS = 0.050, 0.033, 0.032, 0.021
-THINNEST, WIDEST = 0.6, 1.5  # times the usual thigh, of a figure that still looks like one
+THINNEST, WIDEST = 0.6, 1.5  # times the usual thigh: range of widths of a plausible figure
 WAIST, CHEST = 0.92, 1.12  # times the radius at the band
 NECK_RADIUS, HEAD_RADIUS = 0.030, 0.047
 TRAPEZIUS_RADIUS, SLOPE_RADIUS = 0.020, 0.022
 SLOPE_HIGH, SLOPE_LOW = 0.016, 0.008  # above and below the shoulders' joints: shoulders fall by 14 degrees
 SHOULDER_RADIUS, ELBOW_RADIUS, WRIST_RADIUS, FINGER_RADIUS = 0.028, 0.022, 0.016, 0.012
-LEAST_EASE = 1.02  # times the chest's girth that a shirt has at least
+LEAST_EASE = 1.02  # times the chest's girth: least girth of a shirt
 ELBOW_AT = 0.6  # of the upper arm's widths, counted from the shoulder, at a short sleeve's end
 TOUCHING = ("hips", *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shank", "foot", "forearm", "hand")))
 TOUCHING_SHIRTS = (
@@ -49,7 +49,7 @@ TOUCHING_SHIRTS = (
 class Figure:
     """A body in motion.
 
-    - `names`, `bodies`: its parts as they stand at the first instant
+    - `names`, `bodies`: its parts in their poses at the first instant
     - `motion` of the parts
     - `band`: (n,) instants' centre of the skirt's band or the shirt's collar and its axes, as poses, (instants, 12)
     - `half_side` [m]: a of that curve
@@ -64,18 +64,18 @@ class Figure:
     touching: tuple[str, ...] = TOUCHING
 
     def only(self, names: tuple[str, ...]) -> tuple[tuple[Body, ...], BodyMotion]:
-        """Return some of the parts and their motion."""
+        """Return the figure with some of its parts only."""
         which = [self.names.index(name) for name in names]
         return tuple(self.bodies[k] for k in which), BodyMotion(self.motion.spacing, self.motion.poses[:, which])
 
 
 def round_of(girths: Floats, half_side: float) -> Floats:
-    """Return the radius r [m] of curves of given girths [m]."""
+    """Return the radius r [m] of cross-sections of given girths [m]."""
     return np.asarray((girths - 4 * half_side) / (2 * np.pi))
 
 
 def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
-    """Return a body on a skeleton that a sewn T-shirt fits.
+    """Return a body on a skeleton, sized to fit into a sewn T-shirt.
 
     Raises:
         FitError: the T-shirt is too narrow for the neck, the chest or the arms of such a figure.
@@ -110,7 +110,7 @@ def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
 
 
 def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> Figure:
-    """Return a body on a skeleton that a sewn skirt fits, with arms so many times as thick as usual.
+    """Return a body on a skeleton, sized to fit into a sewn skirt; arms: times the usual thickness.
 
     Raises:
         FitError: the skirt fits no grown figure.
@@ -158,7 +158,7 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> 
             joints[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist", "finger")
         )
         across = axes[:, 0]
-        # The thigh begins where its curve and that of the hips are one.
+        # The thigh begins at the height where its cross-section equals that of the hips.
         sign = 1.0 if side == "left" else -1.0
         hip = pelvis + sign * half_side * axes[:, 0]
         boxed(f"{side}_thigh", hip, knee, 0.0, (hips, size * KNEE_RADIUS * height), across)
@@ -193,7 +193,7 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> 
 
 
 def _down(ankle: Floats, toe: Floats, far: float) -> Floats:
-    """Return the way from an ankle to its sole [m], (n, 3), square to the foot."""
+    """Return the vector from an ankle to its sole [m], (n, 3), perpendicular to the foot."""
     ahead = unit(toe - ankle)
     level = np.array([0.0, 0.0, -1.0]) - (ahead @ np.array([0.0, 0.0, -1.0]))[:, None] * ahead
     return far * unit(level)
@@ -202,7 +202,7 @@ def _down(ankle: Floats, toe: Floats, far: float) -> Floats:
 def _part(
     centre: Floats, first: Floats, third: Floats, half: tuple[float, float, float], radii: tuple[float, float]
 ) -> tuple[Body, Floats]:
-    """Return a body whose radius goes from one number to the other along its third axis, and its poses, (n, 12)."""
+    """Return a body with a linearly changing radius along its third axis, and its poses, (n, 12)."""
     axes = np.stack([first, np.cross(third, first), third], 1)
     poses = np.concatenate([centre, axes.reshape(len(centre), 9)], 1)
     body = Body(

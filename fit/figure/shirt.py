@@ -1,4 +1,4 @@
-"""A T-shirt's pattern, with its back sewn on and its neck open.
+"""Construction of a sewn T-shirt from its front: neck opening, cuffs and girths.
 
 A T-shirt that is described by its front alone has a back of the same shape. Its neck is cut out of the middle of its
 top, in front and behind alike, and its hem is its bottom. Its cuffs lead down from the tips of its sleeves. All other
@@ -16,11 +16,11 @@ from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint, polygon_area
 from formats.plain_text import shortened
 
-NECK_FRONT = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
-NECK_SHARE = 0.55  # of the top, where that is less
-# Of the neck's width: how deep it is cut, and its level bottom. A men's M is cut 9 cm in front and 2 cm behind.
+NECK_FRONT = 0.22  # m, front of the neck opening: twice this passes over a neck and not over shoulders
+NECK_SHARE = 0.55  # of the top: width of the neck opening, if less
+# Of the neck opening's width: its depth, and its level bottom. A men's M is cut 9 cm deep in front and 2 cm behind.
 NECK_DEPTH, NECK_BOTTOM = 0.27, 0.5
-NECK_SIDES = 3  # of a sewn T-shirt's outline, its first ones
+NECK_SIDES = 3  # first sides of a sewn T-shirt's outline
 # m, right half of the front below its neck: shoulder, tip and cuff of the sleeve, underarm, hem. About a men's M.
 SHOULDER, TIP, CUFF, UNDERARM, HEM = (0.235, -0.045), (0.403, -0.134), (0.319, -0.293), (0.265, -0.235), (0.265, -0.68)
 FEWEST_CORNERS = 12  # with the neck's four: tip, cuff, underarm and hem of either side
@@ -28,7 +28,7 @@ LEAST_OUT, MOST_OUT = 20.0, 80.0  # degrees from the vertical, of arms in sleeve
 
 
 def plain_shirt(density: float) -> Garment:
-    """Return front and back of a T-shirt of an areal density [kg/m^2], for a fabric that was no T-shirt."""
+    """Return front and back of a plain T-shirt of an areal density [kg/m^2], for a fabric of another garment."""
     right = [SHOULDER, TIP, CUFF, UNDERARM, HEM]
     outline = ((-NECK_FRONT / 2, 0.0), (NECK_FRONT / 2, 0.0), *right, *((-x, y) for x, y in reversed(right)))
     around = np.array(outline)
@@ -43,9 +43,9 @@ def plain_shirt(density: float) -> Garment:
 
 
 def sewn_shirt(garment: Garment) -> tuple[Garment, float]:
-    """Return a T-shirt with its back, and the share of the flat sheet's weight and stiffness of front and back.
+    """Return a T-shirt with its back, and the share of the flat sheet's weight and stiffness of each layer.
 
-    Its first `NECK_SIDES` sides are the neck. It weighs less by what is cut out there.
+    Its first `NECK_SIDES` sides are the neckline. The cut-out of the neck reduces its weight.
 
     Raises:
         FitError: its outline has no sleeves, or its top is narrower than a neck.
@@ -65,18 +65,18 @@ def sewn_shirt(garment: Garment) -> tuple[Garment, float]:
 
 
 def neck_sides(garment: Garment) -> Floats:
-    """Return the ends of the neck's sides on the front of a sewn T-shirt [m], (`NECK_SIDES`, 2, 2), from its left."""
+    """Return the ends of the neckline's sides on a sewn T-shirt's front [m], (`NECK_SIDES`, 2, 2), from its left."""
     corners = np.array(garment.outline_m[: NECK_SIDES + 1])
     return np.stack([corners[:-1], corners[1:]], 1)
 
 
 def collar_girth(garment: Garment) -> float:
-    """Return how far it is round the neck of a sewn T-shirt [m]."""
+    """Return the circumference of a sewn T-shirt's neck opening [m]."""
     return float(2 * np.linalg.norm(np.diff(neck_sides(garment), axis=1), axis=2).sum())
 
 
 def arms_out(garment: Garment) -> float:
-    """Return how far from the vertical arms are in the sleeves of a sewn T-shirt that lies flat [rad]."""
+    """Return the angle of the sleeves of a flat sewn T-shirt from the vertical [rad]."""
     outline = np.array(garment.outline_m)
     tip = int(np.argmax(outline[:, 0]))
     way = outline[tip] - outline[tip - 1]
@@ -84,21 +84,21 @@ def arms_out(garment: Garment) -> float:
 
 
 def cuff_girth(garment: Garment) -> float:
-    """Return how far it is round the end of a sleeve of a sewn T-shirt [m]."""
+    """Return the circumference of a sewn T-shirt's cuff [m]."""
     outline = np.array(garment.outline_m)
     tip = int(np.argmax(outline[:, 0]))
     return float(2 * np.linalg.norm(outline[(tip + 1) % len(outline)] - outline[tip]))
 
 
 def chest_at(garment: Garment) -> float:
-    """Return how far below its top the widest place of a T-shirt under its sleeves is [m]."""
+    """Return the distance below its top of a T-shirt's largest width under the sleeves [m]."""
     outline = np.array(garment.outline_m)
     tip = int(np.argmax(outline[:, 0]))
     return float(outline[:, 1].max() - outline[(tip + 2) % len(outline), 1])
 
 
 def _with_neck(garment: Garment) -> tuple[tuple[float, float], ...]:
-    """Return the outline with the neck cut out, its sides first."""
+    """Return the outline with the neck cut out, neckline sides first."""
     outline = garment.outline_m
     (left, top), (right, other) = outline[:2]
     wide = min(NECK_FRONT, NECK_SHARE * (right - left))

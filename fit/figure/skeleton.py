@@ -1,4 +1,4 @@
-"""The joints of a figure in motion, and its proportions.
+"""Skeleton of a figure: motion of its joints, and its proportions.
 
 World frame: z up, metres. A figure that stands at rest faces -y; its left is at +x. The proportions are shares of its
 height.
@@ -47,7 +47,7 @@ class SkeletonMotion:
 
     @property
     def seconds(self) -> float:
-        """Return how long it lasts [s]."""
+        """Duration of the motion [s]."""
         return self.spacing * (len(self.pelvis) - 1)
 
     def length(self, one: str, other: str) -> float:
@@ -56,12 +56,12 @@ class SkeletonMotion:
 
 
 def unit(vectors: Floats) -> Floats:
-    """Return vectors, (..., 3), of length 1."""
+    """Return vectors, (..., 3), normalised to length 1."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
 
 
 def knee_between(hip: Floats, ankle: Floats, forward: Floats, thigh: float, shank: float) -> Floats:
-    """Return where a knee that bends towards `forward` is [m], (n, 3); a leg too short for its way stays straight."""
+    """Return the position of a knee that bends towards `forward` [m], (n, 3); a leg too short to reach is straight."""
     way = ankle - hip
     far = np.clip(np.linalg.norm(way, axis=1), abs(thigh - shank) + 1e-6, thigh + shank - 1e-6)
     along = unit(way)

@@ -1,8 +1,9 @@
-"""A garment on a figure: a skirt's band or a T-shirt's collar moves with the body; the rest hangs free and touches it.
+"""Set-up of a garment on a figure: a skirt's band or a T-shirt's collar follows the body, and the rest hangs freely.
 
-The skirt begins round the figure that stands. Down its length it is the curve of its own girth (`fit.figure.parts`),
-and it settles from there. The band is held as it goes round the hips, without slip. A T-shirt begins where
-`fit.figure.dressing` puts it. Its collar is held round the neck, and its shoulders rest on the body's by contact alone.
+The initial skirt surrounds the standing figure. Each cross-section is the curve of the skirt's own girth there
+(`fit.figure.parts`), and the cloth settles from this shape. The band is fixed to the hips without slip. A T-shirt
+starts from the shape that `fit.figure.dressing` computes. Its collar is fixed to the neck, and contact alone supports
+its shoulders.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ from formats.arrays import Booleans, Floats, Indices
 from formats.garment import Garment
 from formats.nature import GRAVITY
 
-BEGINS_APART = CLEARANCE + 3e-3  # m of a T-shirt's nodes from the body: between them cloth is nearer
+BEGINS_APART = CLEARANCE + 3e-3  # m: initial distance of a T-shirt's nodes from the body; between nodes cloth is nearer
 BODY_FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
 LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 SAMPLES_APART = 0.025  # m
-DEEPEST = 0.012  # m that cloth may be inside a body: cloth that two thighs pinch is told from a leg that went through
+DEEPEST = 0.012  # m inside a body: deeper cloth is not pinched between thighs, but a leg passed through it
 
 
 @dataclass(frozen=True, eq=False)
 class Worn:
-    """A garment on a figure, ready to be simulated."""
+    """A garment on a figure, prepared for simulation."""
 
     recording: Recording
     support: Supporting
@@ -43,7 +44,7 @@ class Worn:
 
 
 def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Worn:
-    """Return a recording's sewn garment on a figure, seen by nobody, with frames of `fps` a second."""
+    """Return a recording of a sewn garment on a figure, without tracked points, at `fps` frames a second."""
     time = np.arange(round(seconds * fps) + 1) / fps
     count = recording.points.shape[1]
     bodies, motion = figure.only(figure.touching)
@@ -61,7 +62,7 @@ def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Wo
 
 
 def held_by(garment: Garment, figure: Figure) -> Supporting:
-    """Return what holds a sewn garment: a skirt's band on the hips, or a T-shirt's collar round the neck."""
+    """Return the support of a sewn garment: a skirt's band on the hips, or a T-shirt's collar round the neck."""
 
     def support(mesh: ClothMesh) -> Support:
         path = _band_path(figure)
@@ -85,7 +86,7 @@ def held_by(garment: Garment, figure: Figure) -> Supporting:
 
 
 def around(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
-    """Return where the nodes of a sewn skirt begin [m], (nodes, 3): to the left, to the back and up from the band."""
+    """Return initial positions of a sewn skirt's nodes [m], (nodes, 3): left, back and up from the band."""
     below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
     if round_of(girth(garment, below), half_side).min() <= 0:
         raise FitError(
@@ -107,14 +108,14 @@ def _collar_radius(figure: Figure) -> float:
 
 
 def _is_back(mesh: ClothMesh) -> Booleans:
-    """Return which nodes of two layers are the back's alone, (nodes,)."""
+    """Return which nodes of two layers belong to the back only, (nodes,)."""
     is_back = np.ones(len(mesh.rest), bool)
     is_back[mesh.cells[: len(mesh.cells) // 2]] = False
     return is_back
 
 
 def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, held: Indices, places: Floats) -> Floats:
-    """Return where the nodes of a sewn T-shirt begin [m], (nodes, 3), world frame; places [m] of its held nodes."""
+    """Return initial positions of a sewn T-shirt's nodes [m], (nodes, 3), world frame, and of its held nodes [m]."""
     names = [name for name in figure.names if name in figure.touching]
     bodies, motion = figure.only(tuple(names))
     standing = tuple(placed(body, pose) for body, pose in zip(bodies, motion.poses[0], strict=True))
@@ -123,7 +124,7 @@ def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, held: Indices, p
 
 
 def _round(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
-    """Return places on curves of a skirt's girth [m], (nodes, 3): to the left and to the back, 0 up."""
+    """Return positions on cross-sections of a skirt [m], (nodes, 3): left and back, with height 0."""
     below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
     left, right = ends_at(garment, below)
     u = np.clip((mesh.rest[:, 0] - left) / (right - left), 0, 1)
@@ -132,9 +133,9 @@ def _round(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
 
 
 def _curve(way: Floats, radius: Floats, half_side: float, is_back: Booleans) -> Floats:
-    """Return places on curves of two half circles and two straight sides [m], (n, 3): to the left, to the back, 0 up.
+    """Return positions on curves of two half circles and two straight sides [m], (n, 3): left, back, height 0.
 
-    way [m], (n,), along either layer from the right end
+    way [m], (n,): arc length along either layer from the right end
     """
     quarter = np.pi * radius / 2
     first, last = np.clip(way / radius, 0, np.pi / 2), np.clip((way - quarter - 2 * half_side) / radius, 0, np.pi / 2)
@@ -166,23 +167,23 @@ def _ends(garment: Garment, figure: Figure, instants: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Trouble:
-    """Faults between cloth and bodies, frame by frame.
+    """Interpenetration of cloth and bodies, per frame.
 
-    - `depths` [m], (frames, bodies): how deep the cloth is inside a body, below 0 where it is outside
-    - `is_through`, (frames, bodies): whether the axis of a body goes through the cloth
+    - `depths` [m], (frames, bodies): penetration depth of the cloth into a body, negative if outside
+    - `is_through`, (frames, bodies): whether the axis of a body passes through the cloth
     """
 
     depths: Floats
     is_through: Booleans
 
     def first(self) -> tuple[int, int] | None:
-        """Return the first frame in which a body went through the cloth, and which one; None if none did."""
+        """Return the first frame in which a body passes through the cloth, and the body's index; None if none does."""
         bad = self.is_through | (self.depths > DEEPEST)
         return None if not bad.any() else (int(np.argmax(bad.any(1))), int(np.argmax(bad[np.argmax(bad.any(1))])))
 
 
 def looked_at(surface: Surface, shapes: Floats, time: Floats, bodies: tuple[Body, ...], motion: BodyMotion) -> Trouble:
-    """Return how cloth and bodies met; shapes [m], (frames, nodes, 3), at instants [s]."""
+    """Return the interpenetration of cloth and bodies; shapes [m], (frames, nodes, 3), at instants [s]."""
     poses, quads = motion.at(time), surface.quads
     triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]])
     halves = np.array([body.half_size[2] for body in bodies])[:, None]

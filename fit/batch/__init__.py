@@ -1,1 +1,1 @@
-"""Fit every take of a folder or bucket over night, on this machine or a cluster, and survive killed processes."""
+"""Batch fits of every take of a folder or bucket, on this machine or a cluster, robust against killed processes."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from fit.batch.store import Store
     from fit.batch.summary import Row
 
-SOME_NOT_FITTED = 3  # exit status of its own: 1 is a crash of Python, 2 wrong options
+SOME_NOT_FITTED = 3  # exit status: 1 is a crash of Python, 2 wrong options
 NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in systemd/user/hangtime-batch.service)
 
 
@@ -158,7 +158,7 @@ def batch_command(
     cluster = Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience)
 
     def work(found: Survey, what: str) -> bool:
-        """Do what is waiting; return whether it was interrupted."""
+        """Run the waiting jobs; return whether the run was interrupted."""
         progress = ProgressLine("batch")
 
         def show(done: int, total: int, text: str) -> None:
@@ -213,7 +213,7 @@ def _diagnose(
     rows: list[Row], found: Survey, takes: Store, results: Store, seed: int, retry_failed: bool, anyway: bool,
     work: Callable[[Survey, str], bool],
 ) -> tuple[Morning, bool]:  # fmt: skip
-    """Diagnose every garment with enough takes; return the morning's page, and whether it was interrupted."""
+    """Diagnose every garment with enough takes; return the morning page, and whether the run was interrupted."""
     from fit.batch.garments import diagnoses_of, wardrobes
     from fit.batch.morning import morning_of, write_morning
 
@@ -230,7 +230,7 @@ def _diagnose(
 
 @contextlib.contextmanager
 def _none_after(ending: Ending) -> Iterator[None]:
-    """Ask for no second try that would come after the time of the day at which a batch ends."""
+    """Return the exit status without a request for a retry that would start after the batch's end time."""
     try:
         yield
     except UnreachableError as error:

@@ -1,7 +1,7 @@
-"""The workers of a batch: processes of this machine, or a dask cluster that runs already.
+"""Workers of a batch: processes of this machine, or a running dask cluster.
 
-On this machine everything stays on the loopback interface. Scheduler and workers talk over TLS with a certificate made
-for the night. Dask runs any code that it receives, so nobody else on the machine may send.
+On this machine everything stays on the loopback interface. Scheduler and workers communicate over TLS with a temporary
+certificate. Dask runs any code that it receives, so no other user of the machine may connect.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from formats.interrupts import held
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
-WAITS = "hangtime-waits"  # topic under which a worker says for what it waits
-LONGEST_FILE = 1 << 20  # letters of a scheduler file
+WAITS = "hangtime-waits"  # topic of a worker's messages on waiting
+LONGEST_FILE = 1 << 20  # characters of a scheduler file at most
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """The place of work. `scheduler` is the address or scheduler file of a running cluster, None for this machine."""
+    """Location of the workers; `scheduler`: address or scheduler file of a running cluster, None for this machine."""
 
     scheduler: str | None = None
-    count: int | None = None  # on this machine; one a core where None, and no more than jobs
+    count: int | None = None  # processes on this machine; None: one per core, and no more than jobs
     dashboard_port: int = 8787
-    patience: float = 600.0  # s for which a lost scheduler, a bucket that is gone and the first worker are waited for
+    patience: float = 600.0  # s of waiting for a lost scheduler, an unreachable bucket or the first worker
 
     def at_most(self, count: int) -> Workers:
-        """Return the same place with no more workers than there are jobs: others would only take memory."""
+        """Return the location with no more workers than jobs, because further workers would only use memory."""
         return replace(self, count=min(self.count or len(os.sched_getaffinity(0)), count))
 
 
 @contextlib.contextmanager
 def connect(workers: Workers) -> Iterator[Any]:
-    """Yield a dask client; of this machine's own workers, or of the cluster once its scheduler answers.
+    """Yield a dask client of this machine's workers, or of the cluster once its scheduler answers.
 
     Raises:
         BatchError: dask is not installed, the scheduler's address is malformed or needs certificates that are not
@@ -57,7 +57,7 @@ def connect(workers: Workers) -> Iterator[Any]:
         raise BatchError(
             f"{error.name} is not installed", where="batch", advice="in Hangtime's checkout: pip install -e '.[batch]'"
         ) from error
-    # Lost workers are the daily bread of a batch; it says itself what matters.
+    # A batch handles lost workers itself and reports the important ones, so dask's messages are off.
     for name in ("distributed", "distributed.client", "distributed.nanny", "distributed.scheduler"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     client: Any = None
@@ -69,7 +69,7 @@ def connect(workers: Workers) -> Iterator[Any]:
             client = _remote(distributed, workers)
         yield client
     finally:
-        with contextlib.suppress(Exception):  # closing what is broken may fail in any way
+        with contextlib.suppress(Exception):  # closing a broken cluster may fail in any way
             cluster = client.cluster
             client.close(timeout=CONNECT)
             if cluster is not None:
@@ -78,13 +78,13 @@ def connect(workers: Workers) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Inside, Ctrl-C waits, and no thread or process that begins inside ever meets one. For the main thread.
+    """Context in which Ctrl-C is deferred, and blocked in threads and processes that start inside. For the main thread.
 
-    A cluster that has begun halfway cannot be closed. A terminal sends Ctrl-C to all processes of a command, and the
-    command itself ends its workers.
+    A half-started cluster cannot be closed. A terminal sends Ctrl-C to all processes of a command, but the command
+    itself ends its workers.
 
     Raises:
-        KeyboardInterrupt: somebody interrupted.
+        KeyboardInterrupt: Ctrl-C came inside.
     """
     resource_tracker.ensure_running()  # its own start would let signals through again, before the first worker's
     with held():
@@ -96,7 +96,7 @@ def _undisturbed() -> Iterator[None]:
 
 
 def has_workers(client: Any) -> bool:
-    """Return whether its scheduler knows any worker; one that does not answer is taken for lost by other signs."""
+    """Return whether the scheduler has any worker; other checks detect a scheduler that does not answer."""
     try:
         return bool(client.sync(client.scheduler.ncores, callback_timeout=CONNECT))
     except Exception:  # a connection breaks in many ways
@@ -105,7 +105,7 @@ def has_workers(client: Any) -> bool:
 
 def _local(distributed: Any, workers: Workers) -> Any:
     with warnings.catch_warnings():
-        # Where the port is taken dask chooses another one, which the dashboard's address shows.
+        # If the port is in use, dask chooses another one, which the dashboard's address shows.
         warnings.filterwarnings("ignore", message=r"Port \d+ is already in use", category=UserWarning)
         cluster = distributed.LocalCluster(
             n_workers=workers.count,
@@ -122,10 +122,10 @@ def _local(distributed: Any, workers: Workers) -> Any:
 
 
 def _address_in(path: Path) -> str:
-    """Return the address that a scheduler file gives.
+    """Return the address in a scheduler file.
 
     Raises:
-        BatchError: it is no scheduler file.
+        BatchError: the file is no scheduler file.
     """
     try:
         if not path.is_file():

@@ -1,4 +1,4 @@
-"""Diagnose the takes of one garment, as a worker of a batch does it."""
+"""Job of a batch worker that diagnoses the takes of one garment."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from fit.errors import FitError
 
 
 def run_diagnosis(job: DiagnosisJob) -> Outcome:
-    """Diagnose takes of one garment; keep the diagnosis and its report.
+    """Diagnose takes of one garment; store the diagnosis and its report.
 
-    The report is written first: where there is a diagnosis, there is its report.
+    The report is written first, so that every stored diagnosis has its report.
 
     Raises:
         BatchError, UnreachableError: as `fit.batch.worker.run_job`.
@@ -40,9 +40,9 @@ def run_diagnosis(job: DiagnosisJob) -> Outcome:
 
 
 def _diagnose(job: DiagnosisJob, contents: dict[str, bytes], results: Store, checkpoint: Path | None) -> bytes:
-    """Return the diagnosis as the bytes of its file; its report is in the store then.
+    """Return the diagnosis as the bytes of its file, after storing its report.
 
-    In a shared folder the finished fits outlive their worker; from a bucket the diagnosis begins anew.
+    In a shared folder the finished fits outlive their worker; with a bucket the diagnosis starts again.
     """
     from fit.api.calls import diagnose, report
     from formats.archive import take_of
@@ -55,7 +55,7 @@ def _diagnose(job: DiagnosisJob, contents: dict[str, bytes], results: Store, che
     except FitError as error:
         if checkpoint is None or error.where is None or not Path(str(error.where)).is_relative_to(checkpoint):
             raise
-        shutil.rmtree(checkpoint, ignore_errors=True)  # fits that cannot be gone on from cost time, not the diagnosis
+        shutil.rmtree(checkpoint, ignore_errors=True)  # unusable saved fits cost time, not the diagnosis
         found = diagnose(training, held_out=held_out, seed=job.seed, anyway=job.anyway, checkpoint=checkpoint)
     with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
         page = report(found, Path(folder) / "report.html").read_bytes()

@@ -1,4 +1,4 @@
-"""When a batch stops: after some hours, or at a time of the day."""
+"""End of a batch: after a number of hours, or at a time of day."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Clock = Callable[[], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Ending:
-    """When a batch stops, if ever; the work of a later run is left waiting.
+    """End time of a batch, if any; remaining jobs wait for a later run.
 
-    The time of the day is looked up on the wall's clock, which also runs while the machine sleeps.
+    The time of day refers to the wall clock, which also runs while the machine sleeps.
     """
 
     hours_end: float | None = None  # s of `running`
@@ -26,18 +26,18 @@ class Ending:
 
     @property
     def is_over(self) -> bool:
-        """Return whether it has come."""
+        """Whether the end has come."""
         return (self.hours_end is not None and self.running() >= self.hours_end) or self.is_near(0.0)
 
     def is_near(self, seconds: float) -> bool:
-        """Return whether its time of the day comes within so many seconds, or has come."""
+        """Return whether the end's time of day comes within this number of seconds, or has come."""
         return self.day_end is not None and self.wall() + seconds >= self.day_end
 
 
 def ending_of(
     hours: float | None, until: str | None, *, running: Clock = time.monotonic, wall: Clock = time.time
 ) -> Ending:
-    """Return the end of a batch that begins now; the earlier one where both are given.
+    """Return the end of a batch that begins now; the earlier one if both are given.
 
     Raises:
         BatchError: `until` is no time of the day.
@@ -51,10 +51,10 @@ def ending_of(
 
 
 def next_time(until: str, now: float) -> float:
-    """Return when it is next so late by this machine's time zone [s since 1970], after `now` [s since 1970].
+    """Return the next instant of a time of day in this machine's time zone [s since 1970], after `now` [s since 1970].
 
     Raises:
-        BatchError: it is no time of the day.
+        BatchError: the text is no time of the day.
     """
     if not re.fullmatch(r"([01]?[0-9]|2[0-3]):[0-5][0-9]", until):
         raise BatchError(
@@ -62,7 +62,7 @@ def next_time(until: str, now: float) -> float:
         )
     hour, minute = map(int, until.split(":"))
     today = time.localtime(now)
-    # mktime takes the day after the last of a month for the first of the next, and knows of summer time.
+    # mktime accepts the day after the last of a month, and accounts for summer time.
     days = (today.tm_mday, today.tm_mday + 1)
     first, second = (time.mktime((today.tm_year, today.tm_mon, d, hour, minute, 0, 0, 0, -1)) for d in days)
     return first if first > now else second

@@ -1,6 +1,6 @@
-"""Sort the takes of a night by garment, and say which garments can be diagnosed and what the others lack.
+"""Group a batch's takes by garment, and split each group into fitted and held-out takes if there are enough.
 
-A diagnosis fits to some motions and judges on another one of the same garment. Two ways of choosing that one are known:
+A diagnosis fits to some motions and judges on another one of the same garment. Two rules choose the held-out motion:
 
 - Of a kind of motion (`formats.motion`) at three strengths or more, the middle strength is judged on. A fit to one
   strength cannot tell drag, which grows with the square of speed, from linear damping. So both ends are fitted to.
@@ -31,8 +31,8 @@ from formats.motion import kind_of, reach_of
 # 72 to 85 % on swings, 60 % on mixed motion, and 10 to 40 % on twists. The two other kinds were not measured; they bend
 # cloth as little as twists. Of kinds that count alike, the first one is judged on.
 SHOWN = {"sideways": 0.25, "up-and-down": 0.25, "twist": 0.25, "mixed": 0.6, "face-on": 0.8}
-STRONGER = 1.3  # times as far, from which a motion is of another strength; hands repeat a swing to a fifth or so
-FEWEST_STRENGTHS = 3  # of one kind: a middle one to judge on, and one on either side to fit to
+STRONGER = 1.3  # ratio of amplitudes from which two motions differ in strength; hands repeat a swing within a fifth
+FEWEST_STRENGTHS = 3  # strengths of one kind: a middle one to judge on, and one on either side to fit to
 OTHER_MOTION = (
     "swing it face-on gently, widely, and in between; or record another kind of motion, such as sideways or a twist"
 )
@@ -40,7 +40,7 @@ OTHER_MOTION = (
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """A take of the night.
+    """A take of the batch.
 
     - `name`, and `digest`: the sha256 of its bytes
     - `kind` of motion, and `reach` [m]: root mean square of the hanger's motion in all ways
@@ -58,7 +58,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True)
 class Wardrobe:
-    """A garment with its takes, and with the takes to fit to and to judge on, or what it lacks for a diagnosis."""
+    """A garment with its takes, split into fitted and held-out ones, or the reason why it cannot be diagnosed."""
 
     name: str
     takes: tuple[Seen, ...]
@@ -68,7 +68,7 @@ class Wardrobe:
 
 
 def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
-    """Return a garment's takes, sorted into those to fit to and those to judge on where there are enough."""
+    """Return a garment's takes, split into fitted and held-out ones if there are enough."""
     every = tuple(takes)
     calibrated = [take for take in every if take.is_calibrated]
     moving = [take for take in calibrated if take.kind != "still"]
@@ -95,7 +95,7 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
 
 
 def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
-    """Return the takes of the middle strength of the kind that shows most, of those with enough strengths."""
+    """Return the takes of middle strength, of the most informative kind of motion with enough strengths."""
     for kind in sorted({take.kind for take in takes}, key=list(SHOWN).index, reverse=True):
         strengths: list[list[Seen]] = []
         for take in sorted((take for take in takes if take.kind == kind), key=lambda take: take.reach):
@@ -110,7 +110,7 @@ def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
 def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe]:
     """Return the garments of the takes that were fitted, in the order in which they first appear.
 
-    A take whose recording an earlier file holds, as a recovered file does, is left out: it tells nothing more.
+    A take whose recording an earlier file contains, such as a recovered file, is left out, as it adds no information.
 
     Raises:
         BatchError, UnreachableError: a take cannot be read any more.
@@ -153,7 +153,7 @@ def diagnoses_of(
     retry_failed: bool = False,
     anyway: bool = False,
 ) -> Survey:
-    """Return the diagnoses that are known, that failed, and that are still to be made, by the garment's name.
+    """Return the finished, the failed and the outstanding diagnoses, by the garment's name.
 
     Raises:
         UnreachableError: the results cannot be reached now.

@@ -1,9 +1,9 @@
-"""Name the jobs of a batch, and the key under which each result is kept.
+"""Jobs of a batch, and the storage key of each result.
 
     key = sha256( sha256(take's bytes) | method, effects, bounds, search ... | physics )
 
-A take's bytes hold its garment and rig; the physics is `fit.provenance.physics_version`. So a result is found again
-exactly as long as it would come out the same.
+A take's bytes hold its garment and rig; the physics is `fit.provenance.physics_version`. So a stored result is reused
+exactly as long as a new run would give the same result.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from fit.identification.request import Plan
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Work that travels to a worker, and where its result is kept; anyway: accept implausible takes."""
+    """Work for a worker, with the stores of takes and results; anyway: accept implausible takes."""
 
     key: str
     takes_url: str
     results_url: str
     physics: str
     anyway: bool = False
-    patience: float = 0.0  # s for which a finished result waits for a bucket that is gone
+    patience: float = 0.0  # s of waiting to store a finished result in an unreachable bucket
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ def result_name(key: str) -> str:
 
 
 def failure_name(key: str) -> str:
-    """Return the name under which it is kept that a job fails."""
+    """Return the name of the record of a job's failure."""
     return f"failed/{key}.json"
 
 

@@ -1,7 +1,8 @@
-"""Keep results with their checksums. A result that was damaged since, or cannot be read, is absent: it is made again.
+"""Storage of results with checksums; a damaged or unreadable result counts as absent and is computed again.
 
-Beside `fits/KEY.json` lies `fits/KEY.json.sha256`, as `sha256sum --check` reads it. The checksum is written first, so
-that every result has its own. A result without a checksum is of an earlier Hangtime; its schema alone judges it.
+The file `fits/KEY.json.sha256` belongs to `fits/KEY.json`, in the format of `sha256sum --check`. The checksum is
+written first, so that every result has its own. A result without a checksum is of an earlier Hangtime; its schema alone
+judges it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from formats.results import diagnosis_from, fit_result_from
 
 Kept = TypeVar("Kept")
 
-CHECKSUM_SUFFIX = ".sha256"  # after the name of what it is of
+CHECKSUM_SUFFIX = ".sha256"  # suffix of a checksum file, after the name of its file
 
 
 def keep(results: Store, name: str, content: bytes) -> None:
@@ -32,11 +33,11 @@ def keep(results: Store, name: str, content: bytes) -> None:
 
 
 def sound(results: Store, name: str) -> bytes:
-    """Return a file whose checksum fits, or that has none.
+    """Return the content of a file with a correct checksum or without any.
 
     Raises:
-        BatchError: it cannot be read, or is not what was written.
-        UnreachableError: the results cannot be reached now.
+        BatchError: the file cannot be read, or its checksum is wrong. UnreachableError: the results cannot be reached
+        now.
     """
     content = results.read(name)
     if results.has(name + CHECKSUM_SUFFIX):
@@ -50,7 +51,7 @@ def sound(results: Store, name: str) -> bytes:
 
 
 def kept(results: Store, name: str, load: Callable[[bytes, object], Kept]) -> Kept:
-    """Return a sound result, as `load` reads it from its bytes.
+    """Return an undamaged result, decoded by `load`.
 
     Raises:
         BatchError, ResultError: it cannot be read, or is damaged.
@@ -60,7 +61,7 @@ def kept(results: Store, name: str, load: Callable[[bytes, object], Kept]) -> Ke
 
 
 def has_fit(results: Store, key: str) -> bool:
-    """Return whether there is a sound fit of this key.
+    """Return whether the store has an undamaged fit of this key.
 
     Raises:
         UnreachableError: the results cannot be reached now.
@@ -70,7 +71,7 @@ def has_fit(results: Store, key: str) -> bool:
 
 
 def has_diagnosis(results: Store, key: str) -> bool:
-    """Return whether there is a sound diagnosis of this key, with its report.
+    """Return whether the store has an undamaged diagnosis of this key, with its report.
 
     Raises:
         UnreachableError: the results cannot be reached now.

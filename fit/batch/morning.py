@@ -1,4 +1,4 @@
-"""The page of the morning: every take, its fit, its garment's verdict, and what needs a person, as HTML and as text."""
+"""Summary page of a batch: every take, its fit, its garment's verdict, and open problems, as HTML and as text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.results import diagnosis_from
 
-DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # a synced take's key ends with its SHA-256
+DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
 
 # The advice to a person on each verdict, if the diagnosis proposes no next recording.
 NEEDS = {
@@ -33,10 +33,11 @@ NEEDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A garment in the morning.
+    """A garment's entry on the page.
 
-    state: diagnosed, lacking, failed, refused or waiting; sentence: the finding, or why there is none; link: of the
-    report, below the store of results
+    - `state`: diagnosed, lacking, failed, refused or waiting
+    - `sentence`: the finding, or the reason why there is none
+    - `link`: path of the report in the store of results
     """
 
     wardrobe: Wardrobe
@@ -64,7 +65,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeLine:
-    """A take in the morning; before and after: mean distance of the points [mm], as text."""
+    """A take's entry on the page; before and after: mean distance of the points [mm], as text."""
 
     take: str
     garment: str
@@ -79,7 +80,7 @@ class TakeLine:
 
 @dataclass(frozen=True, kw_only=True)
 class Morning:
-    """Everything that the page shows; needs: for whom, and what to do, one sentence each."""
+    """Content of the page; needs: takes or garments that need a person, with one sentence of advice each."""
 
     made: str
     headline: str
@@ -91,7 +92,7 @@ class Morning:
 def morning_of(
     rows: Sequence[Row], every: Sequence[Wardrobe], diagnoses: Survey, results: Store, *, made: datetime | None = None
 ) -> Morning:
-    """Gather the page of the morning.
+    """Return the content of the page.
 
     Raises:
         UnreachableError: the results cannot be reached now.
@@ -131,12 +132,12 @@ def write_morning(morning: Morning, results: Store) -> None:
 
 
 def as_html(morning: Morning) -> str:
-    """Return the page as HTML that needs nothing from outside."""
+    """Return the page as self-contained HTML."""
     return render_page("morning.html.j2", morning=morning)
 
 
 def as_text(morning: Morning) -> str:
-    """Return the page as text, for a mail or a terminal."""
+    """Return the page as plain text, for a mail or a terminal."""
     lines = [f"Hangtime, {morning.made}", morning.headline, ""]
     lines += ["A person is needed for:", *(f"- {who}: {what}" for who, what in morning.needs)]
     if not morning.needs:

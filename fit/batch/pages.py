@@ -1,4 +1,4 @@
-"""The pages of a batch, from their templates."""
+"""Rendering of a batch's pages from their templates."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""Run a batch: find new jobs, hand them out, collect their outcomes, and reconnect after a lost scheduler.
+"""Main loop of a batch: find new jobs, submit them, collect their outcomes, and reconnect after a lost scheduler.
 
-Nothing is kept in dask: a worker writes its own result, and the batch asks the store what is there. So a killed worker
-costs its current fit, and a lost scheduler costs a new connection. After the death of the batch itself, start the batch
-again.
+Dask holds no results: a worker writes its own result, and the batch reads the store. So a killed worker costs its
+current fit, and a lost scheduler costs a new connection. If the batch itself is killed, start the same command again.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from fit.provenance import physics_version
 from formats.errors import ImplausibleError, TakeError
 
 POLL = 0.25  # s
-FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
-GATHER = 60.0  # s for a finished job's word to arrive
-WORKER_INTERVAL = 5.0  # s between looks for workers
-ARRIVAL = 60.0  # s: workers may take so long to start or restart, even if the patience is shorter
-SILENCE = 300.0  # s; a request that reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
+FRUITLESS = 10  # connections in a row without any outcome, after which the batch gives up
+GATHER = 60.0  # s of waiting for a finished job's message
+WORKER_INTERVAL = 5.0  # s between checks for workers
+ARRIVAL = 60.0  # s: time for workers to start or restart, even if the patience is shorter
+SILENCE = 300.0  # s; a request to an unreachable bucket fails after 180 s at the latest (obstore's retry_timeout)
 THIS_MACHINE = "this machine"
 NEVER = Ending()
 
@@ -42,7 +41,7 @@ Say = Callable[[str], None]
 
 @dataclass
 class Survey:
-    """Takes (or garments) by name, each with the key of its result, and the outcome of each key as far as it is known.
+    """Takes (or garments) by name, each with the key of its result, and the known outcomes by key.
 
     digests: sha256 of each take that could be read, by name; work: a worker's function for one of the jobs
     """
@@ -55,12 +54,12 @@ class Survey:
 
     @property
     def waiting(self) -> list[Task]:
-        """Jobs of which nothing is known yet."""
+        """Jobs without a known outcome."""
         return [job for job in self.jobs if job.key not in self.outcomes]
 
 
 def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = False, anyway: bool = False) -> Survey:
-    """Read every take once and say what has to be done.
+    """Read every take once and return the outstanding jobs and known outcomes.
 
     Raises:
         BatchError: there is no take, or the results cannot be listed.
@@ -79,7 +78,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         try:
             content = takes.read(name)
         except UnreachableError:
-            raise  # that is no fault of the take
+            raise  # this is no fault of the take
         except BatchError as error:
             key = key_of(name, plan, physics)
             found.keys[name] = key
@@ -102,15 +101,15 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
                     physics=physics, anyway=anyway)
             )  # fmt: skip
-    # The smallest first: a huge take keeps no other waiting.
+    # The smallest first, so that a huge take delays no other.
     found.jobs.sort(key=lambda job: sizes[job.take] if isinstance(job, Job) else 0)
     return found
 
 
 def _refused_mesh(content: bytes, name: str, plan: Plan, *, anyway: bool) -> str:
-    """Return why `fit` refuses a take whose garment has no mesh of the asked spacing; '' where a worker is to judge.
+    """Return why `fit` refuses a take whose garment has no mesh of this spacing; '' if a worker decides.
 
-    A take that is implausible, which `anyway` accepts, is refused as such: its size may be in another unit.
+    An implausible take, which `anyway` accepts, is refused for this reason, as its size may be in another unit.
     """
     from fit.cloth.mesh import check_mesh
     from formats.archive import take_of
@@ -139,9 +138,9 @@ def run(
     say: Say = lambda line: None,
     ending: Ending = NEVER,
 ) -> None:
-    """Fit what is waiting; outcomes are added to the survey as they come, so that an interrupted run shows them too.
+    """Run the waiting jobs; outcomes enter the survey as they arrive, so that an interrupted run includes them.
 
-    ending: when no more results are waited for
+    ending: end of the waiting for results
 
     Raises:
         BatchError: connections bring no result, one after the other.
@@ -167,20 +166,20 @@ def run(
 
 
 class _Round:
-    """The jobs handed out and collected over one connection to a scheduler."""
+    """Submission and collection of jobs over one connection to a scheduler."""
 
     def __init__(self, client: Any, found: Survey, workers: Workers, progress: Progress, say: Say) -> None:
         self.client, self.found, self.workers, self.progress, self.say = client, found, workers, progress, say
         self.pending: dict[Any, Task] = {}
-        self.later: list[tuple[float, Task]] = []  # to be handed out again, and when [s]
+        self.later: list[tuple[float, Task]] = []  # jobs to submit again, and the instants [s]
         self.attempts: Counter[str] = Counter()
-        self.last_seen = self.last_look = time.monotonic()  # when there were workers, and when they were looked for [s]
+        self.last_seen = self.last_look = time.monotonic()  # instants of the last worker and of the last check [s]
         self.outage = Outage()
-        self.waits: deque[str] = deque()  # sentences of workers that wait with a finished result
+        self.waits: deque[str] = deque()  # messages of workers that wait to store a finished result
         self.client.subscribe_topic(WAITS, lambda event: self.waits.append(event[1]))
 
     def run(self, ending: Ending) -> bool:
-        """Hand out what is waiting and collect until nothing is left; true when the scheduler was lost."""
+        """Submit the waiting jobs and collect all outcomes; return true if the scheduler was lost."""
         for job in self.found.waiting:
             self._hand_out(job)
         self.progress(len(self.found.jobs) - len(self.found.waiting), len(self.found.jobs), "handed out")
@@ -204,7 +203,7 @@ class _Round:
         return False
 
     def _hand_out(self, job: Task) -> None:
-        # A key of its own for each attempt: under the old one dask would give the old answer.
+        # Each attempt has its own key, because dask would return the old answer under the old key.
         attempt = self.attempts[job.key]
         self.attempts[job.key] += 1
         key = f"hangtime-{job.key}" + (f"-again{attempt}" if attempt else "")
@@ -212,13 +211,13 @@ class _Round:
         self.pending[future] = job
 
     def _collect(self, future: Any) -> bool:
-        """Take what became of a job that ended; false when that shows that the scheduler was lost."""
+        """Record the outcome of an ended job; return false if it shows that the scheduler was lost."""
         if future.status in ("cancelled", "lost"):
             return False
         job = self.pending[future]
         outcome = _outcome_of(future, job)
         if outcome is None:
-            return False  # its word did not arrive: ask the store by handing it out again
+            return False  # its message is missing: submit it again, which checks the store
         del self.pending[future]
         future.release()
         if isinstance(outcome, UnreachableError):
@@ -238,7 +237,7 @@ class _Round:
         self.later.append((time.monotonic() + RETRY, job))
 
     def _note_outage(self, sentence: str) -> float:
-        """Say once that takes or results are not reached; return for how long that has lasted [s]."""
+        """Report once that takes or results are unreachable; return the duration of this outage [s]."""
         is_new, seconds = self.outage.goes_on(time.monotonic())
         if is_new:
             self.say(f"{sentence}. Waiting for it to come back.")
@@ -261,15 +260,15 @@ class _Round:
 
 @dataclass
 class Outage:
-    """For how long workers have not reached takes or results: told by each job that ends so."""
+    """Duration in which workers cannot reach takes or results, from the jobs that end with this error."""
 
     first: float = -math.inf  # s
     last: float = -math.inf  # s
 
     def goes_on(self, now: float) -> tuple[bool, float]:
-        """Note that they were not reached now [s]; return whether that is new, and for how long it has lasted [s].
+        """Record a failure to reach them now [s]; return whether the outage is new, and its duration [s].
 
-        A job that was handed out again and is silent for longer than it takes to reach nothing has reached something.
+        A resubmitted job that runs for longer than a failing request takes has reached the store.
         """
         is_new = now - self.last > SILENCE
         if is_new:
@@ -301,7 +300,7 @@ def _outcome_of(future: Any, job: Task) -> Outcome | UnreachableError | None:
 
 
 def kept_sentence(results: Store, key: str) -> str | None:
-    """Return why a job failed before, None where that cannot be read: then it is tried again."""
+    """Return the recorded reason of an earlier failure; None if unreadable, so that the job runs again."""
     try:
         return str(json.loads(results.read(failure_name(key)))["sentence"])
     except UnreachableError:

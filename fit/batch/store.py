@@ -1,7 +1,7 @@
-"""A folder or a bucket of named files, each written whole or not at all.
+"""Store of named files in a folder or a bucket, with atomic writes.
 
-In a folder a file is written beside its place, synced and renamed; then its folder is synced. In a bucket one PUT makes
-an object, which stores show whole or not at all. A reader never meets half a file.
+In a folder a file is written under a temporary name, synced and renamed; then the folder is synced. In a bucket one PUT
+creates an object, which appears whole or not at all. A reader never sees a partial file.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Store(Protocol):
         ...
 
     def write(self, name: str, content: bytes) -> None:
-        """Put a file in place, whole or not at all; BatchError if it cannot be written, UnreachableError if not now."""
+        """Write a file atomically; BatchError if it cannot be written, UnreachableError if not now."""
         ...
 
     def remove(self, name: str) -> None:
@@ -73,8 +73,8 @@ class Folder:
     def names(self, below: str, suffix: str) -> list[str]:
         """Return the names below this one that end in the suffix, sorted; links to folders are not followed.
 
-        A pipe, a device and a link that leads nowhere are among them, so that they are said and not left out. So is a
-        folder that cannot be listed.
+        A pipe, a device and a broken link are included, so that they are reported instead of skipped. So is a folder
+        that cannot be listed.
 
         Raises:
             BatchError: the folder itself cannot be listed.
@@ -105,7 +105,7 @@ class Folder:
             ) from error
 
     def write(self, name: str, content: bytes) -> None:
-        """Write beside, sync, rename, sync the folder."""
+        """Write a temporary file, sync, rename, and sync the folder."""
         path = self.root / name
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -186,7 +186,7 @@ class Bucket:
             raise self._failure("cannot be removed", f"{self.url}/{name}", error) from error
 
     def path(self, name: str) -> Path | None:
-        """Return None: an object has no place in a file system."""
+        """Return None, because an object has no path in a file system."""
         return None
 
     def _failure(self, what: str, where: str, error: Exception) -> BatchError:
@@ -195,7 +195,7 @@ class Bucket:
 
 
 def store_is_full(error: OSError, where: object) -> UnreachableError:
-    """Return the error of a store whose disk is full for now."""
+    """Return the error of a store whose disk is full."""
     return UnreachableError(
         f"cannot be written ({error.strerror})", where=where,
         advice=f"{step_to_write(error)}; finished takes are kept, and the same command goes on",
@@ -203,7 +203,7 @@ def store_is_full(error: OSError, where: object) -> UnreachableError:
 
 
 def _refuse_a_huge(size: int, where: object) -> None:
-    """Refuse what no take and no result can be, before it is read."""
+    """Refuse a file larger than any take or result, before it is read."""
     if size > LARGEST_FILE:
         raise BatchError(
             f"has {sized(size)}, and a take {sized(LARGEST_FILE)} at most", where=where,

@@ -1,4 +1,4 @@
-"""The table in the morning: the outcome of every take, as CSV and as one self-contained HTML page."""
+"""Table of a batch's outcomes, one row per take, as CSV and as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Row:
 
 
 def rows_of(found: Survey, results: Store) -> list[Row]:
-    """Return a row for each take, with what is kept of it.
+    """Return a row for each take, from its stored result.
 
     Raises:
         UnreachableError: the results cannot be reached now.
@@ -82,7 +82,7 @@ def write_summary(rows: Sequence[Row], results: Store, plan: Plan) -> None:
 
 
 def sentence_of(rows: Sequence[Row]) -> str:
-    """Say in one sentence how many takes came out how."""
+    """Return a sentence with the number of takes in each state."""
     counts = Counter(row.state for row in rows)
     parts = [f"{counts[state]} {word}" for state, word in STATE_WORDS.items() if counts[state]]
     return f"{len(rows)} take{'s' if len(rows) != 1 else ''}: {', '.join(parts)}."
@@ -122,7 +122,7 @@ def _figures(row: Row, names: list[str]) -> list[object]:
         p = by_name.get(name)
         if p is None:
             figures += [""] * 4
-        else:  # an interval alone where rounding would choose the number
+        else:  # only the interval if the value is not identified
             fitted = "" if p.is_identified is False else p.fitted
             figures += [fitted, p.interval_low, p.interval_high, p.is_identified]
     return figures
@@ -152,7 +152,7 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
 
 
 def _spent(rows: Sequence[Row], plan: Plan) -> str:
-    """Say the cost of the search for a take: as it was told, or as it decided itself."""
+    """Return the cost of the search per take: requested iterations, or the simulations that it used."""
     if plan.search not in OBSERVED:
         return f"{plan.iterations} {'candidates' if plan.search in ('tempering', 'cma-es') else 'iterations'}, "
     counts = {row.result.simulations for row in rows if row.result}
@@ -184,7 +184,7 @@ def _line(row: Row, names: list[str]) -> dict[str, object]:
 
 
 def _value(parameter: FitParameter | None) -> tuple[str, str]:
-    """Return a fitted value, a dash where rounding would choose it, and its interval."""
+    """Return a fitted value, a dash if it is not identified, and its interval."""
     if parameter is None:
         return MISSING, ""
     value = MISSING if parameter.is_identified is False else number(parameter.fitted)
@@ -194,7 +194,7 @@ def _value(parameter: FitParameter | None) -> tuple[str, str]:
 
 
 def _parameters(rows: Sequence[Row]) -> list[str]:
-    """Names of all parameters, in the order in which they first appear."""
+    """Return the names of all parameters, in the order of their first appearance."""
     return list(dict.fromkeys(p.name for row in rows if row.result for p in row.result.parameters))
 
 

@@ -1,4 +1,4 @@
-"""Do one job of a batch: read its takes, fit or diagnose them, keep the result, or note why there is none."""
+"""Run one job of a batch: read its takes, fit or diagnose them, and store the result or the reason of a failure."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError
 from formats.system_causes import FULL
 
-HEARS_WITHIN = 5.0  # s in which the batch hears that a worker waits
+HEARS_WITHIN = 5.0  # s between messages of a waiting worker to the batch
 
 
 @dataclass(frozen=True, kw_only=True)
 class Errand:
     """The definition of one kind of job.
 
-    - `result`: name of the file that is kept at its end
-    - `is_kept`: whether that file is there, and sound
+    - `result`: name of the file with the job's result
+    - `is_kept`: whether this file exists with a correct checksum
     - `digests`: sha256 of each take by its name
-    - `done`: the state of its outcome
+    - `done`: state of the outcome after success
     - `make`: contents of the takes by name -> the bytes of the result
-    - `tidy`: removes an unfinished state that is kept
+    - `tidy`: removes a stored unfinished state
     """
 
     result: str
@@ -45,9 +45,9 @@ class Errand:
 
 
 def run_job(job: Job) -> Outcome:
-    """Fit one take and keep its result.
+    """Fit one take and store its result.
 
-    A job may come twice, when the worker that had finished it was lost: the second time its result is found.
+    A job may run twice, if the worker that had finished it was lost; the second run finds the stored result.
 
     Raises:
         BatchError: takes or results cannot be read or written; that is no fault of the take.
@@ -64,7 +64,7 @@ def run_job(job: Job) -> Outcome:
 
 
 def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
-    """Do a job unless its result is there, and keep the result, or the reason why these takes give none.
+    """Run a job unless its result exists; store the result, or the reason why these takes give none.
 
     Raises:
         BatchError, UnreachableError: as `run_job`.
@@ -85,7 +85,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     if errand.is_kept():
         return ended(errand.done)
     try:
-        runtime.start()  # before any take is at fault
+        runtime.start()  # before any fault of a take
     except (FitError, OSError, ImportError) as error:
         return ended("refused", f"this worker cannot do it ({error})")
     contents = {name: takes.read(name) for name in errand.digests}
@@ -95,7 +95,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
         result = errand.make(contents)
     except BatchError:
         raise
-    except ImplausibleError as error:  # not kept: --anyway makes it a take like any other
+    except ImplausibleError as error:  # not stored, because --anyway accepts the take
         return ended("refused", words_of(error))
     except MemoryError:
         return ended("refused", "not enough memory; use fewer workers")
@@ -103,7 +103,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
         if isinstance(error, OSError) and error.errno in FULL:
             raise store_is_full(error, error.filename or results.url) from error
         return ended("refused", f"this worker cannot do it ({error})")
-    except Exception as error:  # no fault of a take may end a night
+    except Exception as error:  # no fault of a take may end a batch
         sentence = words_of(error)
         record = {"format": "hangtime-batch-failure/1", "take": ", ".join(errand.digests), "sentence": sentence,
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
@@ -116,9 +116,9 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
 
 
 def write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:
-    """Write what took long to find, also into a bucket that is gone or onto a disk that is full for a while.
+    """Write a costly result, with retries while a bucket is unreachable or a disk is full.
 
-    The batch hears of it at once (`WAITS`), long before the patience [s] ends.
+    The batch receives a message at once (`WAITS`), long before the patience [s] ends.
     """
     from distributed import get_worker
 
@@ -127,7 +127,7 @@ def write_patiently(results: Store, name: str, content: bytes, patience: float) 
         try:
             return keep(results, name, content)
         except UnreachableError as error:
-            # The batch hears of the first failure a moment later, and must find its own patience ended too.
+            # The batch learns of the first failure a moment later, when its own patience must have ended too.
             deadline = deadline or time.monotonic() + patience + (HEARS_WITHIN if patience else 0.0)
             if time.monotonic() >= deadline:
                 raise
@@ -139,7 +139,7 @@ def write_patiently(results: Store, name: str, content: bytes, patience: float) 
 def _fit(job: Job, content: bytes, results: Store) -> bytes:
     """Return the fit result as the bytes of its file.
 
-    Only an unfinished search is written on the way. The files of a killed worker would stay in a folder of its own.
+    Before the end only the unfinished search is written, because files of a killed worker would remain in its folder.
     """
     from fit.identification.calibrate import calibrate
     from formats.archive import take_of
@@ -149,7 +149,7 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
     take = take_of(content, job.take)
     if not job.anyway:
         check_plausible_take(take, job.take, offers_anyway=True)
-    # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
+    # In a shared folder an unfinished search outlives its worker; with a bucket the fit starts again.
     checkpoint = results.path(search_name(job.key))
     if checkpoint is not None:
         checkpoint.parent.mkdir(parents=True, exist_ok=True)
@@ -158,13 +158,13 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
     except FitError as error:
         if checkpoint is None or error.where != checkpoint:
             raise
-        checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot go on costs time, not the take
+        checkpoint.unlink(missing_ok=True)  # an unusable saved search costs time, not the take
         result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
     return result_bytes(result, Path(result_name(job.key)))
 
 
 def words_of(error: Exception) -> str:
-    """Return the words for an error of a take whose name stands beside them."""
+    """Return an error of a take as text, without the take's name."""
     if isinstance(error, HangtimeError):
         return error.words
     return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

@@ -1,4 +1,4 @@
-"""The true held edge: effects that are planted between the markers' path and the cloth.
+"""Planted effects of the boundary: differences between the markers' path and the true held edge.
 
     hanger_compliance   e'' + 2 zeta w e' + w^2 e = -a for the level parts only, w^2 = 1/c, zeta = 0.06, velocity Verlet
     hanger_rotation     yaw and roll about the middle that the markers do not show, slow random courses of given rms;
@@ -25,7 +25,7 @@ ROTATION_BAND = (0.3, 1.5)  # Hz
 
 
 def real_ends(ends: Floats, planted: tuple[Planted, ...], take: int) -> Floats:
-    """Return where the held edge's ends are [m], (samples, 6), from where the markers put them; `SAMPLES` a second."""
+    """Return the true ends of the held edge [m], (samples, 6), from those of the markers; `SAMPLES` a second."""
     for one in planted:
         change = {
             "hanger_compliance": _compliance, "hanger_rotation": _rotation, "attachment_offset": _offset,
@@ -37,7 +37,7 @@ def real_ends(ends: Floats, planted: tuple[Planted, ...], take: int) -> Floats:
 
 
 def acceleration(ends: Floats) -> Floats:
-    """Acceleration of the middle of the bar [m/s^2], (samples, 3)."""
+    """Return the acceleration of the middle of the bar [m/s^2], (samples, 3)."""
     middle = (ends[:, :3] + ends[:, 3:]) / 2
     return np.asarray(np.gradient(np.gradient(middle, axis=0), axis=0) * SAMPLES_A_SECOND**2)
 
@@ -71,9 +71,9 @@ def _rotation(ends: Floats, planted: Planted, take: int) -> Floats:
 
 
 def turned(middle: Floats, arm: Floats, yaw: Floats, roll: Floats) -> Floats:
-    """Ends, (samples, 6), of a bar with this middle and half arm, (samples, 3), turned about z by yaw, then rolled.
+    """Return the ends, (samples, 6), of a bar with this middle and half arm, (samples, 3), after yaw and roll.
 
-    It rolls in the upright plane through itself, about its level normal.
+    The yaw is about z. The roll is in the vertical plane through the bar, about its level normal.
     """
     c, s = np.cos(yaw), np.sin(yaw)
     x, y, z = c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1], arm[:, 2]

@@ -1,7 +1,7 @@
-"""A case: three takes to diagnose and two of other motions to judge on, of one cloth with withheld truth.
+"""Cases of the blind check: three takes to fit and two held-out takes of one cloth, whose truth is withheld.
 
 One random stream draws the look of a case: size, weight, points, rate, noise, gaps, length, camera. Another stream
-draws its truth. So looks reveal nothing of the truth. A null has no library effect, no air and no friction: linear
+draws its truth. So a look is independent of the truth. A null has no library effect, no air and no friction: linear
 damping and random stiffness only.
 """
 
@@ -44,11 +44,11 @@ FILES = tuple(f"take-{k + 1}.mcap" for k in range(len(TRAINING))) + tuple(
     f"held-out-{k + 1}.mcap" for k in range(len(HELD_OUT))
 )
 PERFECT_SENSOR: Mapping[str, float] = {}
-CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the order of making
+CREATED = "2000-01-01T00:00:00Z"  # creation time of every take, as true times would reveal the order of generation
 
 
 class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The public part of a case, drawn without regard to the planted effects.
+    """Public properties of a case, drawn independently of the planted effects.
 
     - `width`, `height`, `distance` [m]
     - `mass` [kg]
@@ -56,7 +56,7 @@ class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     - `rate` [1/s]
     - `duration` [s]
     - `noise` [m]: white deviation per axis
-    - `away`: share of the time that a point is not seen
+    - `away`: share of the time in which a point is not seen
     - `tilt` [rad]: of the sensor
     """
 
@@ -72,13 +72,13 @@ class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     distance: float
 
     def features(self) -> list[float]:
-        """Return everything of a look as numbers."""
+        """Return all properties of a look as numbers."""
         return [self.width, self.height, self.mass, self.grid, self.rate, self.duration, self.noise, self.away,
                 *self.tilt, self.distance]  # fmt: skip
 
 
 class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Everything about a case: its label, its cloth [SI], its look and the seed of what is left."""
+    """Full truth of a case: its label, its cloth [SI], its look and the seed of its other random numbers."""
 
     id: str
     kind: Kind
@@ -100,8 +100,8 @@ def draw_truth(
 ) -> Truth:
     """Draw one case: its planted effects, cloth, look and seed.
 
-    - `plants`: what is planted, one for a single or unknown, two for a pair, none for a null
-    - `sensor`: fields of the look that are not drawn but given
+    - `plants`: planted effects: one for a single or unknown, two for a pair, none for a null
+    - `sensor`: fields of the look with given values
     """
     looks, truths = (np.random.default_rng([*seed, stream]) for stream in (1, 2))
     look = msgspec.structs.replace(draw_look(looks), **sensor)
@@ -113,7 +113,7 @@ def draw_truth(
 
 
 def draw_look(rng: np.random.Generator) -> Look:
-    """Draw what a case looks like."""
+    """Draw the look of a case."""
     width, height = rng.uniform(0.30, 0.45, 2)
     density = _log_uniform(rng, 0.1, 0.35)  # kg/m^2, apparel
     return Look(
@@ -126,7 +126,7 @@ def draw_look(rng: np.random.Generator) -> Look:
 
 
 def draw_cloth(rng: np.random.Generator, look: Look) -> Cloth:
-    """Draw base stiffness and damping of apparel; a sheet that shears as hard as it stretches is no cloth."""
+    """Draw base stiffness and damping of apparel; shear stiffness stays well below stretch stiffness."""
     stretch, shear = _log_uniform(rng, 100, 600), _log_uniform(rng, 10, 80)
     while shear > stretch / 4:
         stretch, shear = _log_uniform(rng, 100, 600), _log_uniform(rng, 10, 80)
@@ -146,9 +146,9 @@ def plan(
 ) -> list[Truth]:  # fmt: skip
     """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
 
-    - `numbers`: how many singles, nulls, pairs and unknowns
-    - `unknowns`: the effects of no library to choose from
-    - `sensor`: fields of every look that are not drawn but given, the rest of each case being what it is without
+    - `numbers`: of singles, nulls, pairs and unknowns
+    - `unknowns`: the effects outside the library to choose from
+    - `sensor`: fields of every look with given values; all other properties of the cases are independent of them
     """
     rng = np.random.default_rng([seed, 0])
     wanted: list[tuple[Kind, tuple[Plant, ...]]] = [("null", ())] * numbers["null"]
@@ -166,7 +166,7 @@ def plan(
 
 
 def drawn_names(rng: np.random.Generator, count: int) -> list[str]:
-    """Draw names of cases that reveal nothing, all different."""
+    """Draw distinct random names of cases."""
     names: list[str] = []
     while len(names) < count:
         name = rng.bytes(4).hex()
@@ -175,7 +175,7 @@ def drawn_names(rng: np.random.Generator, count: int) -> list[str]:
 
 
 def rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> list[Plant]:
-    """Every plant equally often, the rest drawn without replacement."""
+    """Return every plant equally often, with the remainder drawn without replacement."""
     drawn: list[Plant] = []
     while len(drawn) < count:
         drawn += [plants[k] for k in rng.permutation(len(plants))]
@@ -185,7 +185,7 @@ def rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> l
 def write_case(
     folder: Path, truth: Truth, *, side: float | None = None, generator: Generator = OWN_GENERATOR
 ) -> list[Path]:
-    """Simulate a case and write its takes; the folder appears whole or not at all.
+    """Simulate a case and write its takes; the folder appears atomically.
 
     Raises:
         BlowUpError: the simulation does not stay finite even with a quarter of the step.
@@ -199,7 +199,7 @@ def write_case(
 
 @contextmanager
 def whole_case(folder: Path) -> Iterator[Path]:
-    """Give a folder to write a case to; it takes the place of `folder` when all of it is there."""
+    """Yield a temporary folder for a case, which becomes `folder` when the case is complete."""
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
@@ -209,7 +209,7 @@ def whole_case(folder: Path) -> Iterator[Path]:
 
 
 def make_takes(truth: Truth, *, side: float | None = None, generator: Generator = OWN_GENERATOR) -> list[Take]:
-    """Simulate a case and return its takes, three for training and two held out; side [m]: the generator's own."""
+    """Simulate a case and return its takes, three for training and two held out; side [m]: of the generator's mesh."""
     look, rng = truth.look, np.random.default_rng(truth.seed)
     cloth = _cloth(truth)
     garment = _garment(look)
@@ -260,7 +260,7 @@ def _garment(look: Look) -> Garment:
 
 
 def _take(truth: Truth, garment: Garment, name: str, ends: Floats, points: Floats, rng: np.random.Generator) -> Take:
-    """Turn motion in the world into a take in the sensor's frame with noise and gaps."""
+    """Convert motion in the world frame into a take in the sensor's frame, with noise and gaps."""
     look = truth.look
     time = np.arange(int(look.duration * look.rate) + 1) / look.rate
     time = time[time <= look.duration]

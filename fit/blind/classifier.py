@@ -1,9 +1,9 @@
-"""A rival that knows no physics: a classifier that names an effect from features of the gap.
+"""Baseline without physics: a linear classifier that names an effect from features of the gap.
 
-The features are of three kinds. The base model's error counts by place, phase, frequency and direction. The shape of
-the missing force and the gap over the noise count too. They leave out all findings of the diagnosis about effects. A
-ridge regression from standardised features to one-hot labels is learned, a linear discriminant. The other cases answer
-for every case (leave-one-out, exact):
+The features are of three kinds: the base model's error by region, phase, frequency and direction; the shape of the
+missing force; and the gap over the noise. They exclude all findings of the diagnosis on effects. The classifier is a
+ridge regression from standardised features to one-hot labels, a linear discriminant. Each case is classified by the
+other cases (leave-one-out, exact):
 
     b = (X'X + L I)^-1 X'Y,   prediction without case i: (X_i b - h_i Y_i) / (1 - h_i),   h = diag(X (X'X + L I)^-1 X')
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from formats.diagnosis_records import Diagnosis
 
-RIDGE = 10.0  # of standardised features: a few cases of each label cannot teach fifty of them
+RIDGE = 10.0  # ridge for standardised features: a few cases per label cannot determine fifty weights
 LARGEST_GAP_RATIO = 20.0  # of gap to noise
 
 
@@ -41,7 +41,7 @@ def features_of(said: Diagnosis) -> dict[str, float]:
 
 
 def leave_one_out(features: Sequence[dict[str, float]], labels: Sequence[str]) -> list[str]:
-    """Return for every case the label that the other cases teach; a feature that a case lacks is at its mean."""
+    """Return every case's label by a classifier trained on the other cases; a missing feature is set to its mean."""
     kinds, names = sorted(set(labels)), sorted({name for one in features for name in one})
     if len(labels) < 2 or not names:
         return ["" for _ in labels]

@@ -1,7 +1,8 @@
-"""Hand-like motions of a hanger: smooth, limited in jerk, random in every number, no stronger than cloth can show.
+"""Random hand-like motions of a hanger: smooth, with bounded jerk, and gentle enough for predictable cloth.
 
-Each motion starts and ends at rest, ramped by quintic smooth steps, with slow tremor in every direction. The part of
-the motion square to the sheet swings the sheet. This part is scaled by the predicted first mode of a hanging sheet,
+Each motion starts and ends at rest, ramped by quintic smooth steps, with slow tremor in every direction. The component
+of the motion perpendicular to the sheet makes it swing. This component is scaled by the predicted first mode of a
+hanging sheet,
 
     q'' + c q' + omega^2 q = -1.602 a,   omega = 1.2024 sqrt(g / L)
 
@@ -22,12 +23,12 @@ from formats.nature import GRAVITY
 TRAINING = ("chirp", "sideways", "twist")
 HELD_OUT = ("ellipse", "oblique")
 ANGLES = (12.0, 26.0)  # degrees
-STOPPED = 0.75  # of that angle where the bar stops abruptly: limp cloth flutters after a stop
+STOPPED = 0.75  # of that angle for a bar that stops abruptly, as limp cloth flutters after a stop
 MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays taut and its motion predictable
 
 
 def course(rng: np.random.Generator, samples: int, band: tuple[float, float]) -> Floats:
-    """A smooth random course of mean 0 and rms 1, (samples,), of eight sines within a band [Hz]."""
+    """Return a smooth random signal of mean 0 and rms 1, (samples,), of eight sines within a band [Hz]."""
     time = np.arange(samples) / SAMPLES_A_SECOND
     hertz, phase = rng.uniform(*band, 8), rng.uniform(0, 2 * np.pi, 8)
     wave = np.sin(2 * np.pi * hertz * time[:, None] + phase).sum(1)
@@ -36,13 +37,13 @@ def course(rng: np.random.Generator, samples: int, band: tuple[float, float]) ->
 
 
 def step(time: Floats, start: float, length: float) -> Floats:
-    """Quintic smooth step from 0 to 1."""
+    """Return a quintic smooth step from 0 to 1."""
     s = np.clip((time - start) / length, 0, 1)
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
 
 
 def swing_angle(displacement: Floats, height: float, damping: float) -> float:
-    """Largest angle [rad] that the first mode of a hanging sheet is predicted to reach."""
+    """Return the predicted largest angle [rad] of a hanging sheet's first mode."""
     omega2, dt = 1.2024**2 * GRAVITY / height, 1 / SAMPLES_A_SECOND
     push = -1.602 * np.gradient(np.gradient(displacement)) * SAMPLES_A_SECOND**2
     q, speed, most = 0.0, 0.0, 0.0
@@ -79,7 +80,7 @@ def move(rng: np.random.Generator, kind: str, duration: float, width: float, hei
 
 
 def _shape(rng: np.random.Generator, kind: str, time: Floats, start: float, stop: float) -> tuple[Floats, ...]:
-    """Unscaled x, y, z [m] and yaw [rad] of one kind of motion."""
+    """Return unscaled x, y, z [m] and yaw [rad] of one kind of motion."""
     since, none = np.maximum(time - start, 0), 0 * time
     side = rng.choice([-1.0, 1.0])
     if kind == "chirp":  # face-on, from slow to fast, twice: weak, then strong

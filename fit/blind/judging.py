@@ -1,4 +1,4 @@
-"""Hold one answer against its truth: every yes and no that the rates are made of.
+"""Judge one answer by its truth: all the boolean outcomes that enter the rates.
 
 A verdict names the right group in two cases. The true effect is among the named effects, or shares a group with the
 first of them by the diagnosis' own grouping. An `ambiguous` verdict is one group; a verdict of several effects with
@@ -11,7 +11,7 @@ probabilities, a single named effect counts as confident.
 Closure is compared with the true effect's closure, refitted by the diagnosis itself. This oracle knows the effect, but
 not its size.
 
-Simpler tools are judged by the same answers, without any rules. They name the effect of one largest figure:
+Simpler methods are judged on the same answers. Each names the effect with the largest value of one figure:
 
 - correlation with the residual, with or without projecting out the motions that the base model can imitate
 - share of the fitted motion that a refit explains
@@ -35,16 +35,16 @@ from formats.diagnosis_records import Diagnosis, EffectFinding
 from formats.errors import ResultError
 from formats.results import load_diagnosis
 
-BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable
+BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable amplitude
 BIN_EDGES = (0.5, 1.0, 2.0, 4.0)
 CONFIDENT = 0.8
 NAMING = frozenset({"effect", "ambiguous", "several"})
 
 
 class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One case, judged. None: does not apply, or the answer does not say.
+    """Outcomes of one case. None: not applicable, or missing in the answer.
 
-    ratio: true amplitude over the minimum detectable one, of a pair the smaller of both; simulations: of each take
+    ratio: true amplitude over the minimum detectable one, for a pair the smaller ratio; simulations: of each take
     """
 
     id: str
@@ -83,7 +83,7 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def answer_of(answers: Path, case: str) -> Diagnosis | None:
-    """Return what was said of a case; None where there is no diagnosis, or none that can be read."""
+    """Return the diagnosis of a case; None if it is missing or unreadable."""
     try:
         return load_diagnosis(answers / case / DIAGNOSIS)
     except ResultError:
@@ -91,12 +91,12 @@ def answer_of(answers: Path, case: str) -> Diagnosis | None:
 
 
 def named_by(said: Diagnosis | None) -> tuple[str, ...]:
-    """Return the effects that an answer names; none where its verdict names nothing."""
+    """Return the effects that an answer names, or none if its verdict names none."""
     return tuple(said.named) if said and said.verdict in NAMING else ()
 
 
 def mistakes(said: Diagnosis | None, planted: tuple[str, ...]) -> list[tuple[bool, bool]]:
-    """Return of every cause that an answer names whether it is none of what was planted, and whether it is certain."""
+    """Return for every named cause whether it is wrong, and whether the answer is confident of it."""
     named = named_by(said)
     if said is None or not named:
         return []
@@ -108,7 +108,7 @@ def mistakes(said: Diagnosis | None, planted: tuple[str, ...]) -> list[tuple[boo
 
 
 def judge(truth: Truth, answers: Path) -> Judged:
-    """Judge one case; no diagnosis, or one that cannot be read, is `inconclusive`."""
+    """Judge one case; a missing or unreadable diagnosis counts as `inconclusive`."""
     said = answer_of(answers, truth.id)
     findings = {f.id: f for f in said.effects} if said else {}
     first = truth.planted[0] if truth.planted else None
@@ -177,13 +177,13 @@ def _judge_single(
 
 
 def _is_largest(findings: dict[str, EffectFinding], planted: str, figures: dict[str, float | None]) -> bool:
-    """Return whether the tested effect with the largest figure is the planted one or of its group."""
+    """Return whether the tested effect with the largest figure is the planted one or in its group."""
     known = {name: value for name, value in figures.items() if value is not None and findings[name].tested}
     return bool(known) and _same_group(findings, (max(known, key=known.__getitem__),), (planted,))
 
 
 def conditions_of(look: Look) -> dict[str, str]:
-    """Return what the sensor gives of a case, in steps of a ladder."""
+    """Return a case's noise, points, frame rate and missing points, as classes."""
     noise, away = 1e3 * look.noise, 100 * look.away
     return {
         "noise": "below 1 mm" if noise < 1 else "1 to 2 mm" if noise < 2 else "above 2 mm",
@@ -211,7 +211,7 @@ def _same_group(findings: dict[str, EffectFinding], named: tuple[str, ...], plan
 
 
 def _is_wrong(findings: dict[str, EffectFinding], name: str, cause: set[str], planted: tuple[str, ...]) -> bool:
-    """Return whether a named cause, or any effect that may be it, is none of the planted ones."""
+    """Return whether a named cause, with all its alternatives, is none of the planted effects."""
     return not (cause & set(planted) or _same_group(findings, (name,), planted))
 
 
@@ -220,20 +220,20 @@ def _is_certain(verdict: str, probability: float | None) -> bool:
 
 
 def _probability(findings: dict[str, EffectFinding], named: tuple[str, ...]) -> float | None:
-    """The probability of what is named first; None where the diagnosis gives none."""
+    """Return the probability of the first named cause; None if the diagnosis gives none."""
     found = findings.get(named[0]) if named else None
     return found.probability if found else None
 
 
 def _meant(said: Diagnosis) -> list[set[str]]:
-    """The causes that an answer names: of each the effects that may be it."""
+    """Return the causes that an answer names, each with its alternative effects."""
     if said.verdict == "ambiguous":
         return [set(said.named)]
     return [{name, *said.alternatives.get(name, [])} for name in said.named]
 
 
 def _names_both(meant: list[set[str]], planted: tuple[str, ...]) -> bool:
-    """Return whether two planted effects are two of the causes that an answer names."""
+    """Return whether two planted effects are among different named causes."""
     return any(planted[0] in one and planted[1] in other for one, other in itertools.permutations(meant, 2))
 
 
@@ -255,7 +255,7 @@ def _brier(
 
 
 def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:
-    """Return whether the answer names the place of an effect: that of its first effect, or of the largest residual."""
+    """Return whether the answer locates an effect, by its first effect's region or the largest residual."""
     if not place:
         return None
     if said is None:

@@ -1,4 +1,4 @@
-"""The generator's step: velocity Verlet with exact damping in each half kick, takes side by side in one Taichi kernel.
+"""Taichi kernel of the generator: velocity Verlet with exact damping in each half kick, takes in SIMD lanes.
 
     v <- e^(-c dt/2) v + dt/2 a,    x <- x + dt v,    a <- F(x, v) / m,    v <- e^(-c dt/2) (v + dt/2 a)
 
@@ -9,15 +9,14 @@ F per triangle of rest area A, deformation gradient columns u, w, their unit nor
     ground     mu/2 (|u|^2 + |w|^2 - 2 J) + (lambda + mu)/2 (J - 1)^2       compressible neo-Hookean, Poisson coupling
     fibres     k_1/2 (|w| - 1)^2 + k_2/2 (|u| - 1)^2, cubic stiffening and Kelvin-Voigt where planted
 Source: J. Bonet & R. D. Wood, "Nonlinear Continuum Mechanics for Finite Element Analysis" (2008), section 6.4; fibres:
-G. A. Holzapfel, T. C. Gasser, R. W. Ogden, J. Elasticity 61 (2000), section 5.
-F per hinge: `fit.blind.sheet`; friction in bending as two Jenkins elements in parallel (W. D. Iwan, J. Appl. Mech. 33
-(1966), section 2). Air: a plate's normal coefficient C_N = c 0.505 / (0.222 + 0.283 / sin(angle of attack))
-(S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3), lift with Polhamus' cos^2 (E. C. Polhamus, NASA TN D-3767
-(1966)). Forces of `fit.blind.plants` that no library knows act on triangles and nodes in the same pass.
+G. A. Holzapfel, T. C. Gasser, R. W. Ogden, J. Elasticity 61 (2000), section 5. F per hinge: `fit.blind.sheet`; friction
+in bending as two Jenkins elements in parallel (W. D. Iwan, J. Appl. Mech. 33 (1966), section 2). Air: a plate's normal
+coefficient C_N = c 0.505 / (0.222 + 0.283 / sin(angle of attack)) (S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter
+3), lift with Polhamus' cos^2 (E. C. Polhamus, NASA TN D-3767 (1966)). Forces of `fit.blind.plants` outside the library
+act on triangles and nodes in the same pass.
 
-Takes of one cloth are the lanes of the processor's vectors; a property of the cloth is one number for all of them.
-Arrays of vectors are flat, three rows a node. Taichi would compute the place of an element in an array of several
-dimensions at every access.
+Takes of one cloth are SIMD lanes; a property of the cloth is one number for all of them. Arrays of vectors are flat,
+three rows a node. Taichi would compute an element's offset in an array of several dimensions at every access.
 """
 
 # mypy: ignore-errors
@@ -27,7 +26,7 @@ import taichi as ti
 
 from fit.runtime import TASK
 
-TAKE_LANES = 8  # takes side by side; a case has five
+TAKE_LANES = 8  # takes per SIMD vector; a case has five
 AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 
@@ -42,7 +41,7 @@ NUMBER_NAMES = (
     GX, GY, GZ, DAMPING, MU, LAM, WARP, WEFT, STIFFENING, STRETCH_TIME, VISCOSITY, FRICTION, DRAG, LIFT, WX, WY, WZ,
     GUST, WAKE, WAKE_TIME, ADDED, BOB, BOB_LENGTH, BOB_NODE, THREAD, THREAD_NODE, THREAD_LENGTH, MAGNET, REACH,
 ) = range(len(NUMBER_NAMES))  # fmt: skip
-TIED, POLE = 0, 3  # rows of `poles` [m], of which every take has its own: where a thread is tied, where a magnet is
+TIED, POLE = 0, 3  # rows of `poles` [m], per take: fixed end of a thread, position of a magnet
 FIRST_YIELD, SECOND_YIELD = 4.0, 16.0  # 1/m of hinge curvature at which the two friction elements slide
 HINGE_SHARE = 2.25  # friction moment of a hinge per moment of the sheet, mean of bending about warp and weft
 BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
@@ -56,7 +55,7 @@ f2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 i1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
-# Lists of three are vectors in space: Taichi's own would be vectors of lanes.
+# Lists of three are vectors in space, because Taichi's own vectors are SIMD lanes.
 
 
 @ti.func
@@ -110,7 +109,7 @@ def length_of(p: ti.template()):
 
 @ti.func
 def magnitude(a):
-    """Absolute value, which Taichi lacks for vectors of lanes."""
+    """Return the absolute value, which Taichi lacks for SIMD vectors."""
     return ti.max(a, 0.0 - a)
 
 
@@ -167,7 +166,7 @@ def on_triangles(home, first, now, dt, x: ti.template(), v: ti.template(), f: ti
             push = 0.0 - plate(speed, vn, drag)
             push = push - (0.5 * AIR_DENSITY * p[LIFT]) * vn * dot(along, along) / (speed + 1e-12)
             if has_wind:
-                # drag in moving air less drag in still air, which is planted apart
+                # drag in moving air minus drag in still air, which is a separate effect
                 flow = [wind[0] - vc[0], wind[1] - vc[1], wind[2] - vc[2]]
                 push = push + plate(length_of(flow), dot(flow, n), 1.2) + plate(speed, vn, 1.2)
             if p[WAKE] > 0:
@@ -235,7 +234,7 @@ def on_hinges(home, first, x: ti.template(), v: ti.template(), f: ti.template(),
 @ti.func
 def on_nodes(home, b, x: ti.template(), v: ti.template(), f: ti.template(), bob: ti.template(), spot: ti.template(),
              dt, poles: ti.template(), p: ti.template()):  # fmt: skip
-    """Forces that no library knows: a weight on a string, a thread to the room, a magnet behind the cloth."""
+    """Add the forces outside the library: a weight on a string, a thread to the room, a magnet behind the cloth."""
     if p[BOB] > 0:
         node = home + ti.cast(p[BOB_NODE], ti.i32)
         place, speed = at(bob, 2 * b), at(bob, 2 * b + 1)
@@ -274,7 +273,7 @@ def rollout(
     - `x` and the four after it, (groups x nodes x 3,)
     - `wake`, (groups x triangles,)
     - `slip`, (groups x hinges x 3,)
-    - `bob`, (groups x 6,): place and speed
+    - `bob`, (groups x 6,): position and velocity
     - `path`, (groups x (steps + 1), 6)
     - `poles`, (groups, 6)
     - `p`: `NUMBER_NAMES`

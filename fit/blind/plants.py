@@ -1,7 +1,7 @@
-"""Effects that the generator can plant: those of the diagnosis' library by laws of its own, and some of no library.
+"""Effects that the generator can plant: those of the diagnosis' library, by other laws, and unknown ones.
 
-Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off at the limits of apparel and sensors. An
-amount of several components has the length of their vector as its amplitude. The effects act by kind:
+Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off at the limits of apparel and sensors. The
+amplitude of a vector of components is its length. The effects act by kind:
 
     cloth, air    fields of `fit.blind.engine.Cloth`
     boundary      `fit.blind.boundary`: the held edge is not where the markers say measurement   `fit.blind.sensing`:
@@ -32,7 +32,7 @@ BOTTOM = ("bottom left", "bottom centre", "bottom right")
 
 
 class Planted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One planted effect: amplitude in `unit`, signed components, and the cloth's regions where it shows, if local."""
+    """One planted effect: amplitude in `unit`, signed components, and the cloth's affected regions, if local."""
 
     id: str
     amplitude: float
@@ -45,7 +45,7 @@ class Planted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 @dataclass(frozen=True)
 class Plant:
-    """A kind of effect: its unit, its typical and largest amplitude, its components, how their direction is drawn.
+    """A kind of effect: unit, typical and largest amplitude, components, and distribution of their direction.
 
     - `direction`: `sign` one component of either sign, `positive`, `any` a random direction, `axis` one component
       alone, `equal` all components alike; `on_cloth` changes the cloth
@@ -94,7 +94,7 @@ class Plant:
 
 
 def _field(*names: str) -> Callable[[Cloth, Planted], Cloth]:
-    """Set one field per component of the amount."""
+    """Return a planter that sets one field per component of the amount."""
 
     def change(cloth: Cloth, planted: Planted) -> Cloth:
         values = dict(zip(names, planted.components.values(), strict=True))
@@ -104,7 +104,7 @@ def _field(*names: str) -> Callable[[Cloth, Planted], Cloth]:
 
 
 def _pair(name: str) -> Callable[[Cloth, Planted], Cloth]:
-    """Set one field that holds all components."""
+    """Return a planter that sets one field that holds all components."""
 
     def change(cloth: Cloth, planted: Planted) -> Cloth:
         return dataclasses.replace(cloth, **{name: tuple(planted.components.values())})  # type: ignore[arg-type]
@@ -113,7 +113,7 @@ def _pair(name: str) -> Callable[[Cloth, Planted], Cloth]:
 
 
 def _hem(cloth: Cloth, planted: Planted) -> Cloth:
-    """Move mass to the hem; the weight stays."""
+    """Move mass to the hem at constant total mass."""
     return dataclasses.replace(cloth, hem=planted.amplitude, density=cloth.density - planted.amplitude / cloth.height)
 
 
@@ -126,7 +126,7 @@ def _at_corner(name: str) -> Callable[[Cloth, Planted], Cloth]:
     def change(cloth: Cloth, planted: Planted) -> Cloth:
         corner = 1 if planted.components[""] > 0 else -1
         amount = planted.amplitude
-        if name == "bob":  # a share of the cloth's mass
+        if name == "bob":  # of the cloth's mass
             amount *= cloth.mass
         return dataclasses.replace(cloth, corner=corner, **{name: amount})  # type: ignore[arg-type]
 
@@ -171,7 +171,7 @@ UNKNOWNS: tuple[Plant, ...] = (
 
 
 def choose_plants(names: list[str], offered: Collection[str], how: str) -> tuple[Plant, ...]:
-    """Return the library's effects of these names, all that are `offered` for no name; how: of planting, for the error.
+    """Return the effects of these names, or all `offered` ones without names; how: phrase for the error.
 
     Raises:
         FitError: a name that cannot be planted.
@@ -188,7 +188,7 @@ def choose_plants(names: list[str], offered: Collection[str], how: str) -> tuple
 
 
 def with_plants(cloth: Cloth, planted: tuple[Planted, ...]) -> Cloth:
-    """Return the cloth with what was planted in cloth and air."""
+    """Return the cloth with the planted effects of cloth and air."""
     kinds = {plant.id: plant for plant in PLANTS + UNKNOWNS}
     for one in planted:
         change = kinds[one.id].on_cloth

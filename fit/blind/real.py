@@ -1,4 +1,4 @@
-"""Faults of measurement planted in real takes: noise, gaps and everything unmodelled stay as recorded.
+"""Measurement faults planted in real takes, which keep their noise, gaps and unmodelled effects.
 
 Interpolating noisy points would change their noise. So most faults are planted in the hanger's path, the clock or the
 rig's description. Only faults of the points themselves change the points:
@@ -12,8 +12,8 @@ rig's description. Only faults of the points themselves change the points:
     corner_erosion, tracker_smoothing    as in `fit.blind.sensing`, frame by frame
 
 In every take, faulty or not, the frames within MARGIN of its ends are left out. Each case also looks at the scene
-through a sensor turned by a few degrees more. So neither length nor gravity reveals the plant. A clock's drift shows in
-the mean time between frames, because this is the fault.
+through a sensor turned by a few degrees more. So neither length nor gravity reveals the plant. A clock's drift is
+visible in the mean time between frames, because this is the fault.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FEWEST_TAKES = len(FILES)
 
 
 class RealTruth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One case of real takes: what was planted, in which takes, and the case that has the same takes untouched."""
+    """Truth of a case of real takes: the plant, the takes, and the case with the same takes untouched."""
 
     id: str
     kind: Kind
@@ -54,7 +54,7 @@ class RealTruth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 def real_plants(names: list[str]) -> tuple[Plant, ...]:
-    """Return the effects of these names that can be planted in real takes, all of them for no name.
+    """Return the effects of these names that can be planted in real takes, or all of them without names.
 
     Raises:
         FitError: a name that cannot be planted.
@@ -78,12 +78,12 @@ def find_takes(folder: Path) -> dict[str, Path]:
 
 
 def plan_real(takes: list[str], numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int) -> list[RealTruth]:
-    """Draw all cases in random order: each untouched one has takes of its own choice, each planted one shares one's.
+    """Draw all cases in random order: an untouched case draws its takes, and a planted case shares those of one.
 
-    numbers: how many singles and nulls
+    numbers: of singles and nulls
 
     Raises:
-        FitError: planted takes without untouched ones, or kinds that real takes cannot be.
+        FitError: planted takes without untouched ones, or kinds that real takes cannot have.
     """
     if numbers["pair"] or numbers["unknown"]:
         raise FitError(
@@ -98,7 +98,7 @@ def plan_real(takes: list[str], numbers: dict[Kind, int], plants: tuple[Plant, .
     rng = np.random.default_rng([seed, 0])
     total = numbers["null"] + numbers["single"]
     names = drawn_names(rng, total)
-    cloth = Cloth(width=0.3, height=0.3)  # only a hem's amplitude would depend on it
+    cloth = Cloth(width=0.3, height=0.3)  # only a hem's amplitude would depend on the cloth
     chosen = [tuple(rng.choice(takes, FEWEST_TAKES, replace=False).tolist()) for _ in range(numbers["null"])]
     truths = [
         RealTruth(id=names[k], kind="null", planted=(), takes=chosen[k], reference=names[k], turn=_turn(rng))
@@ -118,7 +118,7 @@ def _turn(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def write_real_case(folder: Path, truth: RealTruth, takes: dict[str, Path]) -> list[Path]:
-    """Write a case's takes with the planted fault; the folder appears whole or not at all.
+    """Write a case's takes with the planted fault; the folder appears atomically.
 
     Raises:
         FitError: a take is not there or too short.
@@ -136,7 +136,7 @@ def write_real_case(folder: Path, truth: RealTruth, takes: dict[str, Path]) -> l
 
 
 def case_take(take: Take, truth: RealTruth) -> Take:
-    """Return a real take as a case has it: turned, with what is planted, without its ends and without its origin."""
+    """Return a real take for a case: rotated, with the planted fault, without its ends and its provenance."""
     take = turned_take(take, truth.turn)
     for one in truth.planted:
         take = planted_take(take, one)
@@ -144,7 +144,7 @@ def case_take(take: Take, truth: RealTruth) -> Take:
 
 
 def turned_take(take: Take, turn: tuple[float, float]) -> Take:
-    """Return the take as a sensor that is pitched and rolled [rad] about its place would have it, gravity with it."""
+    """Return the take as seen by a sensor that is pitched and rolled [rad] in place, gravity included."""
     (cp, cr), (sp, sr) = np.cos(turn), np.sin(turn)
     rotation = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
     return replace(
@@ -197,11 +197,11 @@ def _time_offset(take: Take, planted: Planted) -> Take:
 def _clock_drift(take: Take, planted: Planted) -> Take:
     stamps = take.time[0] + (take.time - take.time[0]) / (1 - planted.components[""])
     changed = replace(_hanger_read_at(take, stamps), time=stamps)
-    return _only(changed, stamps <= take.time[-1])  # beyond, nobody knows where the hanger was
+    return _only(changed, stamps <= take.time[-1])  # beyond the ends the hanger's position is unknown
 
 
 def _hanger_read_at(take: Take, instants: Floats) -> Take:
-    """Return the take with the hanger as it was at other instants [s], one per frame; held still beyond the ends."""
+    """Return the take with the hanger at other instants [s], one per frame; constant beyond the ends."""
     seen = np.flatnonzero(take.held_valid.all(1))
     if len(seen) < 4:
         raise FitError("the hanger was hardly seen", where=take.take_id, advice="leave the take out")
@@ -276,7 +276,7 @@ def _flat(take: Take) -> Floats:
 
 
 def _filled(take: Take) -> Floats:
-    """Points with gaps bridged by straight lines, for filters and neighbours; zero where never seen."""
+    """Return points with linearly interpolated gaps, for filters and neighbours; zero if never seen."""
     points = np.zeros_like(take.points)
     for k in range(points.shape[1]):
         seen = take.points_valid[:, k]
@@ -287,12 +287,12 @@ def _filled(take: Take) -> Floats:
 
 
 def _with_points(take: Take, points: Floats) -> Take:
-    """Return a take with other places of its points; points that were not seen stay unseen."""
+    """Return a take with other positions of its points; points that were not seen stay unseen."""
     return replace(take, points=np.where(take.points_valid[..., None], points, np.nan))
 
 
 def world_of(rig: Rig) -> Floats:
-    """Return the rotation, (3, 3), from a rig's frame to one with z against gravity and x along its x, made level."""
+    """Return the rotation, (3, 3), from a rig's frame to one with z against gravity and x along its levelled x."""
     up = -_unit(rig.gravity)
     across = np.array([1.0, 0.0, 0.0]) - up[0] * up
     across = across / np.linalg.norm(across)

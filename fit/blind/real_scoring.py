@@ -1,4 +1,4 @@
-"""Score faults planted in real takes against the diagnosis of the same takes untouched.
+"""Score measurement faults planted in real takes, by comparison with the diagnosis of the unmodified takes.
 
 Real takes have a gap of their own, with effects that nobody planted and perhaps no library knows. The *named* effect
 then depends as much on this gap as on the plant. So two answers on the same frames and the same noise are compared, one
@@ -34,11 +34,11 @@ from formats.results import load_diagnosis
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
 RIGHT_SIZE = 0.5  # of the planted amplitude
-RENAMED = {("corner_erosion", ""): "corners"}  # components that the library calls otherwise
+RENAMED = {("corner_erosion", ""): "corners"}  # components with another name in the library
 
 
 class RealJudged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One planted case against its untouched takes; None: does not apply, or an answer does not say.
+    """Comparison of one planted case with its untouched takes; None: not applicable, or missing in an answer.
 
     - `untouched`, `with_plant`, `change`: components of the planted effect's estimate
     - `ratio`: amplitude over the minimum detectable one of the untouched takes
@@ -85,7 +85,7 @@ class RealScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 def score_real(truths: tuple[RealTruth, ...], answers: Path) -> RealScore:
-    """Judge every planted case against its untouched takes; a case without two diagnoses counts in no rate."""
+    """Compare every planted case with its untouched takes; a case without both diagnoses counts in no rate."""
     said = {truth.id: _answer(answers, truth.id) for truth in truths}
     judged = tuple(
         judge_real(truth, said[truth.reference], said[truth.id]) for truth in truths if truth.kind == "single"
@@ -104,7 +104,7 @@ def score_real(truths: tuple[RealTruth, ...], answers: Path) -> RealScore:
 
 
 def real_headline(score: RealScore) -> str:
-    """Return one line: the rates that matter most."""
+    """Return the most important rates in one line."""
     return (
         f"planted effect's estimate moved most {score.moved_most}; by the right size {score.right_size}; "
         f"newly named {score.newly_named}"
@@ -112,7 +112,7 @@ def real_headline(score: RealScore) -> str:
 
 
 def judge_real(truth: RealTruth, untouched: Diagnosis | None, planted: Diagnosis | None) -> RealJudged:
-    """Hold the diagnosis of planted takes against that of the same takes untouched."""
+    """Compare the diagnosis of planted takes with that of the untouched takes."""
     plant = truth.planted[0]
     before, after = _findings(untouched), _findings(planted)
     first, second = before.get(plant.id), after.get(plant.id)
@@ -163,12 +163,12 @@ def _sentence(said: Diagnosis | None) -> str:
 
 
 def _parts(finding: EffectFinding) -> dict[str, float]:
-    """Components of an estimate; an effect of one number has one without a name."""
+    """Return the components of an estimate; a scalar effect has one component without a name."""
     return dict(finding.components) or {"": finding.amplitude}
 
 
 def _vectors(plant: Planted, first: EffectFinding, second: EffectFinding) -> tuple[Floats, Floats, Floats]:
-    """The planted amount and both estimates, component by component of all three."""
+    """Return the planted amount and both estimates as vectors of common components."""
     wanted = {RENAMED.get((plant.id, name), name): value for name, value in plant.components.items()}
     was, now = _parts(first), _parts(second)
     names = sorted({*wanted, *was, *now})
@@ -177,7 +177,7 @@ def _vectors(plant: Planted, first: EffectFinding, second: EffectFinding) -> tup
 
 
 def _moved_most(before: dict[str, EffectFinding], after: dict[str, EffectFinding]) -> str | None:
-    """The effect whose estimate changed most, in units of what the untouched takes could show of it."""
+    """Return the effect whose estimate changed most, in units of its minimum detectable amplitude."""
     sizes = {}
     for name, first in before.items():
         second = after.get(name)
@@ -191,7 +191,7 @@ def _moved_most(before: dict[str, EffectFinding], after: dict[str, EffectFinding
 def _is_same_group(
     before: dict[str, EffectFinding], after: dict[str, EffectFinding], most: str | None, planted: str
 ) -> bool:
-    """Return whether two effects are one, or in one group by either diagnosis."""
+    """Return whether two effects are equal, or share a group in either diagnosis."""
     return most is not None and any(said[most].group == said[planted].group for said in (before, after))
 
 

@@ -1,10 +1,10 @@
-"""The seal around withheld labels: whoever opens it does so on purpose, and nobody can change what was sealed.
+"""Encryption of withheld labels, which prevents accidental reading and detects changes.
 
     file = magic, nonce (12 bytes), ChaCha20-Poly1305(key, nonce, text; magic as associated data)
 
-The key is 32 random bytes in a file of its own. The seal protects against accidental looks and unnoticed changes;
-whoever has the folder has the key.
-Source: RFC 8439 (ChaCha20 and Poly1305 for IETF protocols), as implemented by `cryptography`.
+The key is 32 random bytes in a separate file. The seal protects against accidental reading and unnoticed changes;
+whoever has the folder has the key. Source: RFC 8439 (ChaCha20 and Poly1305 for IETF protocols), as implemented by
+`cryptography`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NONCE, TAG, KEY = 12, 16, 32  # bytes
 
 
 def seal(text: bytes, key: bytes) -> bytes:
-    """Encrypt a text with ChaCha20-Poly1305, with a nonce of its own."""
+    """Encrypt a text with ChaCha20-Poly1305 and a new nonce."""
     nonce = secrets.token_bytes(NONCE)
     return SEAL_MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, SEAL_MAGIC)
 
@@ -33,7 +33,7 @@ def unseal(sealed: bytes, key: bytes, *, where: object) -> bytes:
     """Decrypt a sealed text.
 
     Raises:
-        FitError: not a seal, the wrong key, or sealed bytes that were changed.
+        FitError: not a seal, the wrong key, or changed sealed bytes.
     """
     if not sealed.startswith(SEAL_MAGIC) or len(sealed) < len(SEAL_MAGIC) + NONCE + TAG:
         raise FitError("is not a seal of this version", where=where, advice="give a folder that `blind make` wrote")
@@ -48,10 +48,10 @@ def unseal(sealed: bytes, key: bytes, *, where: object) -> bytes:
 
 
 def load_key(path: Path, *, make: bool = False) -> bytes:
-    """Read the key, or make one of the system's random bytes.
+    """Read the key, or create one from the system's random bytes.
 
     Raises:
-        FitError: there is no key, or it is not one.
+        FitError: the key is missing or invalid.
     """
     if make and not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
             with os.fdopen(opened, "w") as file:
                 file.write(secrets.token_hex(KEY) + "\n")
         except OSError as error:
-            path.unlink()  # half a key would be taken for one
+            path.unlink()  # a partial key must not appear
             error.filename = str(path)
             raise
     try:

@@ -1,4 +1,4 @@
-"""The generator's mesh: a rectangle of equilateral triangles with cotangent hinges, and the bound of its stable step.
+"""Mesh of the generator: a rectangle of equilateral triangles with cotangent hinges, and its stable step.
 
 Rows are staggered by half a side, with half triangles at the two sides. The bending energy of a sheet that does not
 stretch is a sum over inner edges. An edge lies between triangles of areas A0 and A1, and s = sum_i K_i x_i is its
@@ -39,7 +39,7 @@ class Sheet:
     - `hinges`, (hinges, 4): edge ends, opposite corners
     - `hinge_cotangents`, (hinges, 4)
     - `hinge_area` [m^2], (hinges,): A0 + A1
-    - `hinge_across`, (hinges, 2): unit vector square to the edge
+    - `hinge_across`, (hinges, 2): unit vector perpendicular to the edge
     - `held`, (held,): nodes of the top edge
     - `bottom_length` [m], (nodes,): share of the bottom edge
     """
@@ -59,7 +59,7 @@ class Sheet:
     bottom_length: Floats
 
     def node_at(self, x: float, y: float) -> int:
-        """Return the node nearest to a place on the flat sheet [m]."""
+        """Return the node nearest to a position on the flat sheet [m]."""
         return int(np.argmin(np.hypot(self.rest[:, 0] - x, self.rest[:, 1] - y)))
 
 
@@ -78,7 +78,7 @@ def make_sheet(width: float, height: float, side: float) -> Sheet:
 
 
 def make_grid(width: float, height: float, side: float) -> Sheet:
-    """Mesh a sheet with squares of about `side` [m], each of two triangles that lean to alternating sides."""
+    """Mesh a sheet with squares of about `side` [m], each split along alternating diagonals."""
     columns, rows = max(2, round(width / side)), max(2, round(height / side))
     rest = np.array(
         [(x, y) for y in np.linspace(0, -height, rows + 1) for x in np.linspace(-width / 2, width / 2, columns + 1)]
@@ -116,7 +116,7 @@ def _sheet_of(width: float, height: float, rest: Floats, triangles: Integers) ->
 
 
 def _staggered(rest: Floats, rows: int) -> Integers:
-    """Counter-clockwise Delaunay triangles of the staggered rows, without slivers on the hull."""
+    """Return counter-clockwise Delaunay triangles of the staggered rows, without slivers on the hull."""
     triangles = np.asarray(Delaunay(rest).simplices, np.int64)
     p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
     doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
@@ -130,7 +130,7 @@ def _staggered(rest: Floats, rows: int) -> Integers:
 def _hinges(triangles: Integers) -> tuple[Indices, Indices]:
     """Return the nodes, (hinges, 4), and triangles, (hinges, 2), of every inner edge.
 
-    The third node is left of the way from the first to the second, so that every hinge has the same front.
+    The third node is left of the line from the first to the second, so that every hinge has the same front.
     """
     seen: dict[tuple[int, int], tuple[tuple[int, int], int, int]] = {}
     nodes, faces = [], []
@@ -148,7 +148,7 @@ def _hinges(triangles: Integers) -> tuple[Indices, Indices]:
 
 
 def _cotangents(corners: Floats) -> Floats:
-    """Return K of every hinge, (hinges, 4), from its nodes' places (hinges, 4, 2)."""
+    """Return K of every hinge, (hinges, 4), from its nodes' positions (hinges, 4, 2)."""
 
     def cot(at: int, one: int, two: int) -> Floats:
         a, b = corners[:, one] - corners[:, at], corners[:, two] - corners[:, at]
@@ -159,7 +159,7 @@ def _cotangents(corners: Floats) -> Floats:
 
 
 def membrane_rate(sheet: Sheet, normal: float, coupled: float, shear: float) -> float:
-    """Return the bound of omega^2 at unit density [m^4/s^2 kg] of a membrane of these stiffnesses [N/m]."""
+    """Return the upper bound of omega^2 at unit density [m^4/s^2 kg] for a membrane of these stiffnesses [N/m]."""
     b = np.zeros((len(sheet.area), 3, 6))
     rows = sheet.inverse.reshape(-1, 2, 2)
     slopes = np.concatenate([-rows.sum(1, keepdims=True), rows], 1)  # d/dx, d/dy of the three corners' hats
@@ -170,14 +170,14 @@ def membrane_rate(sheet: Sheet, normal: float, coupled: float, shear: float) -> 
 
 
 def bending_rate(sheet: Sheet) -> float:
-    """Return the bound of omega^2 [1/m^4] at unit bending stiffness and unit density."""
+    """Return the upper bound of omega^2 [1/m^4] at unit bending stiffness and unit density."""
     share = np.bincount(sheet.hinges.ravel(), minlength=len(sheet.rest))
     mass = sheet.node_area / np.maximum(share, 1)
     return float(((sheet.hinge_cotangents**2 / mass[sheet.hinges]).sum(1) / sheet.hinge_area).max())
 
 
 def place_on(sheet: Sheet, places: Floats) -> tuple[Indices, Floats]:
-    """Return corners, (points, 3), and barycentric weights, (points, 3), that carry places [m], (points, 2)."""
+    """Return corners, (points, 3), and barycentric weights, (points, 3), of positions [m], (points, 2)."""
     nodes, weights = [], []
     corners = sheet.rest[sheet.triangles]
     inverse = sheet.inverse.reshape(-1, 2, 2)

@@ -1,7 +1,7 @@
-"""Diagnose scored cases again by a library without the planted effect, and count the answers.
+"""Repeat the diagnosis of scored cases with a library that lacks the planted effect, and count the answers.
 
-Causes of no library are few and of their own kind (`fit.blind.plants`). Here every effect of the library is unknown in
-its turn. `hangtime diagnose --without EFFECT` gets the cases whose single effect was large enough to be seen. The limit
+Planted causes outside the library are few and special (`fit.blind.plants`). Here every effect of the library is unknown
+in turn. `hangtime diagnose --without EFFECT` gets the cases whose single effect was large enough to be seen. The limit
 is the minimum detectable amplitude of the diagnosis with the whole library. `unknown` is right. A twin is an effect
 that the whole diagnosis could not tell from the planted one. Naming the twin is as good as these takes allow. The seal
 was opened before, when the answers were scored, so no rule may be chosen by these findings.
@@ -33,11 +33,11 @@ Said = Literal["unknown", "twin", "other", "nothing"]
 
 
 class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One case without its effect in the library.
+    """Outcome of one case whose effect was removed from the library.
 
     - `said`: `unknown`; a twin of the effect or anything else named first; or nothing (`none`, `numerics`,
       `inconclusive`)
-    - `confident_and_wrong`: whether any cause that is named is no twin, and has a probability of 0.8 or more
+    - `confident_and_wrong`: whether any named cause is no twin, and has a probability of 0.8 or more
     """
 
     id: str
@@ -52,7 +52,7 @@ class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Score where the library lacks the planted effect; rates have 95 % Wilson intervals."""
+    """Score of diagnoses without the planted effect; rates have 95 % Wilson intervals."""
 
     format: str
     created: str
@@ -74,9 +74,9 @@ def strike_set(
     options: Sequence[str] = (), again: bool = False, limit: float = LIMIT, workers: int = 1,
     progress: Progress = lambda done, total, failed: None,
 ) -> Struck:  # fmt: skip
-    """Diagnose every case of one effect from `least` times the detectable on without that effect, and count.
+    """Diagnose every case of one effect without this effect, from `least` times the detectable size on, and count.
 
-    answers: the scored answers with the whole library; out: folder of the new ones; the rest as for `run_set`
+    answers: the scored answers with the whole library; out: folder of the new answers; the rest as for `run_set`
 
     Raises:
         FitError: the answers are not scored, are of another set, have no such case, or `out` holds scored answers; and
@@ -104,7 +104,7 @@ def strike_set(
 
 
 def _judge(whole: Judged, out: Path) -> StruckCase:
-    """Judge one answer as if the effect's twins had been planted; whole: the case as judged with the whole library."""
+    """Judge one answer as if the effect's twins had been planted; whole: outcome with the whole library."""
     said = answer_of(out, whole.id)
     verdict = said.verdict if said else "inconclusive"
     twins = tuple(name for name in whole.alike if name not in whole.planted)

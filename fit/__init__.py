@@ -1,4 +1,4 @@
-"""The workstation: simulate cloth, fit it to takes and diagnose what the simulation still gets wrong."""
+"""The workstation: cloth simulation, parameter fits to takes, and diagnosis of the remaining model-form error."""
 
 import os as _os
 import pwd as _pwd
@@ -7,7 +7,7 @@ import pwd as _pwd
 # console's, it also reports a graphical shell.
 _os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 _os.environ.setdefault("TI_ENABLE_PYBUF", "0")
-# Its import ends the process if no home is known. In a container a user may be a number without a name and home.
+# Its import ends the process if no home folder is known. In a container a user may be a number without a name and home.
 if "HOME" not in _os.environ:
     try:
         _os.environ["HOME"] = _pwd.getpwuid(_os.getuid()).pw_dir

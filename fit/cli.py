@@ -196,7 +196,7 @@ def fit_command(
             aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
             save_fit_result(out / "fit.json", result)
             report = write_fit_report(out / "report.html", result, prepared, request, training[0], command_line())
-            checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
+            checkpoint.unlink(missing_ok=True)  # after the report, so that the command can continue
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
@@ -225,11 +225,11 @@ def fabric_command(
     from dataclasses import asdict
 
     from fit.folders import read_fit
-    from fit.virtual_tests.sheet import sheet_of, tests_of, untold_of
+    from fit.virtual_tests.sheet import sheet_of, tests_of, unidentified_of
 
     result = read_fit(fit_file)[0]
-    sheet, untold = sheet_of(result), untold_of(result)
-    tell(sheet, material=result.material, tests=asdict(tests_of(result)), not_identified=untold)
+    sheet, unidentified = sheet_of(result), unidentified_of(result)
+    tell(sheet, material=result.material, tests=asdict(tests_of(result)), not_identified=unidentified)
 
 
 def diagnose_command(
@@ -336,7 +336,7 @@ def diagnose_command(
             advice="leave out --without, or diagnose into another --out",
         )  # fmt: skip
     for gate in data_gates(prepared.training, prepared.held_out):
-        if not gate.passed:  # the verdict will say so too, but not before everything is simulated
+        if not gate.passed:  # the verdict reports this too, but only after all simulations
             say(f"No effect will be named: {gate.sentence[0].lower()}{gate.sentence[1:]}")
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
@@ -368,7 +368,7 @@ def diagnose_command(
             report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:
                 draw_left(arrows, findings)
-            # Not before the report, which may fail too.
+            # Only after the report, which may fail too.
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:
         progress.end()
@@ -386,7 +386,7 @@ def diagnose_command(
 
 
 def say_takes(training: list[Take], testing: list[Take], spacing: float | None = None) -> None:
-    """Say which takes a command fits to and judges on, once nothing refuses them, and what a fine mesh costs.
+    """Report the fitted and the judged takes of a command after all checks, and the cost of a fine mesh.
 
     spacing: of the mesh [m], None for a default
     """

@@ -3,20 +3,20 @@
 HangtimeError
   +-- FitError            the request cannot be fitted
         +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
-        +-- BlowUpError   a simulation that left the realm of finite numbers
+        +-- BlowUpError     a simulation that did not stay finite
         +-- BatchError    a folder, bucket or cluster that a batch cannot work with
-              +-- UnreachableError   one that cannot be reached, or is full, now and not for ever; exit code 75
+              +-- UnreachableError   one that is unreachable or full for a while; exit code 75
 """
 
 from __future__ import annotations
 
 from formats.errors import HangtimeError
 
-INCONCLUSIVE = 4  # exit code of `hangtime diagnose`, which did its work: the takes cannot decide
+INCONCLUSIVE = 4  # exit code of a finished `hangtime diagnose` whose takes cannot decide
 
 
 class FitError(HangtimeError):
-    """A fit or diagnosis that cannot be started or finished as asked."""
+    """A fit or diagnosis that cannot be started or finished as requested."""
 
 
 class DriveError(FitError):
@@ -32,6 +32,6 @@ class BatchError(FitError):
 
 
 class UnreachableError(BatchError):
-    """A bucket or cluster that cannot be reached now, or a disk that is full, and may be otherwise later."""
+    """A temporary failure: a bucket or cluster that cannot be reached, or a full disk."""
 
-    exit_code = 75  # EX_TEMPFAIL of sysexits.h: what starts the command may try again
+    exit_code = 75  # EX_TEMPFAIL of sysexits.h: a service manager may try again

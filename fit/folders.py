@@ -1,4 +1,4 @@
-"""Folders of results: refused before the work that would fill them and not after it, and read again."""
+"""Folders of results: checked before the work that fills them, locked for one command, and read again."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def make_folder(folder: Path, *files: str) -> Path:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold a folder for one command, whichever; the kernel lets go of it when the process ends, however it does.
+    """Lock a folder for one command; the kernel releases the lock when the process ends.
 
-    Work that fails or is interrupted before it has written anything leaves no empty folder behind.
+    A command that fails or is interrupted before it has written anything leaves no empty folder.
 
     Raises:
         FitError: another process holds it.
@@ -54,12 +54,12 @@ def alone(folder: Path) -> Iterator[None]:
             raise FitError(
                 "another command writes here", where=folder, advice="wait until it has ended, or name another folder"
             ) from error
-        except OSError:  # a network's file system locks no folders
+        except OSError:  # a network file system may not support locks of folders
             pass
         try:
             yield
         except BaseException:
-            with suppress(OSError):  # it holds something
+            with suppress(OSError):  # the folder is not empty
                 folder.rmdir()
             raise
     finally:
@@ -67,11 +67,11 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], bool]) -> str:
-    """Give a fit (`fit.json`) or a diagnosis of other takes, and its report, a number; return a sentence that says so.
+    """Rename an earlier result of other takes, and its report, by a number; return a sentence that reports this.
 
-    Nothing is returned where there is none, or one of these takes, which the new one replaces.
+    Nothing is returned if there is no earlier result, or one of the same takes, which the new one replaces.
 
-    are_of: whether the takes at hand are those of a result, as `Ready.are_of` says
+    are_of: returns whether a result is of the present takes, such as `Ready.are_of`
     """
     if not path.exists():
         return ""
@@ -92,10 +92,10 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
 
 
 def read_fit(path: Path) -> tuple[FitResult, Path]:
-    """Return a fit result and its file, given that file or the folder that `hangtime fit` filled.
+    """Return a fit result and its path, from the path of the file or of the folder that `hangtime fit` filled.
 
     Raises:
-        HangtimeError: it cannot be read, or is no fit.
+        HangtimeError: the file cannot be read, or is no fit.
     """
     file = path / "fit.json" if path.is_dir() else path
     try:

@@ -1,7 +1,7 @@
-"""One digest of a result's origins besides takes and options: the source text and the libraries.
+"""Digest of the source text and the library versions on which results depend, besides takes and options.
 
 The digest covers every module of `fit` and `formats` that affects a result (all but `WITHOUT_PART`), and the versions
-of `LIBRARIES`. A changed comment there costs the time of a fit. In exchange, no stale fit is ever kept or continued.
+of `LIBRARIES`. A changed comment there costs the time of a fit. In exchange, no stale fit is ever reused or continued.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 import fit as fit_package
 import formats as formats_package
 
-# Modules that only show or hand out results, or bring takes in; every other module of `fit` and `formats` may change
-# them.
+# Modules that only show or export results, or import takes; every other module of `fit` and `formats` may change
+# results.
 WITHOUT_PART = (
     "fit/api", "fit/batch", "fit/blind", "fit/export", "fit/report", "fit/cli.py", "fit/folders.py",
     "formats/cli.py", "formats/command.py", "formats/command_groups.py", "formats/help_pages.py", "formats/importers",
@@ -47,9 +47,9 @@ def has_part(name: str) -> bool:
 
 
 def other_than(kept: object, key: Mapping[str, object]) -> str | None:
-    """Say of what other kind some kept work is that was begun under the key `kept`; None where it is of this one.
+    """Return the reason why saved work with the key `kept` cannot be continued; None if it can.
 
-    key: what it would have to be of, its `physics` among that
+    key: the present key, including its `physics`
     """
     if kept == key:
         return None

@@ -1,4 +1,4 @@
-"""Start Taichi, say how many threads libraries use, and read the variables that change how simulations run.
+"""Start of Taichi, thread counts of libraries, and environment variables that affect simulations.
 
 HANGTIME_THREADS=N lowers the number of processors. HANGTIME_JITTER=SEED moves every simulation by a rounding error.
 """
@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 from formats.arrays import Floats
 
-JITTER_VARIABLE = "HANGTIME_JITTER"  # names the variable that `jittered` reads
+JITTER_VARIABLE = "HANGTIME_JITTER"  # environment variable that `jittered` reads
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
-TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations: a kernel makes each of its groups one
+TASK = 512  # Taichi splits loops into tasks of at least 512 iterations: a kernel makes each group one task
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
 INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
@@ -44,13 +44,13 @@ def available_threads() -> int:
 
 @contextlib.contextmanager
 def one_thread_of_algebra() -> Iterator[None]:
-    """Let linear algebra use one thread inside for every caller; afterwards the caller's own number holds again.
+    """Context in which linear algebra uses one thread; afterwards the caller's own number applies again.
 
-    Sums that are split over threads are rounded differently. The last bit decides where a search ends among equally
-    good values of an unidentified parameter. So a result must not depend on the number of processors, nor on the
-    caller: command line, notebook or worker of a cluster.
+    Sums over several threads round differently. The last bit decides where a search ends among equally good values of
+    an unidentified parameter. So a result must not depend on the number of processors, nor on the caller: command line,
+    notebook or worker of a cluster.
     """
-    import scipy.linalg  # noqa: F401 - it brings a BLAS of its own, which must be loaded before it can be told
+    import scipy.linalg  # noqa: F401 - it brings a BLAS of its own, which must be loaded before its threads can be set
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):
@@ -58,7 +58,7 @@ def one_thread_of_algebra() -> Iterator[None]:
 
 
 def jittered(places: Floats) -> Floats:
-    """Return initial positions [m], (..., nodes, 3), moved by a rounding error where HANGTIME_JITTER=SEED asks for it.
+    """Return initial positions [m], (..., nodes, 3), with an added rounding error if HANGTIME_JITTER=SEED is set.
 
     Another processor or another compiler rounds differently. The tests must pass there too, so they are also run with
     this switch on. A seed moves node i of every candidate by the same vector: results still do not depend on which
@@ -83,10 +83,10 @@ def jittered(places: Floats) -> Floats:
 
 @functools.cache
 def lane_widths() -> tuple[int, ...]:
-    """Return how many candidates a kernel may have side by side.
+    """Return the possible numbers of SIMD lanes of a kernel.
 
     Without fast mathematics (`start`) kernels of all widths round alike, so that the number of candidates changes no
-    bit of any. One alone is quicker in scalars than in vectors of which one number is used.
+    bit of a result. A single candidate is faster in scalars than in vectors with one used lane.
     """
     try:
         with open("/proc/cpuinfo") as told:
@@ -112,7 +112,7 @@ def start(threads: int | None = None) -> None:
 
     cache = _other_cache(ti)
     _started["threads"] = threads or available_threads()
-    with contextlib.redirect_stdout(io.StringIO()):  # it says which version and processor it runs on
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints version and processor
         ti.init(
             arch=ti.cpu,
             default_fp=ti.f32,
@@ -126,7 +126,7 @@ def start(threads: int | None = None) -> None:
 
 
 def _other_cache(ti: Any) -> dict[str, str]:
-    """Tell `ti.init` of a temporary folder for kernels where its own cannot be written, which would end the process."""
+    """Return a temporary kernel cache for `ti.init` if its own cannot be written, which would end the process."""
     own = Path(os.environ.get(CACHE) or ti.lang.impl.default_cfg().offline_cache_file_path)
     try:
         own.mkdir(parents=True, exist_ok=True)
@@ -152,11 +152,10 @@ def _other_cache(ti: Any) -> dict[str, str]:
 
 
 def mend_cache(folder: Path) -> None:
-    """Set a damaged index of compiled kernels aside, and remove the lock that a killed process left behind.
+    """Rename a damaged index of compiled kernels, and remove the stale lock of a killed process.
 
-    Taichi 1.7.4 believes every length in its index: a damaged one ends the process, or asks for more memory than there
-    is. A lock that is left behind makes every process compile all of its kernels anew. The index is kept beside the
-    new one as `ticache.tcb.damaged`.
+    Taichi 1.7.4 trusts every length in its index: a damaged one ends the process, or requests more memory than exists.
+    With a stale lock every process compiles all of its kernels again. The damaged index becomes `ticache.tcb.damaged`.
 
     Raises:
         OSError: a file cannot be read, renamed or removed.
@@ -177,12 +176,12 @@ def mend_cache(folder: Path) -> None:
 
 
 def is_sound_index(held: bytes) -> bool:
-    """Return whether an index of compiled kernels is whole: a header, then an entry for each kernel.
+    """Return whether an index of compiled kernels is undamaged: a header, then an entry for each kernel.
 
     - header: length of the file, version of Taichi, size of all kernels, number of entries
     - entry: the kernel's name twice, each after its length, then size and two dates
 
-    Taichi itself throws away the index of another version.
+    Taichi itself discards the index of another version.
     """
     header = struct.Struct("<q3HQQ")
     if len(held) < header.size:
@@ -206,10 +205,10 @@ def is_sound_index(held: bytes) -> bool:
 
 
 def _read_kernels_quickly() -> None:
-    """Spare most of what Taichi 1.7 takes to read a kernel's source, which it does in every process.
+    """Speed up Taichi 1.7's reading of kernel sources, which every process repeats.
 
-    Taichi lays out the lines around every node of the syntax tree for a possible error message. Without this, an error
-    names file and line alone. Taichi also looks up a function's source at each call.
+    Taichi formats the lines around every node of the syntax tree for a possible error message. Without this, an error
+    names only file and line. Taichi also looks up a function's source at each call.
     """
     from taichi.lang import kernel_impl
 
@@ -224,10 +223,10 @@ def _read_kernels_quickly() -> None:
 
 @contextlib.contextmanager
 def vectors_kept() -> Iterator[None]:
-    """Let kernels that are first called inside turn Taichi's vectors into the processor's.
+    """Context in which newly compiled kernels map Taichi's vectors to SIMD vectors.
 
-    By default Taichi splits vectors and leaves LLVM to find them again. LLVM does not find them in sums over stencils.
-    Then 16 candidates side by side cost as much as 16 alone. Kernels of real vectors may use only the functions of
+    By default Taichi splits vectors and relies on LLVM to vectorise again. LLVM fails to do so in sums over stencils.
+    Then 16 candidates in lanes cost as much as 16 single ones. Kernels of real vectors may use only the functions of
     `fit.cloth.lanes`, and their arrays must be aligned.
     """
     from taichi.lang import impl
@@ -241,7 +240,7 @@ def vectors_kept() -> Iterator[None]:
 
 
 def aligned_zeros(shape: tuple[int, ...], kind: type[np.floating[Any]]) -> NDArray[Any]:
-    """Return zeros whose vectors lie where the processor loads them whole: a misaligned one ends the process."""
+    """Return zeros in memory aligned for SIMD loads, because a misaligned vector ends the process."""
     size = np.dtype(kind).itemsize * int(np.prod(shape))
     raw = np.zeros(size + ALIGNMENT, np.uint8)
     start = -raw.ctypes.data % ALIGNMENT

@@ -1,4 +1,4 @@
-"""Environments of Jinja2 templates with autoescape, so that no name from outside becomes markup."""
+"""Jinja2 environments with autoescape, so that no external name becomes markup."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from formats.plain_text import without_codes
 def environment(package: str, folder: str = "templates", *, trims_lines: bool = False) -> Environment:
     """Return the environment of the templates in a folder of a package.
 
-    trims_lines: lines of statements leave nothing behind
+    trims_lines: whether lines of statements leave no blank lines
     """
     loader = PackageLoader(package, folder)
     return Environment(
@@ -24,7 +24,7 @@ def environment(package: str, folder: str = "templates", *, trims_lines: bool = 
 
 
 def harmless(value: object) -> object:
-    """Return what a template shows without codes: no name from an old take turns a line round or clears a terminal."""
+    """Return a template's value without control codes, so that no name of an old take affects line or terminal."""
     if isinstance(value, Markup):
         return Markup(without_codes(value))
     return without_codes(value) if isinstance(value, str) else value

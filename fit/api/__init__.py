@@ -1,1 +1,1 @@
-"""The calls behind `import hangtime`, and the results that they return."""
+"""Implementation of `import hangtime`: the calls, and the results that they return."""

@@ -1,4 +1,4 @@
-"""Check the arguments of the calls, and let errors name them instead of the command line's options."""
+"""Argument checks of the calls, and translation of errors from command line options to arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any, TypedDict
 from fit.errors import FitError
 from formats.errors import HangtimeError, of_system
 
-# Options of the command line, and the arguments that do the same, where the names differ in more than the hyphens.
+# Options of the command line and the equivalent arguments, if their names differ in more than hyphens.
 RENAMED = {
     "anyway": "anyway=True", "effect": "effects", "out": "checkpoint", "overwrite": "overwrite=True",
 }  # fmt: skip
@@ -40,10 +40,10 @@ class PlanOptions(TypedDict, total=False):
 
 
 def checked(options: PlanOptions) -> dict[str, Any]:
-    """Return the options, lists of names as tuples.
+    """Check the options and return them, with lists of names as tuples.
 
     Raises:
-        FitError: there is no such option, or one is of another kind.
+        FitError: an unknown option, or a value of the wrong type.
     """
     known = tuple(PlanOptions.__annotations__)
     if unknown := [name for name in options if name not in known]:
@@ -61,10 +61,10 @@ def checked(options: PlanOptions) -> dict[str, Any]:
 
 
 def names_of(names: str | Sequence[str], name: str) -> list[str]:
-    """Return names as a list: one text is one name, and not its letters.
+    """Return names as a list; a single text is one name.
 
     Raises:
-        FitError: they are no texts.
+        FitError: the names are no texts.
     """
     if isinstance(names, str):
         return [names]
@@ -75,10 +75,10 @@ def names_of(names: str | Sequence[str], name: str) -> list[str]:
 
 
 def number_of(value: float | None, name: str) -> float | None:
-    """Return a number as a plain one; None is the default.
+    """Return a number as a plain Python number; None is the default.
 
     Raises:
-        FitError: it is no number.
+        FitError: the value is no number.
     """
     if value is None:
         return None
@@ -90,7 +90,7 @@ def path_of(path: Path | str, name: str, wanted: str = "the path of a file") -> 
     """Return the path of a file or folder.
 
     Raises:
-        FitError: it is none, or has no name.
+        FitError: the value is no path, or the path has no name.
     """
     check_kind(path, name, (str, PathLike), wanted)
     if not Path(path).name or "\0" in str(path):
@@ -99,7 +99,7 @@ def path_of(path: Path | str, name: str, wanted: str = "the path of a file") -> 
 
 
 def check_call(value: object, name: str) -> None:
-    """Refuse what cannot be called.
+    """Refuse a value that cannot be called.
 
     Raises:
         FitError: names the argument.
@@ -109,15 +109,15 @@ def check_call(value: object, name: str) -> None:
 
 
 def check_text(value: object, name: str) -> None:
-    """Refuse what is no text, as `check_kind` does."""
+    """Refuse a value that is no text, as `check_kind` does."""
     check_kind(value, name, str, "a text")
 
 
 def check_kind(value: object, name: str, kinds: type | tuple[type, ...], wanted: str) -> None:
-    """Refuse an argument of another kind; True and False are no numbers.
+    """Refuse an argument of the wrong type; True and False are no numbers.
 
     Raises:
-        FitError: names the argument, its kind and the one that is wanted.
+        FitError: names the argument, its type and the expected type.
     """
     if isinstance(value, bool) or not isinstance(value, kinds):
         kind = "None" if value is None else f"of the kind {type(value).__name__}"
@@ -126,10 +126,10 @@ def check_kind(value: object, name: str, kinds: type | tuple[type, ...], wanted:
 
 @contextlib.contextmanager
 def arguments_named() -> Iterator[None]:
-    """Let errors of the work inside name arguments, as a Python caller knows them, and files that the system refuses.
+    """Context in which errors name Python arguments instead of options, and files that the system refuses.
 
     Raises:
-        HangtimeError: in the place of an error of the system that names a file.
+        HangtimeError: replaces a system error that names a file.
     """
     try:
         yield
@@ -144,7 +144,7 @@ def arguments_named() -> Iterator[None]:
 
 
 def as_argument(text: str) -> str:
-    """Return a text with arguments in the place of the options that it names."""
+    """Return a text with its options replaced by the equivalent arguments."""
 
     def renamed(found: re.Match[str]) -> str:
         option = found[1]

@@ -283,7 +283,7 @@ def export(
 
 
 def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
-    """Return the effects to look for.
+    """Return the library of effects for a diagnosis.
 
     Raises:
         FitError: an unknown effect, or one that is both added and left out.
@@ -304,7 +304,7 @@ def sorted_out(
     anyway: bool = False,
     spacing: float | None = None,
 ) -> tuple[list[Take], list[Take]]:
-    """Return the takes to fit to and the takes to judge on, read where a path is given.
+    """Return fitted and held-out takes, reading those given as paths.
 
     - `anyway`: accept implausible takes
     - `spacing`: of the mesh [m] that they are simulated on, None for a default
@@ -328,10 +328,10 @@ def sorted_out(
 
 
 def _is_json(path: Path) -> bool:
-    """Return whether a file is named or begins as JSON does; results may have any name."""
+    """Return whether a file looks like JSON by name or beginning, because results may have any name."""
     if path.suffix == ".json":
         return True
-    with contextlib.suppress(OSError):  # whoever reads it says why it cannot be read
+    with contextlib.suppress(OSError):  # the reader reports why the file cannot be read
         if path.is_file():
             with path.open("rb") as file:
                 return file.read(64).lstrip().startswith(b"{")
@@ -341,7 +341,7 @@ def _is_json(path: Path) -> bool:
 def _request_of(
     parameters: FitOutcome | Mapping[str, float] | None, options: PlanOptions
 ) -> tuple[Request, tuple[str, ...]]:
-    """Return what is to be simulated, and remarks on what nobody told."""
+    """Return the request of a simulation, and remarks on assumed settings."""
     from fit.identification.request import Plan
 
     if not isinstance(parameters, FitOutcome):
@@ -358,7 +358,7 @@ def _request_of(
 
 
 def _values(given: Mapping[str, float], request: Request) -> dict[str, float]:
-    """Return a value for each parameter, its initial one where none is given.
+    """Return a value for each parameter, with initial values as defaults.
 
     Raises:
         FitError: an unknown name, or a value that is no number or outside its range.

@@ -1,4 +1,4 @@
-"""The results of the calls: they print as tables and turn into dictionaries and CSV without pandas."""
+"""Result objects of the calls: they print as tables, and convert to dictionaries and CSV without pandas."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class _Shown:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FitOutcome(_Shown):
-    """A fit: the result as `hangtime fit` writes it, and the takes and the request that it is of.
+    """A fit: the result as `hangtime fit` writes it, with its takes and its request.
 
     training, held_out, request and prepared, the takes ready for simulation, are absent where the result was loaded
     from a file
@@ -62,7 +62,7 @@ class FitOutcome(_Shown):
 
     @property
     def options(self) -> PlanOptions:
-        """The options of `simulate` that the result tells."""
+        """Options of `simulate` that reproduce the fit's simulation."""
         names = sorted({name.split(".")[0] for name in self.result.effects})
         told: PlanOptions = {"method": self.result.method, "effects": names, "engine": self.result.engine}
         return told if self.result.spacing is None else {**told, "spacing": self.result.spacing}
@@ -72,7 +72,7 @@ class FitOutcome(_Shown):
         return dict(msgspec.to_builtins(self.result))
 
     def to_csv(self, path: Path | str | None = None) -> str:
-        """Return one row a parameter as CSV, and write it where a path is given.
+        """Return one row per parameter as CSV, and write it if a path is given.
 
         A parameter that is not identified has no fitted value, only its interval.
         """
@@ -87,7 +87,7 @@ class FitOutcome(_Shown):
         return _csv(heads, rows, path)
 
     def save(self, path: Path | str) -> Path:
-        """Write the result as `fit.json` is written: whole or not at all."""
+        """Write the result in the format of `fit.json`, atomically."""
         with arguments_named():
             save_fit_result(path_of(path, "path"), self.result)
         return Path(path)
@@ -98,7 +98,7 @@ class FitOutcome(_Shown):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class DiagnosisOutcome(_Shown):
-    """A diagnosis: the result as `hangtime diagnose` writes it, and the takes and fits that it rests on.
+    """A diagnosis: the result as `hangtime diagnose` writes it, with its takes and fits.
 
     training, held_out and findings are absent where the diagnosis was loaded from a file
     """
@@ -119,7 +119,7 @@ class DiagnosisOutcome(_Shown):
         return dict(msgspec.to_builtins(self.result))
 
     def to_csv(self, path: Path | str | None = None) -> str:
-        """Return one row an effect of the library as CSV, and write it where a path is given."""
+        """Return one row per effect of the library as CSV, and write it if a path is given."""
         heads = ("effect", "is_tested", "is_named", "probability", "amplitude", "unit", "closure", "p_value")
         rows = [
             (
@@ -131,7 +131,7 @@ class DiagnosisOutcome(_Shown):
         return _csv(heads, rows, path)
 
     def save(self, path: Path | str) -> Path:
-        """Write the diagnosis as `diagnosis.json` is written: whole or not at all."""
+        """Write the diagnosis in the format of `diagnosis.json`, atomically."""
         with arguments_named():
             save_diagnosis(path_of(path, "path"), self.result)
         return Path(path)
@@ -142,7 +142,7 @@ class DiagnosisOutcome(_Shown):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedTake:
-    """One take beside its simulation, in the world frame (z against gravity).
+    """One take and its simulation, in the world frame (z against gravity).
 
     time [s], (frames,); real, simulated [m], (frames, points, 3), real NaN where not seen
     """
@@ -157,10 +157,10 @@ class SimulatedTake:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Simulation(_Shown):
-    """Takes simulated with one set of parameters, and the distance to what was recorded.
+    """Takes simulated with one set of parameters, and their distance from the recorded points.
 
-    - `fitted`: the parameters of the fit that the values are of; no value that it does not identify is printed
-    - `remarks`: sentences on what nobody told, such as the mesh of an old fit
+    - `fitted`: parameters of the fit that provides the values; unidentified values are not printed
+    - `remarks`: sentences on assumed settings, such as the mesh of an old fit
     """
 
     takes: tuple[SimulatedTake, ...]
@@ -181,11 +181,11 @@ class Simulation(_Shown):
 
     @property
     def _unsure(self) -> list[FitParameter]:
-        """Return the fitted parameters that the takes of the fit do not identify."""
+        """Return the parameters that the fit's takes do not identify."""
         return [p for p in self.fitted if verdict_on(p)]
 
     def to_csv(self, path: Path | str | None = None) -> str:
-        """Return one row a point and frame as CSV, places in metres, and write it where a path is given."""
+        """Return one row per point and frame as CSV, positions in metres, and write it if a path is given."""
         heads = ("take", "time_s", "point", "x", "y", "z", "real_x", "real_y", "real_z")
         rows = (
             (

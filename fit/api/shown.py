@@ -1,4 +1,4 @@
-"""Turn results into tables: the same rows in the terminal, in a notebook and from the command line.
+"""Tables of results, with the same rows in the terminal, in a notebook and from the command line.
 
 A parameter that the takes do not identify has an interval and no value. Many values fit such takes equally well, and
 rounding decides at which of them a search ends.
@@ -14,7 +14,7 @@ TRIVIAL_NAMES = {"vertical": "a hanging board", "pendulum": "a pendulum of two n
 
 
 def fit_tables(result: FitResult) -> list[Table]:
-    """Return the parameters, the errors, the parts of the objective, and the combinations that motion depends on."""
+    """Return tables of the parameters, errors, objective parts and parameter combinations of a fit."""
     tables = [parameter_table(result.parameters), _error_table(result)]
     if result.objective is not None and len(result.objective.parts) > 1:
         whole = result.objective
@@ -37,26 +37,26 @@ def fit_tables(result: FitResult) -> list[Table]:
 
 
 def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[Table]:
-    """Return the verdict with its sentence, the gap, the effects that were looked at, and the next recording.
+    """Return tables of the verdict, the gap, the tested effects, and the next recording.
 
-    `added` holds effects that the caller asked to see in any case
+    `added` holds effects that the caller requested in any case
     """
     remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
     remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
     remarks += [note for note in diagnosis.notes if note.startswith("Warning:")]
-    return [*camera_table(diagnosis, told=diagnosis.sentence), Table(remarks=tuple(remarks))]
+    return [*camera_table(diagnosis, reported=diagnosis.sentence), Table(remarks=tuple(remarks))]
 
 
-def camera_table(result: FitResult | Diagnosis, told: str = "") -> list[Table]:
-    """Return what a camera made of the takes, as sentences that are not `told` already; nothing where there is none."""
-    left = tuple(f"Camera: {found.sentence}" for found in result.camera if found.sentence not in told)
+def camera_table(result: FitResult | Diagnosis, reported: str = "") -> list[Table]:
+    """Return the camera's faults as sentences, except those in `reported`; nothing without faults."""
+    left = tuple(f"Camera: {found.sentence}" for found in result.camera if found.sentence not in reported)
     return [Table(remarks=left)] if left else []
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:
-    """Return the effects that were tested, the most probable first."""
+    """Return a table of the tested effects, most probable first."""
     tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
     rows = []
     for effect in tested:
@@ -68,7 +68,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
 
 
 def parameter_table(parameters: list[FitParameter]) -> Table:
-    """Return initial and fitted values with 90 % intervals; an interval alone where a parameter is not identified."""
+    """Return a table of initial and fitted values with 90 % intervals; only an interval for unidentified parameters."""
     rows = []
     for p in parameters:
         verdict = verdict_on(p)
@@ -78,7 +78,7 @@ def parameter_table(parameters: list[FitParameter]) -> Table:
 
 
 def interval_words(p: FitParameter) -> str:
-    """Return a parameter's 90 % interval, and nothing where there is none."""
+    """Return a parameter's 90 % interval in words, or nothing without one."""
     return f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
 
 

@@ -1,4 +1,4 @@
-"""Show rows of text as a table: aligned for a terminal, or as HTML for a notebook."""
+"""Tables of text, aligned for a terminal or as HTML for a notebook."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _HTML = """\
 class Table:
     """Rows of text below their heads, with remarks that follow them.
 
-    right: which columns are set to the right, as numbers are
+    right: right-aligned columns, such as numbers
     """
 
     heads: tuple[str, ...] = ()

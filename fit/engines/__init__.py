@@ -1,4 +1,4 @@
-"""Simulators behind one contract, by name."""
+"""Registry of the simulators that implement the common engine interface."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def find_engine(name: str) -> EngineMaker:
 
 
 def check_engine(name: str, method: Parameterisation, effects: tuple[Effect, ...]) -> None:
-    """Refuse, before takes are read, an engine that is not installed, or has not these parameters and effects.
+    """Refuse an engine that is not installed or lacks these parameters and effects, before takes are read.
 
     Raises:
-        FitError: says how to get it, or what to choose.
+        FitError: the engine cannot be used; the error advises on installation or another choice.
     """
     if find_engine(name) is BlenderEngine:
         check_blender(method, effects)

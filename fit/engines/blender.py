@@ -1,4 +1,4 @@
-"""Blender's own cloth as an engine of the Kinect-skirt method, in a process of its own.
+"""Engine of the Kinect-skirt method that runs Blender's cloth in a separate process.
 
 The six parameters go to Blender's cloth settings unchanged: mass per vertex, stiffness and damping of tension and
 compression, bending stiffness, air. Shear is a tenth of tension, as in `fit.methods.kinect_skirt`. Velocity is the
@@ -43,7 +43,7 @@ NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
 
 
 def check_blender(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
-    """Refuse what Blender's cloth cannot simulate, and a Blender that is not there.
+    """Refuse a request that Blender's cloth cannot simulate, or a missing Blender.
 
     Raises:
         FitError: another method than kinect-skirt, effects, or no `bpy`.
@@ -113,7 +113,7 @@ def blender_settings(vectors: Floats) -> Floats:
 
 
 def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
-    """Return places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
+    """Return node positions [m], (frames, nodes, 3): flat first; in later frames only the held nodes count."""
     frames = int(np.ceil((recording.duration + LEAD + SETTLE) * BLENDER_FPS)) + 2
     instants = np.arange(frames) / BLENDER_FPS - LEAD - SETTLE
     ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)

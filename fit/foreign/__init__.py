@@ -1,1 +1,1 @@
-"""Other people's simulators, each in a Python of its own; belongs neither to the tool nor to the blind check."""
+"""Third-party simulators, each in a separate Python process; used by the fitter and by the blind check."""

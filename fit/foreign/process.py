@@ -1,8 +1,8 @@
-"""A simulator that lives in another Python: jobs go to it as .npz files, answers come back the same way.
+"""Client of a simulator in another Python process, which exchanges jobs and answers as .npz files.
 
 The simulator's library is never imported here: it may need another version of Python or of its dependencies. The
-program is started once and says "ready VERSION". It reads the names of job files from its standard input. It answers
-each job with the name of a result (`fit/foreign/workers/answering.py` is its side).
+program is started once and prints "ready VERSION". It reads the names of job files from its standard input. It answers
+each job with the name of a result file (`fit/foreign/workers/answering.py` is its counterpart).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from fit.errors import FitError
 
 WORKER_FOLDER = Path(__file__).with_name("workers")
 READY_LINE = "ready "
-CLOSING_TIME = 10.0  # s that a program may take to end after its last job
+CLOSING_TIME = 10.0  # s for a program to end after its last job
 
 
 @dataclass(frozen=True)
 class Foreign:
-    """The place of a simulator: its name, its module, our extra, and the variable that names its Python."""
+    """Installation of a simulator: its name, its module, our extra, and the variable that names its Python."""
 
     name: str
     module: str
@@ -37,12 +37,12 @@ class Foreign:
 
     @property
     def python(self) -> str:
-        """Return the Python that should have the module, as an absolute path."""
+        """Absolute path of the Python that should have the module."""
         python = os.environ.get(self.variable) or sys.executable
         return os.path.abspath(python) if os.sep in python else python
 
     def is_installed(self) -> bool:
-        """Return whether that Python has the module."""
+        """Return whether this Python has the module."""
         asked = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({self.module!r}) is None)"
         try:
             return subprocess.run([self.python, "-c", asked], capture_output=True).returncode == 0
@@ -50,7 +50,7 @@ class Foreign:
             return False
 
     def absent(self) -> FitError:
-        """Return the error that says how to get it."""
+        """Return the error with instructions to install the simulator."""
         return FitError(
             f"{self.name}'s Python module {self.module} cannot be started",
             where=self.python,
@@ -63,7 +63,7 @@ BLENDER = Foreign("Blender", "bpy", "blender", "HANGTIME_BLENDER_PYTHON", WORKER
 
 
 class ForeignProcess:
-    """A running simulator; ends with its owner."""
+    """A running simulator process, which ends with its owner."""
 
     def __init__(self, foreign: Foreign) -> None:
         """Start the simulator's process.
@@ -92,7 +92,7 @@ class ForeignProcess:
         self.version = first.removeprefix(READY_LINE).strip()
 
     def answer(self, **job: NDArray[np.generic]) -> dict[str, NDArray[np.generic]]:
-        """Return the arrays that the program answers a job with.
+        """Return the program's answer to a job as arrays.
 
         Raises:
             FitError: the program ended before it answered.
@@ -101,7 +101,7 @@ class ForeignProcess:
         np.savez(name, **job)  # type: ignore[arg-type]
         assert self._process.stdin is not None
         result = ""
-        with contextlib.suppress(OSError):  # a process that has ended takes nothing
+        with contextlib.suppress(OSError):  # a process that has ended accepts no input
             self._process.stdin.write(f"{name}\n")
             self._process.stdin.flush()
             result = self._read()
@@ -122,7 +122,7 @@ class ForeignProcess:
         return (self._log.read().strip().splitlines() or [self.foreign.name])[-1]
 
     def close(self) -> None:
-        """End the program and remove its files; a second time does nothing."""
+        """End the program and remove its files; a second call does nothing."""
         with contextlib.suppress(OSError):
             if self._process.stdin is not None:
                 self._process.stdin.close()

@@ -1,4 +1,4 @@
-"""Named parameter vectors: which there are, and how to find one. One file per method."""
+"""Registry of the methods: named parameter vectors with their objective, one file per method."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ def find_method(name: str) -> Parameterisation:
 
 
 def base_model_of(garment: Garment) -> Parameterisation:
-    """Return what a garment is diagnosed with by default: sleeves and hems are layers sewn together."""
+    """Return the default base model of a garment's diagnosis; a T-shirt's sleeves and hems are sewn layers."""
     return SI_SEWN if garment.kind == "t-shirt" else SI

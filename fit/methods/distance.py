@@ -19,12 +19,12 @@ from formats.arrays import Floats
 
 
 class Objective(Protocol):
-    """An error of simulated points against one recording, made for that recording before anything is simulated."""
+    """Interface of an objective: the error of simulated points against one recording."""
 
     name: ClassVar[str]
     unit: ClassVar[str]
     parts: ClassVar[tuple[str, ...]]
-    remark: str  # what speaks against this objective on this recording, or nothing
+    remark: str  # a warning against this objective on this recording, or nothing
 
     def terms(self, simulated: Floats) -> Floats:
         """Return the error's parts, (candidates, parts), of simulated points [m], (candidates, frames, points, 3)."""
@@ -55,7 +55,7 @@ class TrajectoryDistance:
 
 
 def distances(real: Floats, simulated: Floats) -> Floats:
-    """Distance of each point in each frame [m].
+    """Return the distance of each point in each frame [m].
 
     real, (frames, points, 3), NaN where not seen; simulated, (..., frames, points, 3) -> (..., frames, points).
     """
@@ -63,7 +63,7 @@ def distances(real: Floats, simulated: Floats) -> Floats:
 
 
 def per_frame(real: Floats, simulated: Floats) -> Floats:
-    """Mean distance over the seen points of each frame [m], (..., frames); NaN for frames without any."""
+    """Return the mean distance over the seen points of each frame [m], (..., frames); NaN without seen points."""
     apart = distances(real, simulated)
     seen = np.isfinite(real).all(-1)
     with np.errstate(invalid="ignore"):  # no point seen: 0 / 0

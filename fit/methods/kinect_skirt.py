@@ -1,4 +1,4 @@
-"""The six parameters of Blender's cloth, as the Kinect skirt was fitted, and the same with the weight known.
+"""Methods of the Kinect-skirt paper: the six parameters of Blender's cloth, and a variant with known weight.
 
 Source: "Estimating the clothes characteristics with the image and depth sensors for developing virtual fitting room",
 Tables 1 and 2. Blender's numbers have no SI meaning. This table ties our numbers to the solver, with the garment's
@@ -12,7 +12,7 @@ weighed density rho_w:
     membrane damping time          1e-6 Spring        [s]
     velocity damping         c   = 0.02 Air / rho - 25 ln(Velocity)   [1/s]
 
-Air is a linear drag per area, in units of 0.02 N s/m^3. Velocity is the factor that is left of each velocity after one
+Air is a linear drag per area, in units of 0.02 N s/m^3. Velocity is the factor by which each velocity is multiplied per
 frame of 1/25 s. Multiplying rho, k, G, B and the drag by one number changes no motion. So Mass, Struct and Bend are not
 identifiable, but their ratios are. Of Air and Velocity only the damping c is identifiable. `kinect-skirt-weighed` sets
 Mass to 1, the weight that the garment's description states. Struct and Bend are then identifiable, and still only c of

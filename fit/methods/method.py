@@ -1,4 +1,4 @@
-"""The definition of a method: parameters by name, their map to the solver's SI material, and the objective."""
+"""Definition of a method: named parameters, their map to the solver's SI material, and the objective."""
 
 from __future__ import annotations
 
@@ -78,10 +78,10 @@ class Parameterisation:
         return np.array([p.is_log for p in self.parameters])
 
     def starting_from(self, values: Mapping[str, float], origin: str) -> Parameterisation:
-        """Return the same method with other initial values, moved into the bounds; names it does not have are left out.
+        """Return the method with other initial values, clipped to the bounds; unknown names are ignored.
 
         Raises:
-            FitError: it has none of these parameters.
+            FitError: the method has none of these parameters.
         """
         if not {p.name for p in self.parameters} & set(values):
             raise FitError(

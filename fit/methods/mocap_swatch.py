@@ -32,7 +32,7 @@ from formats.arrays import Floats
 MEMBRANE_DAMPING_TIME = 2e-5  # s, as in `si`: settles ringing threads, far below what markers see
 BENDING_DAMPING_TIME = 1e-4  # s, as in `lean`
 NODE_SPACING = (
-    0.0208  # m, a third of the markers' distance: one element between two; coarser cloth folds as the mesh likes
+    0.0208  # m, a third of the markers' distance: one element between two; a coarser mesh determines the folds
 )
 SHEAR_SHARE = 0.1  # of the stretch stiffness, as in the kinect skirt's map
 

@@ -1,12 +1,12 @@
-"""The distance O of outlines: how far the cloth's edge is from where it was seen, whichever piece of it is there.
+"""Outline distance O between simulated and tracked cloth, which is insensitive to sliding along the edge.
 
 Seen from the front, the tracked points on the garment's edge make a polygon in every frame. With points p of the one
 and the polygon P of the other,
 
     O = 1/2 (mean of |p_seen, P_simulated| + mean of |p_simulated, P_seen|)        [m]
 
-So a point may slide along the edge at no cost, as nobody sees which piece of an edge he sees. Frames in which a point
-of the edge is not seen are left out. Held points count too; they agree by themselves.
+So a point may slide along the edge at no cost, as an image of an edge does not show which part of it is seen. Frames in
+which a point of the edge is not seen are left out. Held points count too; they agree in any case.
 
 Sources: K. S. Bhat et al., "Estimating cloth simulation parameters from video" (SCA 2003); N. Hasler et al.,
 "Physically based tracking of cloth" (VMV 2006). Both compare the fabric's silhouette in pictures. We compare polygons
@@ -25,8 +25,8 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats, Integers
 
 FEWEST = 4  # points of an outline
-FRONT = [0, 2]  # axes of the world frame that somebody in front sees
-AT_ONCE = 2_000_000  # distances computed together
+FRONT = [0, 2]  # axes of the world frame in a view from the front
+AT_ONCE = 2_000_000  # distances computed in one batch
 
 
 class OutlineDistance:

@@ -1,4 +1,4 @@
-"""The error E of the motion capture method: averaged place, speed and curvature of each marker of a swatch.
+"""Error E of the motion capture method: averaged position, speed and curvature of each marker of a swatch.
 
     E = sum_i { alpha |<x_i>^R - <x_i>^S| + beta |<v_i>^R - <v_i>^S|
                 + gamma (|<kappa_1i>^R - <kappa_1i>^S| + |<kappa_2i>^R - <kappa_2i>^S|) }
@@ -11,10 +11,10 @@ Source: "Optimization of Cloth Simulation Parameters by Considering Static and D
 The paper leaves five points open. We chose:
 
 - Units are metres, so the parts are in m, m/s and 1/m.
-- v is the speed |v|. The average of the velocity vector is only the way from the marker's first place to its last.
+- v is the speed |v|. The average of the velocity vector depends only on the marker's first and last position.
 - The same smoothing spline (`fit.recordings.recording`) smooths both sides before differentiation.
-- A frame without sight of a marker counts for neither side. The frame counts for no curvature whose spline uses this
-  marker.
+- A frame in which a marker is not seen counts for neither side. It also does not count for any curvature whose spline
+  uses this marker.
 - E is divided by the number of markers.
 
 Through the markers of a row or column runs a uniform Catmull-Rom spline. At marker p_0 with neighbours p_-2 .. p_2
@@ -49,9 +49,9 @@ from formats.plain_text import shortened
 from formats.swatch import FEWEST_MARKERS
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
-NEEDED_FRAMES = 100  # section 2 used 500; below, an average over frames says little
+NEEDED_FRAMES = 100  # section 2 used 500; an average over fewer frames is unreliable
 SAME_PLACE = 1e-3  # m
-NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of the places
+NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of positions
 MOST_NOISE = 0.5  # of the measured curvature
 
 
@@ -96,7 +96,7 @@ class SwatchError:
         self.remark = self._noise_remark(recording)
 
     def _noise_remark(self, recording: Recording) -> str:
-        """Say that the stated noise makes most of the measured curvature, or nothing."""
+        """Return a warning if the stated noise explains most of the measured curvature, else nothing."""
         places = np.array([p.at_m for p in recording.garment.points])[self._grid]
         pitch = float(np.linalg.norm(places[0, 1] - places[0, 0]))
         passed = float(np.sqrt((self._smooth**2).sum(1).mean()))
@@ -116,7 +116,7 @@ class SwatchError:
         return np.stack([self._of_one(points) for points in simulated])
 
     def _of_one(self, points: Floats) -> Floats:
-        """The four parts of one candidate; one at a time stays in the processor's cache."""
+        """Return the four parts of one candidate; single candidates fit into the processor's cache."""
         smooth = (self._smooth @ points.reshape(len(points), -1)).reshape(points.shape)
         place, speed, down, across = self._averages(smooth)
         real_place, real_speed, real_down, real_across = self._real
@@ -130,7 +130,7 @@ class SwatchError:
         )
 
     def _averages(self, points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Mean place [m], (points, 3), speed [m/s] and curvatures [1/m], (points,), of points, (frames, points, 3)."""
+        """Return mean position [m], (points, 3), speed [m/s], curvatures [1/m], (points,), of (frames, points, 3)."""
         speed = np.linalg.norm(np.gradient(points, self._time, axis=0), axis=2)
         grid = points[:, self._grid]
         down, across = np.zeros(speed.shape), np.zeros(speed.shape)
@@ -141,7 +141,7 @@ class SwatchError:
 
 
 def _weights(counted: Booleans) -> Floats:
-    """Shares of the frames that count, (frames, ...), nothing where none does."""
+    """Return weights of the frames that count, (frames, ...), zero if none does."""
     return np.asarray(counted / np.maximum(counted.sum(0), 1))
 
 
@@ -176,7 +176,7 @@ def marker_grid(places: Floats, where: object) -> Integers:
 
 
 def _levels(values: Floats) -> Floats:
-    """Distinct values, rising; nearly equal ones are one."""
+    """Return distinct values in rising order; nearly equal ones are merged."""
     rising = np.sort(values)
     return np.asarray(rising[np.concatenate([[True], np.diff(rising) > SAME_PLACE])])
 

@@ -1,1 +1,1 @@
-"""Test a fitted fabric virtually as a KES instrument would, and place it among measured fabrics."""
+"""Virtual KES tests of a fitted fabric, and its comparison with measured fabrics."""

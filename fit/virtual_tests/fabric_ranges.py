@@ -1,4 +1,4 @@
-"""Hold ranges of fabrics measured elsewhere, in KES units, to compare a fitted fabric with them.
+"""Ranges of published fabric measurements in KES units, for comparison with a fitted fabric.
 
 [W] ten fabrics, H. Wang, J. O'Brien, R. Ramamoorthi, "Data-Driven Elastic Models for Cloth", SIGGRAPH 2011, as
     published with ARCSim. Stretching at zero strain, C11 and C22. Its shear constant acts on half of Fu . Fv, so it is
@@ -62,7 +62,7 @@ def range_of_ten(quantity: str) -> tuple[float, float]:
 
 
 def share_below(quantity: str, value: float) -> str:
-    """Return in words how many of the 618 fabrics have less, by log-linear interpolation between the quantiles."""
+    """Return in words the share of the 618 fabrics with a smaller value, by log-linear interpolation of quantiles."""
     marks = QUANTILES[quantity]
     if value < marks[0]:
         return "less than 95 % of them"

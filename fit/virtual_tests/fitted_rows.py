@@ -1,4 +1,4 @@
-"""The map from a fit's parameters to its material: the parameters behind a number, and the number's interval.
+"""Map from a fit's parameters to its material: the parameters that determine a quantity, and its interval.
 
 A number q is a function of the fitted parameters p (`fit.methods`, and effects that change the cloth). Its interval
 reaches from the least to the largest q over the corners of the box of the parameters' 90 % intervals. Every map is
@@ -25,7 +25,7 @@ Read = Callable[[Floats], float]
 
 
 class FittedRows:
-    """Material rows of vectors of a fit's parameters; a `Read` takes a number of such a row."""
+    """Material rows of parameter vectors of a fit; a `Read` returns a quantity of such a row."""
 
     def __init__(self, result: FitResult) -> None:
         """Prepare the map of a fit by our own solver that holds its material.
@@ -59,7 +59,7 @@ class FittedRows:
         return np.asarray(row)
 
     def parameters_behind(self, read: Read) -> list[FitParameter]:
-        """Return the parameters that a quantity depends on: those that change it from end to end of their range."""
+        """Return the parameters that a quantity depends on: those whose range changes its value."""
         found = []
         for k, p in enumerate(self.parameters):
             ends = []
@@ -85,5 +85,5 @@ class FittedRows:
 
 
 def effects_of(result: FitResult) -> tuple[Effect, ...]:
-    """Return the effects that a fit has, in the library's order."""
+    """Return the effects of a fit, in the library's order."""
     return tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())

@@ -1,4 +1,4 @@
-"""Virtual tests of a fitted material, as the Kawabata Evaluation System does them on cloth: tension, shear, bending.
+"""Virtual tests of a fitted material by the Kawabata Evaluation System (KES): tension, shear and bending.
 
 The material is the solver's (`fit.cloth.rollout`): tensions S11 = k E (1 + a |E|) of the Green strain E, S12 = G
 Fu . Fv, moment B kappa, and Dahl friction M_max where a fit switched it on. Per direction, forces per width of the

@@ -1,4 +1,4 @@
-"""The KES-style sheet of a fit as text: the fitted fabric on a virtual fabric tester, beside measured fabrics."""
+"""KES-style sheet of a fit as text: virtual fabric tests of the fit, with published values for comparison."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from formats.rows import aligned
 Span = tuple[float, float] | None  # a 90 % interval, where one is known
 
 HYSTERESIS = "bending_hysteresis"  # the effect that brings friction into bending
-LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
+LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # for layers that slide
 WAYS = ("warp", "weft")
 OF_A_WAY = ("first_slope", "extension", "tensile_energy", "linearity", "bending")
-NUMBERS = ("weight", "shear", *(f"{way}.{name}" for way in WAYS for name in OF_A_WAY))  # that the material decides
+NUMBERS = ("weight", "shear", *(f"{way}.{name}" for way in WAYS for name in OF_A_WAY))  # numbers from the material
 
 
 def tests_of(result: FitResult) -> Sheet:
-    """Return the virtual tests of a fit: of one layer, where the garment has several that slide on one another.
+    """Return the virtual tests of a fit; for a garment of several sliding layers, of one layer.
 
     Raises:
         FitError: the result does not hold its material, or is of another engine.
@@ -46,13 +46,13 @@ def tests_of(result: FitResult) -> Sheet:
 
 
 def _tests(material: dict[str, float], layers: int, friction: float = 0.0) -> Sheet:
-    """Return the virtual tests of one of so many layers of a material that was fitted as one."""
+    """Return the virtual tests of one layer of a material whose layers were fitted as one sheet."""
     shared = {name: value / (layers if name in LAYER_NUMBERS else 1) for name, value in material.items()}
     return make_sheet(shared, friction / layers)
 
 
-def untold_of(result: FitResult) -> dict[str, Span]:
-    """Return the 90 % interval of each number of the sheet that the takes do not identify, by its place in the sheet.
+def unidentified_of(result: FitResult) -> dict[str, Span]:
+    """Return the 90 % interval of each unidentified number of the sheet, by its path in the sheet.
 
     Raises:
         FitError: as `tests_of`.
@@ -83,25 +83,25 @@ def number_of(sheet: Sheet, place: str) -> float:
 
 
 def sheet_of(result: FitResult) -> str:
-    """Return the sheet of a fit result: of one layer, where the garment has several that slide on one another.
+    """Return the sheet of a fit result; for a garment of several sliding layers, of one layer.
 
-    A number that the takes do not identify gives place to its 90 % interval.
+    A number that the takes do not identify is replaced by its 90 % interval.
 
     Raises:
         FitError: the result does not hold its material, or is of another engine.
     """
-    sheet, untold = tests_of(result), untold_of(result)
+    sheet, unidentified = tests_of(result), unidentified_of(result)
     rows = [("quantity", "unit", "warp", "weft", "ten fabrics", "618 fabrics")]
 
     def row(name: str, unit: str, places: tuple[str, ...], ten: str = "", many: str = "") -> None:
-        cells = [_interval(untold[p]) if p in untold else f"{number_of(sheet, p):.3g}" for p in places]
+        cells = [_interval(unidentified[p]) if p in unidentified else f"{number_of(sheet, p):.3g}" for p in places]
         rows.append((name, unit, cells[0], cells[1] if len(cells) > 1 else "", _range(ten), many))
 
     def ways(name: str) -> tuple[str, str]:
         return f"warp.{name}", f"weft.{name}"
 
     def share(quantity: str, place: str) -> str:
-        return NOT_IDENTIFIED if place in untold else share_below(quantity, number_of(sheet, place))
+        return NOT_IDENTIFIED if place in unidentified else share_below(quantity, number_of(sheet, place))
 
     row("W, weight", "mg/cm2", ("weight",), "weight", share("weight", "weight"))
     row("first slope of tension", "gf/cm", ways("first_slope"), "slope")
@@ -109,12 +109,14 @@ def sheet_of(result: FitResult) -> str:
     row("WT *", "gf cm/cm2", ways("tensile_energy"))
     row("LT *", "1", ways("linearity"))
     row("G, shear 0.5 to 5 degrees", "gf/(cm deg)", ("shear",), "shear")
-    shares = [f"{way} {share(f'bending {way}', f'{way}.bending')}" for way in WAYS if f"{way}.bending" not in untold]
+    shares = [
+        f"{way} {share(f'bending {way}', f'{way}.bending')}" for way in WAYS if f"{way}.bending" not in unidentified
+    ]
     many = ", ".join(shares) or NOT_IDENTIFIED
     row("B, bending 0.5 to 1.5 1/cm", "gf cm2/cm", ways("bending"), "bending", many)
     row("2HB at 1 1/cm", "gf cm/cm", ways("bending_hysteresis"))
     head = f"Virtual fabric tests of {plain(', '.join(result.take_ids))} ({result.method})"
-    return "\n".join([head, "", *aligned(rows, right=(2, 3)), "", *_remarks(result, untold)])
+    return "\n".join([head, "", *aligned(rows, right=(2, 3)), "", *_remarks(result, unidentified)])
 
 
 def _interval(ends: Span) -> str:
@@ -128,7 +130,7 @@ def _range(quantity: str) -> str:
     return f"{low:.3g} to {high:.3g}"
 
 
-def _remarks(result: FitResult, untold: Mapping[str, Span]) -> list[str]:
+def _remarks(result: FitResult, unidentified: Mapping[str, Span]) -> list[str]:
     remarks = [
         "* extrapolated: motion loads cloth with its own weight, hundreds of times less than this test.",
         f"Ten fabrics: Wang et al. 2011, {TEN[0].name} to {TEN[-1].name}. 618 fabrics: Feng et al. 2022, "
@@ -145,7 +147,7 @@ def _remarks(result: FitResult, untold: Mapping[str, Span]) -> list[str]:
             "The weight was fitted, which motion cannot tell: weight, tension, shear and bending may all be wrong by "
             "one and the same factor. Weigh the garment and use a method with -weighed, or si."
         )
-    if untold:
+    if unidentified:
         remarks.append("A number with two ends is a 90 % interval: the takes do not identify it.")
         names = [c.name for c in result.combinations if not c.is_identified]
         if names:

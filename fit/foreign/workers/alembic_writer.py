@@ -1,8 +1,8 @@
-"""Run in Blender's own Python: write moving cloth as Alembic.
+"""Script for Blender's Python that writes moving cloth as Alembic.
 
 alembic_writer.py JOB.npz OUT.abc
 
-The job holds places, (frames, nodes, 3), triangles, rest, (nodes, 2), and fps.
+The job holds positions as `places`, (frames, nodes, 3), triangles, rest, (nodes, 2), and fps.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""The other side of `fit.foreign.process`: answer jobs until the input ends. Standard library and NumPy only."""
+"""Server side of `fit.foreign.process`: answer jobs until the input ends. Standard library and NumPy only."""
 
 import contextlib
 import os

@@ -1,5 +1,4 @@
-"""Blender's cloth in a process of its own: reads job files from standard input, answers each with the path of its
-result.
+"""Worker process that simulates jobs with Blender's cloth, from files named on its standard input.
 
 `fit.engines.blender` runs this program with any Python that has `bpy`. The program imports nothing of Hangtime. A job
 is an .npz file with

@@ -29,7 +29,7 @@ from fit.virtual_tests.kes import (
     stretch_test,
     tension,
 )
-from fit.virtual_tests.sheet import sheet_of, untold_of
+from fit.virtual_tests.sheet import sheet_of, unidentified_of
 from formats.fit_records import Combination
 from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import fit_result
@@ -164,7 +164,7 @@ def test_a_number_that_the_takes_do_not_identify_gives_place_to_its_interval():
     assert " 0.143 " in lines["B, bending 0.5 to 1.5 1/cm"]
     assert "A number with two ends is a 90 % interval: the takes do not identify it." in lines
     assert "two ends" not in sheet_of(known(a_fit()))
-    assert set(untold_of(result)) == {
+    assert set(unidentified_of(result)) == {
         f"{way}.{name}"
         for way in ("warp", "weft")
         for name in ("first_slope", "extension", "tensile_energy", "linearity")
@@ -194,17 +194,17 @@ def test_a_parameter_at_an_end_of_its_range_decides_what_it_decides_elsewhere():
     """A stretch stiffness at its largest is 1000 N/m or whatever the range ends with, and so not told all the same."""
     for p in known(a_fit()).parameters[:1]:
         result = known(a_fit(values={p.name: p.maximum}), p.name)
-        assert "warp.first_slope" in untold_of(result)
+        assert "warp.first_slope" in unidentified_of(result)
 
 
 def test_the_sheet_names_the_combinations_that_are_not_identified_and_no_others():
-    told, untold = (
+    told, unidentified = (
         Combination(
             name=name, unit="m2/s2", initial=1.0, fitted=1.0, interval_low=0.5, interval_high=2.0, is_identified=is_told
         )
         for name, is_told in (("shear stiffness / density", True), ("stretch stiffness / density", False))
     )
-    result = msgspec.structs.replace(known(a_fit(), "stretch_stiffness"), combinations=[told, untold])
+    result = msgspec.structs.replace(known(a_fit(), "stretch_stiffness"), combinations=[told, unidentified])
     assert "The takes do not identify stretch stiffness / density." in sheet_of(result).splitlines()
 
 

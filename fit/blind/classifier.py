@@ -1,9 +1,9 @@
 """Baseline without physics: a linear classifier that names an effect from features of the gap.
 
-The features are of three kinds: the base model's error by region, phase, frequency and direction; the shape of the
-missing force; and the gap over the noise. They exclude all findings of the diagnosis on effects. The classifier is a
-ridge regression from standardised features to one-hot labels, a linear discriminant. Each case is classified by the
-other cases (leave-one-out, exact):
+The features are the base model's error by region, phase, frequency and direction, the shape of the missing force, and
+the gap over the noise. They exclude all findings of the diagnosis on effects. The classifier is a ridge regression from
+standardised features to one-hot labels, a linear discriminant. Each case is classified by the other cases
+(leave-one-out, exact):
 
     b = (X'X + L I)^-1 X'Y,   prediction without case i: (X_i b - h_i Y_i) / (1 - h_i),   h = diag(X (X'X + L I)^-1 X')
 

@@ -30,7 +30,7 @@ from fit.blind.boundary import real_ends
 from fit.blind.cases import CREATED, FILES, Kind, drawn_names, rounds, whole_case
 from fit.blind.engine import Cloth
 from fit.blind.plants import Plant, Planted, choose_plants
-from fit.blind.sensing import eroded, ironing
+from fit.blind.sensing import eroded, smoothing_matrix
 from fit.errors import FitError
 from formats.archive import read_take, write_take
 from formats.arrays import Booleans, Floats
@@ -259,7 +259,7 @@ def _corner_erosion(take: Take, planted: Planted) -> Take:
 
 def _tracker_smoothing(take: Take, planted: Planted) -> Take:
     points, is_seen = _filled(take), take.points_valid.any(0)
-    smooth = np.einsum("pq,fqc->fpc", ironing(_flat(take)[is_seen]), points[:, is_seen])
+    smooth = np.einsum("pq,fqc->fpc", smoothing_matrix(_flat(take)[is_seen]), points[:, is_seen])
     points[:, is_seen] += planted.amplitude * (smooth - points[:, is_seen])
     return _with_points(take, points)
 

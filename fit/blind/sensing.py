@@ -43,7 +43,8 @@ def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tup
     last = (len(points) - 1) / SAMPLES_A_SECOND
     seen = CubicSpline(np.arange(len(points)) / SAMPLES_A_SECOND, points)(np.clip(instants, 0.0, last))
     if "tracker_smoothing" in faults:
-        seen = seen + faults["tracker_smoothing"].amplitude * (np.einsum("pq,fqc->fpc", ironing(flat), seen) - seen)
+        smooth = np.einsum("pq,fqc->fpc", smoothing_matrix(flat), seen)
+        seen = seen + faults["tracker_smoothing"].amplitude * (smooth - seen)
     if "corner_erosion" in faults:
         seen = eroded(seen, flat, faults["corner_erosion"].amplitude)
     return np.asarray(seen)
@@ -64,7 +65,7 @@ def lagged(points: Floats, delay: float) -> Floats:
     return np.asarray(columns.reshape(points.shape))
 
 
-def ironing(flat: Floats) -> Floats:
+def smoothing_matrix(flat: Floats) -> Floats:
     """Return the matrix of local-linear regression of points on their neighbours, (points, points).
 
     Affine shapes do not change."""

@@ -1,4 +1,4 @@
-"""The library of effects. A new effect is one file and one line in `LIBRARY`."""
+"""Library of the unmodelled effects that a diagnosis tests; each effect is one file and one line in `LIBRARY`."""
 
 from fit.cloth.effect import Effect
 from fit.effects.added_mass import AddedMass

@@ -1,4 +1,4 @@
-"""Bending hysteresis: threads rub on each other when cloth bends, so that its moment depends on the way it came.
+"""Bending hysteresis: threads rub on each other when cloth bends, so that the moment depends on the bending history.
 
     dM/dkappa = s_0 (1 - sign(dkappa) M / M_max),     s_0 = M_max / kappa_ref
 
@@ -32,7 +32,7 @@ class BendingHysteresis(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 2e-3
     typical: ClassVar[float] = 2e-4
-    law_spread: ClassVar[float] = 0.15  # threads that begin to slip one after the other instead of together
+    law_spread: ClassVar[float] = 0.15  # laws in which threads begin to slip one after the other
     bends: ClassVar[bool] = True
 
     def friction_moment(self, amplitude: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Clip slack: the held ends are nearer to each other, or further apart, than the rig says.
+"""Clip slack: the held ends are nearer to each other, or further apart, than the rig's file states.
 
     held_k(t) = measured_k(t) ± (a / 2) x(t)
 

@@ -1,4 +1,4 @@
-"""Eroded outline: the far border of a silhouette is eaten, the more the further the cloth leans.
+"""Eroded outline: the far border of a silhouette is eroded, the more the further the cloth leans.
 
     y_p = x_p - a g_f (v_p / l) t_p,   g_f = sum_p v_p t_p . n_f / sum_p v_p
 
@@ -30,7 +30,7 @@ class ErodedOutline(Effect):
     """Loss of the far border per unit of the cloth's lean."""
 
     name: ClassVar[str] = "eroded_outline"
-    title: ClassVar[str] = "an outline that is eaten by pose"
+    title: ClassVar[str] = "an outline that is eroded by pose"
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "m"
     low: ClassVar[float] = -0.15

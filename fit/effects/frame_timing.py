@@ -1,4 +1,4 @@
-"""Frame timing: each frame's stamp says when it was published, later by a share of the time its processing took.
+"""Frame timing: each frame's time stamp is the time of its publication, delayed by a share of its processing time.
 
     y(t_f) = x(t_f - a (d_f - median d)),   |a (d_f - median d)| <= median d
 
@@ -34,10 +34,10 @@ class FrameTiming(Effect):
     low: ClassVar[float] = -0.5
     high: ClassVar[float] = 1.5
     typical: ClassVar[float] = 0.5
-    law_spread: ClassVar[float] = 0.1  # what else a computer does between two frames
+    law_spread: ClassVar[float] = 0.1  # other work of the computer between two frames
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return the points as they were when the camera saw them."""
+        """Return the points at the true exposure times of the frames."""
         from scipy.interpolate import CubicSpline
 
         late = amplitude[0] * uneven_intervals(recording.time)

@@ -1,4 +1,4 @@
-"""Gravity tilt: the rig's direction of gravity is not the true one.
+"""Gravity tilt: the direction of gravity in the rig's file differs from the true direction.
 
     g = 9.80665 (sin a_x, sin a_y, -sqrt(1 - sin^2 a_x - sin^2 a_y))        [m/s^2]
 

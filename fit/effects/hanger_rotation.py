@@ -6,15 +6,16 @@
 The edge turns about its middle m. The yaw psi turns it about the vertical z. The roll phi turns it about the edge's
 level normal n, in the plane of the hanging cloth.
 
-The tracked points along the held edge give the courses p [rad] of both angles against the measured path. The angle is a
-least-squares line through the points' displacements along the edge. The same 6 Hz smoothing as the path's acts on these
-displacements. The root mean square of p over the fitted takes is s, so the amplitude is the rotation in those takes. A
-take that turns twice as much gets twice the rotation. Points on the held edge measure the boundary and are not judged.
+The tracked points along the held edge give both angles p [rad] relative to the measured path, over time. Each angle is
+the slope of a least-squares line through the points' displacements along the edge. The same 6 Hz smoothing as the
+path's acts on these displacements. The root mean square of p over the fitted takes is s, so the amplitude is the
+rotation in those takes. A take that turns twice as much gets twice the rotation. Points on the held edge measure the
+boundary and are not judged.
 
 The amplitude is a, of yaw and of roll; positive turns the way that the tracked edge shows.
 
 Believe it when the tracked points along the held edge turn and the markers do not. Without points on that edge this
-effect has nothing to go by.
+effect is not identifiable.
 
 Source: small rotations, H. Goldstein, "Classical Mechanics" (1980), section 4.8.
 """
@@ -31,7 +32,7 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True)
 class HangerRotation(Effect):
-    """Yaw and roll of the held edge against the markers, root mean square over the takes that are fitted to."""
+    """Yaw and roll of the held edge relative to the markers, root mean square over the fitted takes."""
 
     name: ClassVar[str] = "hanger_rotation"
     title: ClassVar[str] = "a rotation of the hanger that was not captured"

@@ -35,5 +35,5 @@ class TimeOffset(Effect):
     law_spread: ClassVar[float] = 0.0
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
-        """Return the path of the held ends as it was tau earlier."""
+        """Return the path of the held ends, delayed by tau."""
         return lambda instants: path(instants - amplitude[0])

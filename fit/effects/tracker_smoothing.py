@@ -1,4 +1,4 @@
-"""Tracker smoothing: a tracker with a smoothness prior irons the wrinkles out of its points.
+"""Tracker smoothing: a tracker with a smoothness prior flattens the wrinkles of its points.
 
     y_p = (1 - a) x_p + a mean_{q near p} x_q
 
@@ -34,13 +34,13 @@ class TrackerSmoothing(Effect):
     """Share of each point that is replaced by the mean of its neighbours."""
 
     name: ClassVar[str] = "tracker_smoothing"
-    title: ClassVar[str] = "a tracker that irons out wrinkles"
+    title: ClassVar[str] = "a tracker that smooths out wrinkles"
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 1.5
     typical: ClassVar[float] = 0.4
-    law_spread: ClassVar[float] = 0.3  # which neighbours a tracker takes, and with which weights, is its own affair
+    law_spread: ClassVar[float] = 0.3  # trackers differ in their neighbours and weights
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the smoothed points."""
@@ -50,8 +50,8 @@ class TrackerSmoothing(Effect):
         return np.asarray(points + amplitude[0] * (np.einsum("pq,fqc->fpc", mixing, points) - points))
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return targets with the wrinkles that were ironed out, to first order; these stay lost."""
-        known = recording.has_curve  # others have no targets to be mixed in
+        """Return targets with the smoothing inverted to first order; the lost wrinkles stay lost."""
+        known = recording.has_curve  # points without a curve have no targets
         mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points])[known])
         share, found = min(float(amplitude[0]), 1.0), targets.copy()
         found[:, known] += share * (targets[:, known] - np.einsum("pq,fqc->fpc", mixing, targets[:, known]))

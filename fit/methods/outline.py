@@ -5,8 +5,8 @@ and the polygon P of the other,
 
     O = 1/2 (mean of |p_seen, P_simulated| + mean of |p_simulated, P_seen|)        [m]
 
-So a point may slide along the edge at no cost, as an image of an edge does not show which part of it is seen. Frames in
-which a point of the edge is not seen are left out. Held points count too; they agree in any case.
+So a point may slide along the edge at no cost, because an image does not identify points along an edge. Frames in which
+a point of the edge is not seen are left out. Held points count too; they agree in any case.
 
 Sources: K. S. Bhat et al., "Estimating cloth simulation parameters from video" (SCA 2003); N. Hasler et al.,
 "Physically based tracking of cloth" (VMV 2006). Both compare the fabric's silhouette in pictures. We compare polygons

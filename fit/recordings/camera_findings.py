@@ -1,6 +1,6 @@
 """Report a camera's faults in takes, with their sizes and intervals.
 
-The faults are late stamps, skewed grids, a moved edge, points that slide, an eaten outline, wrong depths, and a lean.
+The faults are late stamps, skewed grids, a moved edge, points that slide, an eroded outline, wrong depths, and a lean.
 Sizes over several takes are means over the takes, weighted by their certainty. Their 90 % interval comes from the
 spread over the takes or from the intervals of the takes, whichever is larger.
 """
@@ -32,7 +32,7 @@ def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
     found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings)]
     # If points and path do not belong together, no further finding is valid.
     sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]
-    for more in (_edge, _offset, _placed, _eaten, _scaled, _leaning):
+    for more in (_edge, _offset, _placed, _eroded, _scaled, _leaning):
         found += more(sound)
     for describe, is_fault in ((describe_contradiction, True), (describe_steady, False)):
         if recordings and (sentence := describe(recordings[0].garment, recordings)):
@@ -66,7 +66,7 @@ def _short(one: CameraFinding) -> str:
         "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
         "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
-        "eaten_border": f"a border eaten by {1e3 * one.figure:.1f} mm",
+        "eaten_border": f"a border eroded by {1e3 * one.figure:.1f} mm",
         "eaten_by_pose": f"an outline that depends on pose, by {1e3 * abs(one.figure):.0f} mm per unit of lean",
     }.get(one.name, "")
 
@@ -215,7 +215,7 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
     )]  # fmt: skip
 
 
-def _eaten(recordings: Sequence[Recording]) -> list[CameraFinding]:
+def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return the erosion of the borders, and its dependence on pose, if certain."""
     shown = [(r, r.camera.outline) for r in recordings if r.camera.outline is not None]
     found = []

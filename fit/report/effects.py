@@ -129,14 +129,14 @@ SHOWN: dict[str, Shown] = {
         "share by which the points' clock is slower",
     ),
     "tracker_smoothing": Shown(
-        "The tracker irons wrinkles out of its points.", "share of each wrinkle that is ironed out"
+        "The tracker smooths wrinkles out of its points.", "share of each wrinkle that is smoothed out"
     ),
     "sliding_points": Shown(
         "A grid is laid evenly over what the camera sees, so that its points slide along the cloth.",
         "share of the sliding that the grid's length shows",
     ),
     "eroded_outline": Shown(
-        "The far border of the silhouette is eaten, the more the further the cloth leans.",
+        "The far border of the silhouette is eroded, the more the further the cloth leans.",
         "length lost at the border per unit of lean",
     ),
     "frame_timing": Shown(

@@ -93,9 +93,9 @@ def test_clock_drift_grows_with_time():
     assert seen[:, 0, 0] == pytest.approx([0.99, 1.98], abs=1e-9)
 
 
-def test_ironing_keeps_a_tilted_plane_and_flattens_a_wrinkle():
+def test_smoothing_keeps_a_tilted_plane_and_flattens_a_wrinkle():
     flat = np.array([(x, y) for y in range(5) for x in range(5)], float)
-    mixing = sensing.ironing(flat)
+    mixing = sensing.smoothing_matrix(flat)
     assert mixing @ (2 * flat[:, 0] - 3 * flat[:, 1] + 1) == pytest.approx(2 * flat[:, 0] - 3 * flat[:, 1] + 1)
     wrinkle = (-1.0) ** (flat[:, 0] + flat[:, 1])
     assert np.abs(mixing @ wrinkle).max() < 0.7

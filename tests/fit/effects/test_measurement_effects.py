@@ -110,7 +110,7 @@ def test_a_grid_slides_as_its_length_shows():
     assert (effect("sliding_points").observe(placed.points, placed, np.array([1.0])) is placed.points) is True
 
 
-def test_an_outline_is_eaten_on_one_side_of_the_swing_and_longer_on_the_other():
+def test_an_outline_is_eroded_on_one_side_of_the_swing_and_longer_on_the_other():
     """A flat sheet that leans by 30 degrees loses 0.06 m x 1/2 at its border, half of it in the middle."""
     time = np.arange(40) * FRAME
     flat = hung(sheet(grid=5), time)
@@ -123,7 +123,7 @@ def test_an_outline_is_eaten_on_one_side_of_the_swing_and_longer_on_the_other():
         assert lost[:5] == pytest.approx(0.0)
 
 
-def test_no_outline_is_eaten_where_the_points_are_stated_as_material():
+def test_no_outline_is_eroded_where_the_points_are_stated_as_material():
     time = uneven()
     for stated, stays in (("material", True), (None, False)):
         take = prepare(swung(silhouette_sheet(stated), time, time))
@@ -155,7 +155,7 @@ def test_an_eroded_corner_is_seen_nearer_to_the_middle():
     assert abs(border[0, 14, 0]) == pytest.approx(0.01)  # middle of the right border, half a width from the middle
 
 
-def test_ironing_leaves_flat_cloth_and_lowers_a_bump():
+def test_smoothing_leaves_flat_cloth_and_lowers_a_bump():
     flat = hung(sheet(grid=5), np.zeros(40))
     assert observed("tracker_smoothing", 0.4, flat) == pytest.approx(flat)
     bumpy = flat.copy()
@@ -163,7 +163,7 @@ def test_ironing_leaves_flat_cloth_and_lowers_a_bump():
     assert observed("tracker_smoothing", 0.4, bumpy)[0, 12, 1] == pytest.approx(0.006)
 
 
-def test_a_point_that_nobody_saw_is_not_ironed_back_into_its_neighbours():
+def test_a_point_that_nobody_saw_is_not_smoothed_back_into_its_neighbours():
     """Its target is the origin, 1.5 m away: the pull on its neighbours takes no part of it."""
     time = np.arange(0, 2, FRAME)
     garment = sheet(grid=5)

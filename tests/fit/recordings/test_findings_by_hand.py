@@ -190,14 +190,14 @@ def outline(bottom=0.01, side=0.004, by_pose=None, half=0.001):
     )  # fmt: skip
 
 
-def test_an_eaten_border_is_the_mean_of_its_three_sides():
+def test_an_eroded_border_is_the_mean_of_its_three_sides():
     (one,) = found(recording(outline=outline()))
     assert one.figure == pytest.approx(0.006)
     assert one.interval == pytest.approx((0.006 - np.hypot(1, 2) / 3e3, 0.006 + np.hypot(1, 2) / 3e3))
     assert "by 10.0 mm [9.0 to 11.0] at the bottom and 4.0 mm [3.0 to 5.0] at each side" in one.sentence
     assert found(recording(outline=outline(0.002, 0.0019))) == []
     assert found(recording(outline=outline(half=0.01))) == []
-    assert "a border eaten by 6.0 mm" in camera_clause([one])
+    assert "a border eroded by 6.0 mm" in camera_clause([one])
 
 
 @pytest.mark.parametrize(("by_pose", "words"), [(0.03, "loses 30 mm"), (-0.03, "gains 30 mm"), (0.009, None)])

@@ -1,4 +1,4 @@
-"""What is eaten of a silhouette, wrong depths and a lean at rest: found with their size, without a simulation."""
+"""Erosion of a silhouette, wrong depths and a lean at rest are found with their size, without a simulation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def named_of(recording):
     return {one.name: one for one in describe_camera([recording])}
 
 
-def test_a_border_that_is_eaten_is_named_with_its_size():
+def test_an_eroded_border_is_named_with_its_size():
     """The grid is laid over 290 of 300 mm down the cloth: 10 mm at the bottom, none at the sides, 3.3 on average."""
     time = uneven()
     take = swung(silhouette_sheet(), time, time, seen_length=np.full(len(time), 29 / 30), noise=0.001)
@@ -36,7 +36,7 @@ def test_a_border_that_is_eaten_is_named_with_its_size():
 
 
 @pytest.mark.slow
-def test_what_is_eaten_by_pose_is_the_loss_per_unit_of_lean():
+def test_erosion_by_pose_is_the_loss_per_unit_of_lean():
     """The sheet of `swung` leans by sin(0.5 sin(2 pi 0.9 t)) along y, which is the level normal."""
     time = uneven()
     lean = np.sin(0.5 * np.sin(2 * np.pi * 0.9 * time))

@@ -1,4 +1,4 @@
-"""`--anyway`: the option of every command that refuses numbers that no cloth, hanger or camera has."""
+"""The option `--anyway` of every command that refuses implausible numbers."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from typing import Annotated
 import typer
 
 Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Accept sizes, weights, times and leaps that no cloth, hanger or camera has.")
+    bool, typer.Option("--anyway", help="Accept sizes, weights, times and jumps that no cloth, hanger or camera has.")
 ]

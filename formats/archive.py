@@ -1,4 +1,7 @@
-"""Take archives: one recording in one MCAP file that survives a power cut and a flipped bit. See `formats/SPEC.md`."""
+"""Read and write take archives: one recording in one MCAP file that survives power cuts and flipped bits.
+
+`formats/SPEC.md` specifies the format.
+"""
 
 from __future__ import annotations
 

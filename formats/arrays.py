@@ -1,4 +1,4 @@
-"""Name the array types that Hangtime's functions take and return."""
+"""Names for the array types that Hangtime's functions take and return."""
 
 from __future__ import annotations
 

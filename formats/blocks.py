@@ -1,4 +1,4 @@
-"""Turn frames into the columns of blocks, and back: everything is a whole number. See `formats/SPEC.md`."""
+"""Convert frames to the integer columns of blocks, and back. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from formats.table_memory import AT_ONCE
 
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
 TICKS = 10**6  # a second
-LATEST = 10**16  # ticks, three centuries, in which sums of seconds still keep their microseconds
-PLACE_STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: places are stored in the coarsest that is a tenth of each deviation
+LATEST = 10**16  # ticks, three centuries: up to there, sums of seconds resolve microseconds
+PLACE_STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: a block uses the coarsest step below a tenth of each deviation
 FARTHEST_PLACE = 1000.0  # m: no sensor sees so far, and the finest step reaches twice as far
-ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
+ANGLE_STEP = 1e-4  # rad: a hundredth of a depth sensor's resolution
 MOST_TURN = 1000.0  # rad
 QUALITY_STEPS, NO_QUALITY = 254, 255
 UNKNOWN, EXACT, BOUNDLESS, FIRST_SD = 0, 1, 2, 3  # deviations that are NaN, 0, infinite, and `SMALLEST_SD`
 SMALLEST_SD, LARGEST_SD = 1e-9, 1e9
-SD_STEPS = 32  # an octave: a deviation is kept to 1.1 per cent
+SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
 Columns = dict[str, NDArray[Any]]
 
@@ -35,10 +35,10 @@ class Frame:
 
     - `time` [s]
     - `markers`, `held` [m], (2, 3); `points` [m], (points, 3)
-    - deviations per axis [m], in the same shapes
+    - standard deviations per axis [m], in the same shapes
     - `state`: bits of `formats.take.FrameState`
     - `pitch`, `pitch_sd` [rad]: NaN where not seen
-    - `points_hidden`, (points,): None where nobody looked
+    - `points_hidden`, (points,): whether something occludes the point; None where not determined
     - `quality`: 0 to 1
     """
 
@@ -64,13 +64,13 @@ class Frame:
 
 
 def check_columns(columns: Columns, *, points: int, take_id: str, first: int, after: float) -> None:
-    """Refuse a block that an archive cannot hold as it is.
+    """Refuse a block that an archive cannot store unchanged.
 
-    first: number of the first row; after [s]: time of the row before
+    first: frame number of the first row; after [s]: time of the row before
 
     Raises:
-        TakeError: time does not increase or lies centuries away, a valid value is no number, a number lies
-            beyond what is stored, or a shape is wrong; names the frame.
+        TakeError: time does not increase or lies centuries away, a valid value is not finite, a number is out of range,
+            or a shape is wrong; names the frame.
     """
     time = columns["time"]
 
@@ -129,14 +129,14 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
 
 
 def most_rows(points: int) -> int:
-    """Return how many frames a block of so many points holds at most, so that a reader can decode it with others."""
+    """Return the largest number of frames of a block, such that readers can decode several blocks together."""
     return max(min(MOST_ROWS, AT_ONCE // sum(widths(points).values())), 1)
 
 
 def cut_into_blocks(time: Floats, seconds: float, most: int = MOST_ROWS) -> Integers:
-    """Return how many frames each block holds: it ends with the frame that reaches `seconds`, or before a gap.
+    """Return the number of frames of each block: a block ends with the frame that reaches `seconds`, or before a gap.
 
-    most: frames of a block
+    most: largest number of frames in a block
     """
     rows, start = [], 0
     while start < len(time):
@@ -150,7 +150,7 @@ def cut_into_blocks(time: Floats, seconds: float, most: int = MOST_ROWS) -> Inte
 
 
 def encode_blocks(columns: Columns, rows: Integers, first: int) -> list[dict[str, Any]]:
-    """Return checked columns as the contents of `/block` messages, the first of which begins with frame `first`."""
+    """Return checked columns as the contents of `/block` messages; the first one begins with frame number `first`."""
     starts = np.cumsum(rows) - rows
     steps = np.stack(
         [_steps(columns[f"{name}_sd"], columns[f"{name}_valid"], starts) for name in ("held", "points")], 1
@@ -196,14 +196,14 @@ LAYOUT = (
 
 
 def widths(points: int) -> dict[str, int]:
-    """Return how many columns of a table each quantity of a take with so many points has, in their order."""
+    """Return the number of table columns of each quantity, in the order of the table."""
     of_points = {"points": 3 * points, "points_sd": 3 * points, "points_valid": points, "points_hidden": points}
     of_ends = {"held": 6, "markers": 6, "held_sd": 6, "held_valid": 2, "markers_valid": 2}
     return {name: of_points.get(name, of_ends.get(name, 1)) for name in LAYOUT}
 
 
 def _steps(sd: Floats, valid: Booleans, starts: Integers) -> Integers:
-    """Return which step each block has: the coarsest that is at most a tenth of every deviation of a valid place."""
+    """Return the index of each block's step, the coarsest that is at most a tenth of every valid deviation."""
     sd = np.where(valid[..., None] & (sd >= 0), sd, np.inf).reshape(len(sd), -1)
     least = np.minimum.reduceat(sd.min(1, initial=np.inf), starts)
     return np.select(
@@ -212,7 +212,7 @@ def _steps(sd: Floats, valid: Booleans, starts: Integers) -> Integers:
 
 
 def _quantised(values: Floats, valid: Booleans, step: Floats) -> Integers:
-    """Return places in whole steps, (rows, 3 places); one that is not valid repeats the one before."""
+    """Return positions in whole steps, (rows, 3 positions); an invalid position repeats the one before."""
     flat = np.where(valid[..., None], values, 0.0).reshape(len(values), -1)
     whole = np.rint(flat / step[:, None])
     if (np.abs(whole * step[:, None] - flat) > 0.5 * step[:, None] * (1 + 1e-6)).any():
@@ -221,7 +221,7 @@ def _quantised(values: Floats, valid: Booleans, step: Floats) -> Integers:
 
 
 def _filled(values: NDArray[Any], valid: Booleans) -> NDArray[Any]:
-    """Return values, (rows, columns), where each that is not valid repeats the last valid one, or the first."""
+    """Return values, (rows, columns), with each invalid value replaced by the last valid one, or else the first."""
     if valid.all():
         return values
     rows = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None], -1), axis=0)
@@ -230,7 +230,7 @@ def _filled(values: NDArray[Any], valid: Booleans) -> NDArray[Any]:
 
 
 def _sd_codes(sd: Floats, valid: Booleans) -> NDArray[Any]:
-    """Return deviations as codes of their logarithm, (rows, columns); one of no valid place repeats the one before."""
+    """Return codes of the deviations' logarithms, (rows, columns); an invalid position repeats the code before."""
     flat = np.asarray(sd, float).reshape(len(sd), -1)
     usual = np.clip(np.where(flat > 0, flat, SMALLEST_SD), SMALLEST_SD, LARGEST_SD)
     codes = np.rint(SD_STEPS * np.log2(usual / SMALLEST_SD)) + FIRST_SD
@@ -252,8 +252,8 @@ _SDS = np.array(
 def decode_blocks(blocks: Sequence[dict[str, Any]], points: int) -> tuple[Columns, Booleans]:
     """Return the columns of `/block` messages by the names of `formats.take.Take`, and which blocks are sound.
 
-    Each block's `first`, `frames`, `start` and `steps` are whole numbers (`formats.take_reader`
-    checks it). A block that does not hold together is left out.
+    Each block's `first`, `frames`, `start` and `steps` must be whole numbers; `formats.take_reader` checks them. A
+    malformed block is left out.
     """
     rows = np.array([block["frames"] for block in blocks], np.int64)
     width = widths(points)

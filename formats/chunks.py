@@ -1,4 +1,4 @@
-"""Find the sound chunks of an MCAP file, however damaged: each is judged by its own lengths and checksum.
+"""Find the sound chunks of a damaged MCAP file, each checked by its own lengths and checksum.
 
 Layout of a chunk record (https://mcap.dev/spec, version 0), with the bytes of each part:
 
@@ -21,13 +21,13 @@ from formats.arrays import Integers
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
-LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
+LARGEST_WINDOW = 1 << 23  # bytes of zstd's window
 # Bytes that each of a chunk's own may unpack to. Blocks have 1 to 17, of 2000 points that nobody sees 390. A header of
 # 2000 points has 5, one of notes that repeat themselves 50. A second of version 1 at rest has 18 to 1700 (2000 points).
 UNPACKED = 32
-FREE_BYTES = 1 << 26  # beyond that, in all chunks of a file together
-COPY_EVERY = 20  # chunks from one copy of a header to the next that costs nothing of it: writers put 30 blocks there
-RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # own bytes of a chunk for each of its records; records beyond that in a file
+FREE_BYTES = 1 << 26  # budget beyond that, for all chunks of a file together
+COPY_EVERY = 20  # chunks between copies of a header that are free of charge: writers put 30 blocks between them
+RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # packed bytes for each record of a chunk; budget of a file beyond that
 SLAB = 1 << 20  # bytes searched at once for the next chunk
 FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
 LONGEST_NAME = 16  # bytes of a compression's name
@@ -37,33 +37,33 @@ KNOWN = {0x01, 0x02, 0x03, 0x04, 0x07, 0x08, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F}  # re
 
 @dataclass
 class Findings:
-    """The findings about a file besides its messages."""
+    """The state of a file, beside its messages."""
 
     damaged: int = 0
-    is_whole: bool = False  # it ends as MCAP files do
+    is_whole: bool = False  # the file has the end of an MCAP file
     trailing: int = 0  # bytes behind that end
     other_compressions: set[str] = field(default_factory=set)
-    left_packed: int = 0  # chunks that seem sound, and for which these bytes do not suffice
-    bytes_left: int = FREE_BYTES  # that chunks may still unpack to beyond their share
-    records_left: int = FREE_RECORDS  # that chunks may still hold beyond theirs
+    left_packed: int = 0  # chunks that seem sound, but exceed `bytes_left`
+    bytes_left: int = FREE_BYTES  # budget of unpacked bytes beyond the chunks' shares
+    records_left: int = FREE_RECORDS  # budget of records beyond the chunks' shares
     _chunks: int = 0  # unpacked so far
-    _last_copy: int = 0  # of them when the last copy of a header came
+    _last_copy: int = 0  # value of `_chunks` at the last copy of a header
     _beyond: int = 0  # bytes that the last chunk took beyond its share
 
     def charge(self, beyond: int) -> None:
-        """Take the bytes that a chunk unpacks to beyond its share."""
+        """Charge the budget with the unpacked bytes of a chunk beyond its share."""
         self.bytes_left -= beyond
         self._beyond, self._chunks = beyond, self._chunks + 1
 
-    def take_for_copy(self, size: int) -> None:
-        """Give back what the last chunk took for so many bytes: they are a header's that was read, and nothing more."""
+    def refund_copy(self, size: int) -> None:
+        """Refund the last chunk's charge up to `size` bytes, since it holds a copy of a known header only."""
         if self._chunks - self._last_copy >= COPY_EVERY:
             self.bytes_left += min(self._beyond, size)
             self._last_copy = self._chunks
 
 
 def profile_of(raw: bytes) -> str | None:
-    """Return the profile that an MCAP file states, None where its beginning does not hold."""
+    """Return the profile that an MCAP file states, None where the beginning of the file is damaged."""
     if not raw.startswith(MCAP_MAGIC) or len(raw) < 21 or raw[8] != Opcode.HEADER:
         return None
     length, size = struct.unpack_from("<QI", raw, 9)
@@ -73,17 +73,18 @@ def profile_of(raw: bytes) -> str | None:
 
 
 def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
-    """Yield the data of every message, as `messages_with_sizes`."""
+    """Yield the data of every message; see `messages_with_sizes`."""
     return (data for data, _ in messages_with_sizes(raw, findings))
 
 
 def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes, int]]:
-    """Yield the data of every message in every sound chunk, and its share of the file [bytes]; go on after damage.
+    """Yield the data of every message in every sound chunk, and the message's share of the file [bytes].
 
-    A record that holds no frames is skipped by its length. Where a chunk seems to begin within it, that length is
-    damaged. Behind the end of the file sound chunks are found too, and everything else there is no damage: it is
-    trailing. The time is linear in the file's length. A chunk has a share of bytes and records for its own length.
-    One that needs more, when the file has no more to give, stays packed. Those behind it are read.
+    The search continues after damage. A record without frames is skipped by its length. A length within which a chunk
+    seems to begin counts as damaged. Sound chunks behind the end of the file count too; other bytes there are trailing,
+    and no damage. The time is linear in the file's length. Each chunk has a share of unpacked bytes and records in
+    proportion to its length. A chunk beyond its share takes from the file's budget. If the budget is spent, the chunk
+    stays packed, and the chunks behind it are still read.
     """
     at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
     findings.damaged += at == 0
@@ -110,14 +111,14 @@ def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes,
 
 
 class _Starts:
-    """The places of a file at which a chunk seems to begin: its lengths agree, and it ends within the file."""
+    """The offsets at which a chunk seems to begin: the chunk's lengths agree, and the chunk ends within the file."""
 
     def __init__(self, raw: bytes) -> None:
         self._raw, self._found, self._searched = raw, np.empty(0, np.int64), 0
         self._asked, self._told = 0, -1
 
     def next_at(self, at: int) -> int:
-        """Return the first of them from `at` on, the end of the file where there is none."""
+        """Return the first such offset from `at` on, or the end of the file."""
         if not self._asked <= at <= self._told:
             self._asked, self._told = at, self._sought(at)
         return self._told
@@ -143,17 +144,17 @@ class _Starts:
         return np.asarray(at[self._number(at + 41 + name, 8) == length - 40 - name])
 
     def _number(self, at: Integers, size: int) -> Integers:
-        """Return the numbers of `size` bytes at these places; one beyond 2^62 as that."""
+        """Return the numbers of `size` bytes at these offsets; a number above 2^62 becomes 2^62."""
         view = np.ndarray((len(self._raw) - size + 1,), f"<u{size}", self._raw, strides=(1,))
         most = np.array(2**62 if size == 8 else 2**32 - 1, view.dtype)
         return np.asarray(np.minimum(view[at], most), np.int64)
 
 
 def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings) -> bytes | None:
-    """Return the unpacked records of the chunk between two places, None where it does not hold or is too large.
+    """Return the unpacked records of the chunk between two offsets, None where the chunk is damaged or too large.
 
-    They are empty where the file has no more bytes to unpack it; nobody has looked whether it holds.
-    A chunk in which another one seems to begin has no share: such chunks can overlap, all others lie side by side.
+    The result is empty where the budget does not suffice; the chunk's checksum was not verified then. A chunk within
+    which another chunk seems to begin has no share, since only such chunks can overlap.
     """
     if end - at < FIXED + 4:
         return None
@@ -161,7 +162,7 @@ def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings)
     begin = at + 49 + name_length
     if name_length > LONGEST_NAME or begin > end or struct.unpack_from("<Q", raw, begin - 8)[0] != end - begin:
         return None
-    if not 0 < size <= LARGEST_CHUNK or crc == 0:  # MCAP lets a checksum of 0 mean that there is none
+    if not 0 < size <= LARGEST_CHUNK or crc == 0:  # in MCAP a checksum of 0 stands for none
         return None
     compression, packed = raw[at + 41 : begin - 8], memoryview(raw)[begin:end]
     if compression not in (b"zstd", b""):
@@ -197,7 +198,7 @@ _UNPACKER = zstandard.ZstdDecompressor(max_window_size=LARGEST_WINDOW)
 
 
 def _message_data(records: bytes, share: int, findings: Findings) -> Iterator[bytes]:
-    """Yield the data of the messages among a chunk's records: after the opcode and length, 22 bytes of stamps."""
+    """Yield the data of the messages among a chunk's records, without the opcode, the length and 22 bytes of stamps."""
     at = 0
     while at + 9 <= len(records):
         if share > 0:

@@ -20,7 +20,7 @@ DESCRIBED_AS = ".toml"
 
 
 class DecimalSign(StrEnum):
-    """Words for the sign that parts decimals."""
+    """Names of the decimal separators."""
 
     COMMA = "comma"
     POINT = "point"
@@ -59,8 +59,8 @@ def import_recordings(
     decimal: Annotated[
         DecimalSign | None,
         typer.Option("--decimal", show_default="as the file shows",
-                     help="Sign before the decimals of a text; the other one is between thousands. Needed where "
-                     "numbers have both signs, or where 1,234 may be 1234 or 1.234; the import then asks for it."),
+                     help="Decimal separator of a text file; the other character separates thousands. Needed where "
+                     "numbers have both, or where 1,234 may be 1234 or 1.234; the import then asks for it."),
     ] = None,
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
@@ -77,8 +77,8 @@ def import_recordings(
 ) -> None:  # fmt: skip
     """Turn other people's recordings into takes, with a rig and a garment description beside them.
 
-    Exit code 2: at least one recording cannot be imported, or a description not be replaced; the end names each
-    recording that is lost.
+    Exit code 2: at least one recording cannot be imported, or a description cannot be replaced. The last lines name
+    each recording that is lost.
     """
     from formats.descriptions import load_garment
     from formats.descriptions_beside import check_room_beside, settle
@@ -121,7 +121,7 @@ def import_recordings(
     is_whole = True
     with output_folder(out):
         for settled in settle(out):
-            words = f"{plain(settled)}: is now that of a take whose import ended before it was there"
+            words = f"{plain(settled)}: now describes a take whose import was interrupted before it wrote this file"
             tell_entry("settled", words, file=str(settled))
         for path, target in zip(paths, targets, strict=True):
             try:
@@ -144,7 +144,7 @@ def import_recordings(
 
 
 def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -> None:
-    """Refuse options that a recording of swung cloth would not follow: without a word the take would be another."""
+    """Refuse options that a recording of swung cloth would ignore, since the take would not be the requested one."""
     from formats.errors import TakeError
 
     for name, value in given.items():
@@ -156,7 +156,7 @@ def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -
 
 
 def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
-    """Write a take with rig and garment beside it, and tell of it; returns whether both are beside it."""
+    """Write a take with rig and garment beside it, and report it; return whether both descriptions are beside it."""
     from msgspec import to_builtins
 
     from formats.archive import write_take

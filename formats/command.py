@@ -1,4 +1,4 @@
-"""The `hangtime` command: gathers the commands of every installed package and turns errors into one sentence."""
+"""The `hangtime` command: gathers the commands of every installed package, and reports an error as one sentence."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from formats.errors import HangtimeError, of_system
 from formats.interrupts import hold_while_importing, remember_interruptions
 from formats.terminal import say, take_streams
 
-# Sums that are split over threads are rounded differently: a result must not depend on the number of processors.
-# The variable is read when numpy is loaded, together with the packages' commands.
+# Threads change the rounding of sums, and a result must not depend on the number of processors.
+# Numpy reads the variable when it is loaded, together with the packages' commands.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-INTERRUPTED, CUT_OFF = 130, 141  # exit codes of a shell for what SIGINT and SIGPIPE end
+INTERRUPTED, CUT_OFF = 130, 141  # a shell's exit codes of commands that SIGINT and SIGPIPE ended
 PACKAGES = {
     "cv2": "opencv-python-headless",
     "usb": "pyusb",
     "PIL": "pillow",
     "pxr": "usd-core",
     "rerun": "rerun-sdk",
-}  # those that are not named as what they bring
-WORDS_ASKED = "_HANGTIME_COMPLETE"  # variable by which a shell asks for all that a word may become
-PANIC = "PanicException"  # of libraries written in Rust: no Exception, and its class cannot be imported
+}  # import names that differ from the package's name
+WORDS_ASKED = "_HANGTIME_COMPLETE"  # variable by which a shell asks for the completions of a word
+PANIC = "PanicException"  # of libraries in Rust: not a subclass of Exception, and not importable
 
 app = typer.Typer(
     name="hangtime",
@@ -68,9 +68,9 @@ def gather_commands() -> None:
 
 
 def whole(name: str | None = None) -> Any:
-    """Return the `hangtime` command, with the commands of every installed package and the options that all have.
+    """Return the `hangtime` command, with the commands of every installed package and the common options.
 
-    - `name`: of the only command or group that is wanted; the others take as long to make as Python to start
+    - `name`: the only command or group to build, None for all; building the others takes as long as Python's start
     """
     gather_commands()
     help_pages.add_pages(app)
@@ -80,7 +80,7 @@ def whole(name: str | None = None) -> Any:
 
 
 def _with_only(name: str | None) -> typer.Typer:
-    """Return the app with the command or group of this name alone, the whole one where none has it."""
+    """Return the app with only the command or group of this name, or the whole app where no command has it."""
     part = copy(app)
     part.registered_groups = [group for group in app.registered_groups if group.name == name]
     part.registered_commands = [
@@ -106,7 +106,7 @@ def main() -> None:
                 telling.know(error=told)
                 telling.ask_json(_asks_json(sys.argv[1:]))
             raise
-        finally:  # a command that failed at a part of its work has told the rest
+        finally:  # a command that failed in part has reported the rest
             telling.end()
     except KeyboardInterrupt:
         say("Interrupted.")
@@ -126,12 +126,12 @@ def main() -> None:
 
 
 def _asks_json(words: list[str]) -> bool:
-    """Return whether JSON is asked for, also where the command line is wrong or the command has a form of its own."""
+    """Return whether the command line asks for JSON, even where it is wrong or its command prints its own JSON."""
     return "--json" in words[: words.index("--") if "--" in words else None]
 
 
 def _told(error: BaseException) -> str | None:
-    """Return the sentence of an error for the JSON document; None of an end without one."""
+    """Return an error's sentence for the JSON document, None for an end without an error."""
     wrong_use = getattr(error.__context__, "format_message", None)  # of an error that Typer showed, and then ended
     if isinstance(error, SystemExit) and wrong_use is not None:
         return str(wrong_use())
@@ -140,7 +140,7 @@ def _told(error: BaseException) -> str | None:
 
 
 def _spoken(error: BaseException) -> HangtimeError | None:
-    """Return what to tell of an error that a user can act on; None of one of the program, and of an interruption."""
+    """Return the user's error for an exception; None for a defect of the program or an interruption."""
     if isinstance(error, HangtimeError):
         return error
     if isinstance(error, ModuleNotFoundError):
@@ -159,7 +159,7 @@ def _spoken(error: BaseException) -> HangtimeError | None:
 
 
 def _how_to_get(library: str) -> str:
-    """Say how a library is installed that a command imports: with the extra that lists it."""
+    """Return how to install a missing library: the extra of Hangtime that lists it."""
     package = PACKAGES.get(library, library)
     wanted = re.compile(rf"{re.escape(package)}\b(?!-).*\bextra == ['\"](\w+)", re.IGNORECASE)
     extra = next((found[1] for line in requires("hangtime") or [] if (found := wanted.match(line))), None)

@@ -1,4 +1,4 @@
-"""Groups of commands that several packages add to, such as `hangtime takes`."""
+"""Command groups to which several packages add commands, such as `hangtime takes`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ PANEL_OF = {"takes": TAKES}
 
 
 def group_of(app: typer.Typer, name: str, words: str | None = None, panel: str | None = None) -> typer.Typer:
-    """Return the group of this name; it is made where no package made it before.
+    """Return the group of this name, which is made on first use.
 
     - words: its help text, where `HELP` has none
-    - panel: heading under which it stands in the list of commands; `PANEL_OF` has those of shared groups
+    - panel: its heading in the list of commands; `PANEL_OF` has the headings of shared groups
     """
     for group in app.registered_groups:
         if group.name == name and group.typer_instance is not None:

@@ -1,4 +1,4 @@
-"""Completion of commands: of the shell that runs, and where that has none, of the user's own."""
+"""Choose the shell for command completion: the running shell, or the user's login shell where the former has none."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ OPTIONS = {"--show-completion", "--install-completion"}
 
 
 def choose_shell() -> None:
-    """Let Typer's two options of completion take a shell that Typer knows, where the command line has one of them.
+    """Make Typer's two completion options use a shell that Typer knows.
 
-    Typer asks shellingham for the shell that runs the command, and gives up on a plain `sh`. A script's shell has no
-    completion, but its user's shell has. `$SHELL` names the user's shell.
+    Typer asks shellingham for the shell that runs the command, and fails on a plain `sh`. A script's shell has no
+    completion, but the user's shell may have it. `$SHELL` names the user's shell.
     """
     if not OPTIONS & set(sys.argv[1:]):
         return

@@ -1,4 +1,4 @@
-"""Reading and writing of rig and garment descriptions (TOML); every error names the file and the field."""
+"""Read and write rig and garment descriptions (TOML); every error names the file and the field."""
 
 from __future__ import annotations
 
@@ -36,27 +36,25 @@ from formats.wrong_fields import wrong_field
 Description = TypeVar("Description", Garment, Rig)
 
 MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
-MOST_LETTERS = 1000  # letters of a garment's or a point's name: tables and pages show it
+MOST_LETTERS = 1000  # characters of a garment's or a point's name: tables and pages show it
 MOST_CORNERS = 1000  # of an outline, and of all holes together
 HEAVIEST_GARMENT = 50.0  # kg
-DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
+DEPTH_SCALES = 0.8, 1.25  # measured over true depth; beyond them, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 MOST_PIXELS = 100_000  # along a picture's side
-HEIGHT_TOLERANCE = (
-    0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
-)
-CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
+HEIGHT_TOLERANCE = 0.01  # m, tolerance of other sides above the held edge's lower end: flat cloth is laid by hand
+CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # characters that TOML strings must escape, toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
-THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip through cloth that is looked at in places
-ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
+THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m, radius: a thinner body slips between the points where contact is checked
+ON_OUTLINE = 2e-3  # m, tolerance of a tracked point outside the outline
 
 
 def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
     """Read a garment description.
 
-    anyway: accept sizes and weights that no cloth has; None: refuse them, and name no option for it
+    anyway: accept implausible sizes and weights; None: refuse them, and do not offer --anyway in the error
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -74,7 +72,7 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
 def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     """Read a rig description.
 
-    anyway: accept sizes that no hanger has; None: refuse them, and name no option for it
+    anyway: accept implausible sizes; None: refuse them, and do not offer --anyway in the error
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -90,10 +88,12 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
 
 
 def says(path: Path, description: Garment | Rig) -> bool:
-    """Return whether a file that is there says what a description says, in whatever spelling.
+    """Return whether an existing file holds the same values as a description, in any spelling.
+
+    An implausible file counts too, since the user may have accepted it.
 
     Raises:
-        DescriptionError: it cannot be read or is none; the user may have accepted an implausible one, so that counts.
+        DescriptionError: the file cannot be read, or is no description.
     """
     if isinstance(description, Rig):
         return load_rig(path, anyway=True) == description
@@ -116,7 +116,7 @@ def dump_description(description: Garment | Rig) -> str:
 
 
 def refuse_codes(path: Path, plain: Any, field: str = "") -> None:
-    """Refuse a text with a line break, a code of a terminal or one that turns the direction of writing.
+    """Refuse a text with a line break, a terminal control code, or a code that reverses the writing direction.
 
     plain: the tables of a description, as `msgspec.to_builtins` gives them
 
@@ -144,7 +144,7 @@ def _toml(value: Any) -> str:
 
 @contextmanager
 def _told_with_line(path: Path, plain: Tables) -> Iterator[None]:
-    """Let an error name the line of its field."""
+    """Add the line of the wrong field to an error."""
     try:
         yield
     except DescriptionError as error:
@@ -165,7 +165,7 @@ PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Ha
 
 
 def check_garment(garment: Garment, where: object) -> None:
-    """Check the rules that types cannot state.
+    """Check the rules of a garment that types cannot express.
 
     Raises:
         DescriptionError: an impossible garment; names the field.
@@ -210,7 +210,7 @@ def check_garment(garment: Garment, where: object) -> None:
 
 
 def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
-    """Check that the outline goes clockwise and begins with its top side, whose lower end is the highest of all."""
+    """Check that the outline goes clockwise and begins with its top side, and that no other side lies wholly higher."""
     corners = garment.outline_m
     is_clockwise = signed_area(corners) < 0
     in_order = corners if is_clockwise else corners[::-1]
@@ -258,7 +258,7 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
 
 
 def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str], None]) -> None:
-    """Refuse numbers that are not finite, and standard deviations below nothing."""
+    """Refuse numbers that are not finite, and negative standard deviations."""
 
     def look(value: Any, field: str) -> None:
         if isinstance(value, dict):
@@ -279,7 +279,7 @@ def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str
 
 
 def check_rig(rig: Rig, where: object) -> None:
-    """Check the rules that types cannot state.
+    """Check the rules of a rig that types cannot express.
 
     Raises:
         DescriptionError: an impossible rig; names the field.
@@ -327,7 +327,7 @@ def check_rig(rig: Rig, where: object) -> None:
 
 
 def _refuse_the_likelier(hanger: Hanger, refuse: Callable[[str], None]) -> None:
-    """Refuse markers that overlap: name the size where no marker has it, else the distance."""
+    """Refuse markers that overlap; name the size where no marker has that size, else the distance."""
     size, distance = hanger.marker_size_m, hanger.marker_distance_m
     if not SMALLEST_MARKER <= size <= LARGEST_MARKER:
         meant = unit_of(size, SMALLEST_MARKER, LARGEST_MARKER) if size > LARGEST_MARKER else ""
@@ -337,7 +337,7 @@ def _refuse_the_likelier(hanger: Hanger, refuse: Callable[[str], None]) -> None:
 
 
 def _check_markers(hanger: Hanger, refuse: Callable[[str], None]) -> None:
-    """Check that there are such markers."""
+    """Check that the dictionary has the hanger's markers."""
     if hanger.dictionary not in DICTIONARIES:
         import difflib  # here: no right file needs it
 
@@ -350,7 +350,7 @@ def _check_markers(hanger: Hanger, refuse: Callable[[str], None]) -> None:
 
 
 def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:
-    """Check that each body has what its kind needs, nothing else, and a size that cloth can meet."""
+    """Check that each body has the fields of its kind, no others, and a size that a simulation can handle."""
     if not isinstance(rig.camera_at_m, msgspec.UnsetType):
         if rig.format == "hangtime-rig/1":
             refuse('camera_at_m needs format = "hangtime-rig/2"')

@@ -1,10 +1,10 @@
-"""The rig and the garment beside an imported take: they change once the take has its name, and not before.
+"""Replace the rig and garment files beside an imported take, only once the take is complete.
 
-Both are written under names of their own first: `NAME.rig.toml.partial` and `NAME.garment.toml.partial` of the take
-`NAME.mcap`. Then the take gets its name, and then they get theirs. An import that is killed before the take has its
-name has replaced nothing. One that is killed later leaves descriptions under their first names. Whoever reads the take
-names these, and the next import into the folder renames them where no other has their place. One import at a time is at
-the descriptions of a folder.
+Both are first written under unfinished names: `NAME.rig.toml.partial` and `NAME.garment.toml.partial` for the take
+`NAME.mcap`. Then the take gets its final name, and then the two files get theirs. An import that is killed before the
+take has its name has replaced nothing. An import that is killed later leaves files under their unfinished names. Every
+command that reads the take names these files. The next import into the folder renames them where the final names are
+free. One import at a time may change the descriptions of a folder.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from formats.whole_files import give_name, is_device, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
-PATIENCE = 10.0  # s; an import needs some milliseconds for its descriptions and the name of its take
+PATIENCE = 10.0  # s, longest wait for the lock; an import holds it for some milliseconds and the name of its take
 
 
 def check_room_beside(take: Path) -> None:
-    """Refuse a take whose rig and garment could not be written beside it.
+    """Refuse a take beside which rig and garment cannot be written.
 
     Raises:
-        OutputError: its name is too long, since their first names are longer; or a pipe or device has one of theirs.
+        OutputError: the name is too long for the unfinished names, or a pipe or device has one of these names.
     """
     check_length(take, [prepared_name(take, name) for name in DESCRIBED_BESIDE])
     for path in (take.with_name(name) for name in DESCRIBED_BESIDE):
@@ -48,11 +48,11 @@ def check_room_beside(take: Path) -> None:
 
 
 def check_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:
-    """Check that a rig or garment of a take may be written; one that is there and says the same is no hindrance.
+    """Check that a take's rig or garment may be written; an existing file with the same values may stay.
 
     Raises:
-        DescriptionError: an impossible rig or garment, which no command would read.
-        OutputError: another one is there, one that cannot be read, or a folder.
+        DescriptionError: the rig or garment is impossible, so no command would read it.
+        OutputError: another or an unreadable description, or a folder, has the name.
     """
     kind = "rig" if isinstance(description, Rig) else "garment"
     if isinstance(description, Rig):
@@ -76,16 +76,16 @@ def described_beside(
     take: Path, descriptions: Mapping[str, Garment | Rig], *, overwrite: bool, tell_aside: TellAside | None = None,
     tell_left: TellLeft,
 ) -> Iterator[None]:  # fmt: skip
-    """Let work give a take that is whole its name, and then give its rig and garment theirs beside it.
+    """Let the `with` block name a complete take, and then rename its rig and garment files beside it.
 
-    Work that fails leaves both as they were. One that is there and says the same stays as it is.
+    If the block fails, existing files stay. An existing file with the same values also stays.
 
     - `descriptions`: by the names of `DESCRIBED_BESIDE`
-    - `tell_aside`: called with the names of a file in the way that was put aside, before and after
-    - `tell_left`: called with the name of one that cannot be replaced although the take has its name, and with why
+    - `tell_aside`: called with the old and the new name of a file that was renamed out of the way
+    - `tell_left`: called with the name of a file that cannot be replaced although the take has its name, and the reason
 
     Raises:
-        DescriptionError, OutputError: as `check_description`, or one cannot be written.
+        DescriptionError, OutputError: as `check_description`, or a file cannot be written.
     """
     folder = take.parent
     with _alone_in(folder):
@@ -128,13 +128,13 @@ def _irreplaceable(take: Path, name: str, error: OSError) -> OutputError:
 
 
 def settle(folder: Path) -> list[Path]:
-    """Give the descriptions that a killed import left their names where these are free, and return these.
+    """Rename the descriptions that a killed import left, where their final names are free; return their final names.
 
-    One that is left beside another that says the same is removed. Nothing is replaced, since a person may have put it
-    there. A description that stays without its name is named by whoever reads the take.
+    A left file beside one with the same values is removed. No file is replaced, since a person may have put it there.
+    Every command that reads the take names a description that keeps its unfinished name.
 
     Raises:
-        OutputError: another program keeps the folder locked, or it cannot be read.
+        OutputError: another program keeps the folder locked, or the folder cannot be read.
     """
     with _alone_in(folder):
         return _settle(folder)
@@ -157,7 +157,7 @@ def _settle(folder: Path) -> list[Path]:
 
 
 def _prepare(take: Path, name: str, text: str, tell_aside: TellAside | None) -> None:
-    """Write a description under its first name; anything else that has this name is put aside."""
+    """Write a description under its unfinished name; any other file of this name is renamed out of the way."""
     path = prepared_name(take, name)
     try:
         if path.is_file() and not path.is_symlink() and holds(path, text.encode()):
@@ -175,7 +175,7 @@ def _prepare(take: Path, name: str, text: str, tell_aside: TellAside | None) -> 
 
 
 def _left_of(take: Path) -> Mapping[str, LeftState]:
-    """Return the descriptions that were left beside a take; none where it cannot be read."""
+    """Return the descriptions that an import left beside a take; none where the take cannot be read."""
     try:
         report = read_take(take).report
     except TakeError:
@@ -185,10 +185,10 @@ def _left_of(take: Path) -> Mapping[str, LeftState]:
 
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Wait until no other import is at the descriptions of a folder.
+    """Wait until no other import changes the descriptions of a folder, and lock the folder.
 
     Raises:
-        OutputError: it is locked for longer than an import takes, or it cannot be read.
+        OutputError: the folder stays locked for longer than an import takes, or cannot be read.
     """
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
@@ -211,7 +211,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def _locked(handle: int) -> bool:
-    """Return whether a folder is this process's own now, also where a file system has no locks of folders."""
+    """Return whether this process now holds the folder's lock; a file system without folder locks counts as locked."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""Records of a diagnosis: its gap, effects, places, checks and cost."""
+"""Records of a diagnosis: gap, effects, location of the gap, checks and cost."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
 
-    - `is_floor_most`: false; older diagnoses say so where a model fell below the noise that the takes seem to have
+    - `is_floor_most`: always false; older diagnoses set it where a model's error was below the estimated noise
     - `edge_mm`: distance of the tracked held edge from the base model's edge
     - `edge_with_effect_mm`: the same with the named effect
-    - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's,
-      where the cause is unknown and the two edges differ
-    - `raw_mm`: of the base model on the points as tracked, where a camera's faults were taken out of them
-    - `closure_from_raw`: share of the gap, as seen from `raw_mm`, that camera and effect close together
+    - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's.
+      Given where the cause is unknown and the two edges differ
+    - `raw_mm`: of the base model on the points as tracked, where camera faults were corrected
+    - `closure_from_raw`: share of the gap, measured from `raw_mm`, that camera correction and effect close together
     """
 
     base_mm: Figure
@@ -73,7 +73,7 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 def place_of(regions: Sequence[str]) -> str:
-    """Return regions of the cloth in words, `at the top left` or `along the bottom`; an empty text of none."""
+    """Return regions of the cloth in words, such as `at the top left` or `along the bottom`; '' without regions."""
     for row in ("top", "bottom"):
         if set(regions) == {f"{row} left", f"{row} centre", f"{row} right"}:
             return f"along the {row}"
@@ -81,7 +81,7 @@ def place_of(regions: Sequence[str]) -> str:
 
 
 class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One place, phase, frequency band or direction and its share of the squared error."""
+    """One region, phase, frequency band or direction, and its share of the squared error."""
 
     name: str
     value_mm: float
@@ -89,14 +89,14 @@ class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class VertexResidual(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Root mean square residual at one place of the flat garment."""
+    """Root mean square residual at one point of the flat garment."""
 
     at_m: tuple[float, float]
     value_mm: float
 
 
 class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The places of the gap, split four ways."""
+    """The gap split by region, phase, frequency and direction."""
 
     space: list[WhereBin]
     vertices: list[VertexResidual]
@@ -106,7 +106,7 @@ class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Root mean square of the missing force per mass [m/s^2] at one place of the flat garment, in two directions."""
+    """Root mean square of the missing force per mass [m/s^2] at one point of the flat garment, in two directions."""
 
     at_m: tuple[float, float]
     normal: float
@@ -116,7 +116,7 @@ class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The force that the base model lacks.
 
-    power [W/kg]: that it gives to the cloth in the mean, below 0 where it takes energy out; None in older results
+    power [W/kg]: mean power into the cloth, negative where the force dissipates energy; None in older results
     """
 
     normal_share: float
@@ -130,7 +130,7 @@ class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The recording that would settle most."""
+    """The recording that would best separate the remaining explanations."""
 
     id: str
     motion: str
@@ -141,7 +141,7 @@ class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A condition that must hold before anything is diagnosed."""
+    """A condition that takes or fits must meet before anything is diagnosed."""
 
     name: str
     passed: bool
@@ -162,9 +162,9 @@ Verdict = Literal["none", "effect", "ambiguous", "several", "unknown", "numerics
 
 
 class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The sim-to-real gap of some takes: how large, where, why, and what would help.
+    """The sim-to-real gap of some takes: its size, location, cause and remedy.
 
-    alternatives: of an effect that is one of several, others that do nearly as well in its place
+    alternatives: for one effect of several, the others that explain the takes nearly as well
     """
 
     format: Literal["hangtime-diagnosis/1"]

@@ -1,7 +1,7 @@
-"""Every error that a user of Hangtime can act on.
+"""The classes of all errors that a user of Hangtime can act on.
 
 HangtimeError                 says what, where, and what to do next; the command line exits with its `exit_code`, 2
-  +-- DescriptionError        a rig or garment file that does not hold
+  +-- DescriptionError        a rig or garment file that is malformed or impossible
   +-- TakeError               a take that is missing, damaged or not a take
   |     +-- ImplausibleError  a number that no cloth, hanger or camera has; also a DescriptionError
   +-- OutputError             a file that cannot be written, or that would replace another
@@ -26,7 +26,7 @@ WHOLE_STAY = "whole files stay, and `fit`, `diagnose`, `blind` and `batch` go on
 class HangtimeError(Exception):
     """An error with one clear sentence: what, where, and what to do next.
 
-    words: the same without the place, for whoever names it beside
+    words: the sentence without the place, for a caller that names the place itself
     """
 
     exit_code = 2
@@ -67,8 +67,8 @@ class ResultError(HangtimeError):
 
 
 def of_system(error: OSError) -> HangtimeError | None:
-    """Return what to tell of an error of the system; nothing where nobody can act on it."""
-    where = error.filename or "output"  # what stdout raises names nothing
+    """Return the user's error for an operating system's error, None where no user can act on it."""
+    where = error.filename or "output"  # an error of stdout names no file
     if error.errno in ONLY_WRITING:
         advice = f"{step_to_write(error)}; {WHOLE_STAY}" if error.errno in FULL else step_to_write(error)
         return HangtimeError(f"cannot be written ({error.strerror})", where=where, advice=advice)
@@ -78,7 +78,7 @@ def of_system(error: OSError) -> HangtimeError | None:
 
 
 def _step_to_use(error: OSError) -> str:
-    """Return the next step where nobody knows whether a file was to be read or written."""
+    """Return the next step where it is unknown whether a file was read or written."""
     if error.errno in (errno.EACCES, errno.EPERM):
         return "get the permission for it, or choose another place"
     return step_to_read(error)

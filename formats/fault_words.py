@@ -1,4 +1,4 @@
-"""The state of a take as one record, and words for what it lacks and for what does not hold in its file."""
+"""Summarise the state of a take in one record, and describe its missing parts and faults in words."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from formats.take_report import LeftState, TakeReport
 
 TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
-EARLIER = "said of the file it was made from: "
+EARLIER = "reported of the file it was made from: "
 RECOVERS_EACH = f"{RECOVERS} of each take"
 
 
 def state_of_take(take: Take) -> TakeState:
-    """Return the one record of a take's state that every command tells; of a take without a file what it says itself.
+    """Return the record of a take's state that every command reports.
 
-    Takes of which only some frames are used keep the state of their file.
+    A take without a file has the state that the take itself states. A take of which only some frames are used keeps the
+    state of its file.
     """
     report = _report_of(take)
     return TakeState(
@@ -33,7 +34,7 @@ def state_of_take(take: Take) -> TakeState:
 
 
 def _report_of(take: Take) -> TakeReport:
-    """Return the report on a take's file; of a take without a file what it says itself."""
+    """Return the report on a take's file; without a file, a report from the take itself."""
     return take.report or TakeReport(
         is_complete=take.is_complete, missing_frames=0 if take.is_complete else None,
         earlier_doubts="; ".join(noted_doubts(take.notes)),
@@ -41,7 +42,7 @@ def _report_of(take: Take) -> TakeReport:
 
 
 def doubts_of(take: Take) -> list[str]:
-    """Return sentences about everything that does not hold of a take, but for missing frames; none of most takes."""
+    """Return sentences about everything that is wrong with a take, except missing frames."""
     report, found = _report_of(take), noted_doubts(take.notes)
     if report.damaged_blocks:
         is_one = report.damaged_blocks == 1
@@ -59,7 +60,7 @@ def doubts_of(take: Take) -> list[str]:
 
 
 def faults(take: Take, report: TakeReport) -> list[str]:
-    """Return a phrase for each thing that a take lacks or that does not hold, but for its damaged blocks."""
+    """Return a phrase for each fault or missing part of a take, except damaged blocks."""
     found = []
     if report.spans:
         frames = f" ({counted(report.missing_frames, 'frame')})" if report.missing_frames else ""
@@ -82,7 +83,7 @@ def faults(take: Take, report: TakeReport) -> list[str]:
 
 
 def unsettled(report: TakeReport) -> list[str]:
-    """Word what a recording or import that was ended has left: a take without its name, descriptions without theirs."""
+    """Describe what an interrupted recording or import left: a take or descriptions under unfinished names."""
     path = Path(report.file)
     if path.name.endswith(".mcap.partial") and report.is_sound:
         return [f"it is whole and never got its name; {RECOVERS} of it"]
@@ -90,36 +91,36 @@ def unsettled(report: TakeReport) -> list[str]:
 
 
 def _left(state: LeftState, prepared: str, name: str) -> str:
-    """Word what is to be done about a description that an import left under its first name."""
+    """Return the next step for a description that an import left under its unfinished name."""
     if state == "unreadable":
         return f"{prepared}, which an import left beside it, cannot be read; get the permission to read it"
     return f"its import ended before {name} beside it was the take's own; rename {prepared} to {name}, or remove it"
 
 
 def of_another(report: TakeReport) -> str:
-    """Word the blocks of other takes in the same file."""
+    """Describe the blocks of other takes in the same file."""
     takes = "another take" if report.other_takes == 1 else f"{report.other_takes} other takes"
     return f"{counted(report.other_blocks, 'block')} of {takes} in this file"
 
 
 def behind(report: TakeReport) -> str:
-    """Word what follows the end."""
+    """Describe the bytes behind the end of a take."""
     return f"{counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
 
 
 def unread(report: TakeReport) -> str:
-    """Word what needs too much memory."""
+    """Describe the blocks and scans that need too much memory."""
     which = f"{counted(report.unread_blocks, 'block')} or scan{'s need' if report.unread_blocks > 1 else ' needs'}"
     return f"{which} more memory than one file may take, which is no damage; keep this file, and record shorter takes"
 
 
 def lost_scans(report: TakeReport) -> str:
-    """Word how many scans are missing."""
+    """Return the number of missing scans in words."""
     return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
 
 
 def state_of(report: TakeReport) -> Literal["sound", "incomplete", "damaged", "too large"]:
-    """Return one word for a take: sound, incomplete, damaged, or too large."""
+    """Return the state of a take in one word: sound, incomplete, damaged, or too large."""
     if report.unread_blocks and not report.is_damaged:
         return TOO_LARGE
     return "sound" if report.is_sound else "damaged" if report.is_damaged else "incomplete"

@@ -1,4 +1,4 @@
-"""Find the files of a folder and of those below it, and the folders among them that cannot be read."""
+"""List the files in a folder and its subfolders, and the subfolders that cannot be read."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 
 
 def files_below(folder: Path, *suffixes: str) -> tuple[list[Path], list[Path]]:
-    """Return what ends in one of the suffixes, sorted, and the folders below that cannot be listed.
+    """Return the sorted paths that end in one of the suffixes, and the subfolders that cannot be listed.
 
-    Links to folders are not followed. A folder that vanishes meanwhile, or is not there, has no files.
+    Links to folders are not followed. A folder that is missing, or vanishes during the search, has no files.
 
     Raises:
         OSError: the folder itself cannot be listed.

@@ -1,4 +1,4 @@
-"""Hold one finding on a take: a fault that a person can mend by recording again."""
+"""One finding on a take: a fault that a new recording can correct."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from formats.take import Take
 
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
-FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: below, neither splines nor statistics make sense
+FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: too few for splines and statistics below
 HARDLY_EVER = 0.1  # of the frames
-OF_MARKERS = "markers"  # the note that takes of marker paths have, and no others
-HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
+OF_MARKERS = "markers"  # the note that only takes of marker trajectories have
+HARDLY_MOVED = 0.03  # m, largest travel of a resting hanger: the synthetic world's gentlest motion travels 0.14 m
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something about a take that a person can mend by recording again.
+    """A fault of a take that a new recording can correct.
 
-    name: for programs; is_grave: nothing can be fitted to the take
+    name: identifier for programs; is_grave: nothing can be fitted to the take
     """
 
     name: str
@@ -26,21 +26,21 @@ class Finding:
     is_grave: bool = False
 
     def as_fact(self) -> dict[str, str | bool]:
-        """Return it for a file of facts."""
+        """Return the finding as plain values for JSON."""
         return {"name": self.name, "words": self.words, "advice": self.advice, "is_grave": self.is_grave}
 
 
 def ends_of(take: Take) -> str:
-    """Return the plural of that by which the hanger was followed."""
+    """Return the plural noun for the tracked ends of the hanger."""
     return "ends of the held edge" if take.rig.hanger is None else "hanger markers"
 
 
 def camera_of(take: Take) -> str:
-    """Return the word for that which sees the hanger."""
+    """Return the noun for the device that sees the hanger."""
     return "cameras" if take.rig.sensor is None else "sensor"
 
 
 def means_silhouette(take: Take) -> bool:
-    """Return whether marker paths count as points of a silhouette because nobody stated of what kind they are."""
+    """Return whether markers count as silhouette points because the garment file does not state their kind."""
     garment = take.garment
     return OF_MARKERS in take.notes and garment.points_are is None and garment.point_kind == "silhouette"

@@ -31,7 +31,7 @@ class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 def verdict_on(number: FitParameter | Combination) -> str:
-    """Return in words why a fitted number is not known, and nothing where the takes identify it."""
+    """Return in words why a fitted number is not identified, '' where the takes identify it."""
     if number.is_identified is not False:
         return ""
     return f"{NOT_IDENTIFIED}, {AT_BOUND}" if number.is_at_bound else NOT_IDENTIFIED
@@ -65,7 +65,7 @@ class TrivialFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A combination of fitted parameters that motion depends on, whether or not the takes tell it."""
+    """A combination of fitted parameters on which the motion depends, whether or not the takes identify it."""
 
     name: str
     unit: str
@@ -78,7 +78,7 @@ class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The minimised figure before and after the fit, mean of the takes used to fit, and its parts by name."""
+    """The objective before and after the fit, averaged over the fitted takes, and its terms by name."""
 
     name: str
     unit: str
@@ -88,13 +88,13 @@ class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 
 
 class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A fault that a camera left in some takes, found before anything was fitted.
+    """A camera fault in some takes, found before the fit.
 
     - `name`: latency, publish_time, frame_shifts, frame_offsets, clocks, skewed_grids, held_edge, sliding_points,
       eaten_border, eaten_by_pose, depth_scale, lean, hanger_gap or points_are
     - `figure`, `interval`: its size in `unit`, and the 90 % interval
-    - `is_fault`: whether the takes or the garment file must be mended
-    - `is_left`: whether the fault was left in; all others were taken out
+    - `is_fault`: whether the takes or the garment file must be corrected
+    - `is_left`: whether the fault stays in the data; all other faults were corrected
     """
 
     name: str
@@ -108,15 +108,15 @@ class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class TakeState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The state of a take as its file shows it: whole or not, and everything that does not hold.
+    """The state of a take as its file shows it: complete or not, and everything that is wrong.
 
-    - `state`: damaged where something does not hold; too large where blocks need more memory than one file may take
-    - `missing`: the missing seconds in words, '' where none is
+    - `state`: `damaged` where something is wrong; `too large` where blocks need more memory than one file may take
+    - `missing`: the missing seconds in words, '' where none is missing
     - `missing_frames`: None where the end of the take is not known
-    - `unread_blocks`: that need too much memory, which is no damage
-    - `other_blocks`, `other_takes`: blocks of other takes in the same file, and how many takes these are
-    - `trailing_bytes`: that follow the end of the take
-    - `doubts`: sentences about what the file says and what cannot be
+    - `unread_blocks`: blocks that need too much memory, which is no damage
+    - `other_blocks`, `other_takes`: number of blocks of other takes in the same file, and number of these takes
+    - `trailing_bytes`: number of bytes behind the end of the take
+    - `doubts`: sentences about contradictions in the file
     - `earlier_doubts`: the same of an earlier file or of the import, '' without any
     """
 
@@ -154,12 +154,12 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     notes: list[str]
     objective: ObjectiveFigure | None = None
     combinations: list[Combination] = []
-    material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
-    engine: str = "own"  # who simulated
-    spacing: float | None = None  # m, of the mesh; absent in results that are so old that they do not say
+    material: dict[str, float] = {}  # SI, the solver's final values, effects on the cloth included
+    engine: str = "own"  # the simulator
+    spacing: float | None = None  # m, of the mesh; absent in results of older versions
     take_contents: list[str] = []  # sha256 of the content of each take fitted to
     layers: int = 1  # of fabric, one on the other, that were fitted as one
-    garment: str = ""  # its name; empty in results that are so old that they do not say
+    garment: str = ""  # its name; empty in results of older versions
     garment_content: str = ""  # sha256 of its description
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []

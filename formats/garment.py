@@ -1,4 +1,4 @@
-"""The garment description: outline, weight, how it is held and which points on it are tracked."""
+"""The garment description: outline, weight, held part and tracked points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def signed_area(corners: Polygon) -> float:
 
 
 class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One tracked point and its place on the flat garment."""
+    """One tracked point and its position on the flat garment."""
 
     name: str
     at_m: tuple[float, float]
@@ -64,30 +64,31 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def point_kind(self) -> PointKind:
-        """Return the kind of the tracked points: as stated, else markers on a swatch and a silhouette elsewhere."""
+        """Return the kind of the tracked points: as stated, else `material` on a swatch and `silhouette` elsewhere."""
         return self.points_are or ("material" if self.kind == "swatch" else "silhouette")
 
     @property
     def as_meant(self) -> Garment:
-        """The garment in the latest version of its format: two descriptions that mean the same are then equal.
+        """The garment in the latest version of its format, so that equivalent descriptions are equal.
 
-        A kind of points that is left out stays so, as a fit mends what a camera makes of a stated silhouette only.
+        A kind of points that is left out stays left out, since a fit corrects camera faults of a stated silhouette
+        only.
         """
         return msgspec.structs.replace(self, format="hangtime-garment/2")
 
     @property
     def areal_density(self) -> float:
-        """Mass per area [kg/m^2], all layers together, but for a back that is sewn on: that has an area of its own."""
+        """Mass per area [kg/m^2] of all layers together; a sewn-on back counts with its own area."""
         return self.mass_kg / (self.area_m2 * (2 if self.seams else 1))
 
     @property
     def is_panel(self) -> bool:
-        """True for one plain piece with four corners, none of them turned in, and threads along x and y."""
+        """True for one plain piece with four convex corners and threads along x and y."""
         return self.is_four_sided and not (self.holes_m or self.seams or self.grain_degrees)
 
     @property
     def is_four_sided(self) -> bool:
-        """True for an outline of four corners, none of them turned in or straight."""
+        """True for an outline of four corners, all of them convex."""
         corners = self.outline_m
         turns = [
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])

@@ -1,8 +1,8 @@
-"""From marker centres to the held ends of the cloth: the hanger's frame.
+"""Compute the held ends of the cloth from the marker centres, by the hanger's frame.
 
     x = (m1 - m0) / |m1 - m0|,   y = (g - (g . x) x) / |...|,   z = x × y,   held_k = (m0 + m1) / 2 + R [x y z] h_k
 
-with gravity's direction g. Two markers do not show how far the hanger pitches about its bar; it is taken to hang.
+with gravity's direction g. Two markers do not determine the hanger's pitch about its bar; it is assumed to hang plumb.
 Source: Gram-Schmidt; the definition is that of `formats.rig.Hanger`.
 """
 

@@ -1,12 +1,12 @@
-"""Tell whether the hanger holds the cloth: the tracked held row must go where the hanger's path goes.
+"""Judge whether the hanger holds the cloth: the tracked held row must follow the hanger's path.
 
 The middle y of the points on the held edge, at times t_f, is compared with the middle m of the held ends:
 
     r_f = y_f - m(t_f + d) - mean,   explained = 1 - sum_f |r_f|^2 / sum_f |y_f - mean|^2
 
-A hanger with a clock of its own may be late, so the shift d is that which explains most. Frames three times as far off
-as the median are left out. `fit.recordings.timing` follows the same rule along the hanger's axes.
-On sixteen real takes their own path explains 0.91 to 0.99, with 13 to 27 mm left.
+A hanger may have its own clock, so d is the clock offset that explains most. Frames farther off than three times the
+median are left out. `fit.recordings.timing` applies the same rule along the hanger's axes.
+On sixteen real takes their own path explains 0.91 to 0.99, with a residual of 13 to 27 mm.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from formats.two_clocks import at_times
 LEAST_EXPLAINED = 0.7  # of the squared motion: held rows have 0.87 to 0.99, silhouettes of the sensor 0.91 to 0.99
 OUTLIER = 3.0  # times the median distance
 HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
-FEWEST_BLOCKS = 5  # half swings: a few seconds fit anywhere
-MOST_APART = 0.04  # m, root mean square, that row and path are apart: 13 to 27 mm on sixteen real takes
+FEWEST_BLOCKS = 5  # half swings: a shorter motion fits many paths
+MOST_APART = 0.04  # m, root mean square distance of row and path: 13 to 27 mm on sixteen real takes
 
 
 def held_row_findings(take: Take, sights: Sights) -> list[Finding]:
-    """Return the finding on a held row that does not go with the hanger; none where it does, or was not seen."""
+    """Return the finding on a held row that does not follow the hanger; none where it does, or was not seen."""
     on_edge = on_held_edge(take.garment)
     if not on_edge.any():
         return []
@@ -45,9 +45,9 @@ def held_row_findings(take: Take, sights: Sights) -> list[Finding]:
 
 
 def _compared(row: Floats, middle: Floats) -> tuple[float, float]:
-    """Return the share of a row's squared motion that a path explains, and how far both are apart [m].
+    """Return the share of a row's squared motion that a path explains, and their root mean square distance [m].
 
-    row, middle [m], (frames, 3); NaN outside of the path
+    row, middle [m], (frames, 3); NaN outside the path
     """
     there = np.isfinite(middle).all(1)
     if there.sum() < FEWEST_SEEN:

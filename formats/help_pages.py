@@ -1,7 +1,7 @@
-"""Pages of `--help`: commands by what they are for, options by what they decide; on a terminal, Rich draws them.
+"""Lay out the pages of `--help`: commands under headings of their purpose, options under headings of their subject.
 
-A pipe, a file and a dumb terminal get the same groups as plain text. `--json` and `--quiet` are added here, to every
-command that tells something.
+Rich draws the pages on a terminal. A pipe, a file and a dumb terminal get the same groups as plain text. `--json` and
+`--quiet` are added here, to every command that reports something.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ HEADINGS = {
     "Files written": ("--out", "--plot", "--arrows", "--preview", "--overwrite"),
 }
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
-# Words for values without a name of their own; an option that takes no value has none.
+# Placeholders of values by type; an option that takes no value has none.
 WORDS = {bool: "", int: "N", float: "NUMBER", str: "NAME"}
-# Commands that tell nothing when they end. They run on, or are services.
+# Commands that report nothing at their end: services, and commands that run until they are stopped.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
 WITHOUT_JSON = ("daemon", "sync run")
 
 
 class Contents(TyperGroup):
-    """A list of commands under the headings that their panels name."""
+    """A list of commands under the headings of their panels."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, each with a word for its value."""
@@ -56,10 +56,10 @@ class Contents(TyperGroup):
 
 
 class Page(TyperCommand):
-    """A command's options under the headings that their panels name."""
+    """A command's help page, with options under the headings of their panels."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the words of the command line; an error names the value in our words."""
+        """Parse the command line; an error describes the value by a word of `WORDS`."""
         try:
             return super().parse_args(ctx, args)
         except Exception as error:
@@ -71,11 +71,11 @@ class Page(TyperCommand):
         return [_worded(parameter) for parameter in super().get_params(ctx)]
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the parts of the line of usage; an argument that must be given stands without braces."""
+        """Return the parts of the usage line; a required argument stands without braces."""
         return [re.sub(r"^\{([^|]*)\}", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write arguments first, then the options of each panel under its heading."""
+        """Write the arguments first, then the options of each panel under its heading."""
         records: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
             found = parameter.get_help_record(ctx)
@@ -89,7 +89,7 @@ class Page(TyperCommand):
 
 
 def add_pages(app: typer.Typer) -> None:
-    """Let every command and every group of an app have pages of these kinds."""
+    """Make every command and group of an app use these help pages."""
     app.info.cls = Contents
     for command in app.registered_commands:
         command.cls = Page
@@ -100,7 +100,7 @@ def add_pages(app: typer.Typer) -> None:
 
 
 def finish(root: Any) -> None:
-    """Give every command of the whole its `--json` and `--quiet`, and all the way of drawing that suits the output."""
+    """Add `--json` and `--quiet` to every command, and the drawing mode that suits the output to all."""
     mode, told = drawing(), _told_options()
     root.commands = dict(sorted(root.commands.items(), key=lambda item: PANELS.index(_panel_of(item[1], OTHER))))
     for name, command in every_part(root):
@@ -121,20 +121,20 @@ def finish(root: Any) -> None:
 
 
 def every_part(part: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every group and command below a part with its name, without the program's."""
+    """Yield every group and command below a part, with its name without the program's name."""
     yield name, part
     for word, inner in (getattr(part, "commands", None) or {}).items():
         yield from every_part(inner, f"{name} {word}".strip())
 
 
 def drawing() -> Literal["markdown"] | None:
-    """Return how Typer draws help and errors: with Rich on a terminal, else as plain text."""
+    """Return Typer's mode for help and errors: Rich on a terminal, else plain text."""
     is_terminal = sys.stdout is not None and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
     return "markdown" if is_terminal else None
 
 
 def _told_options() -> dict[str, Any]:
-    """Return the options that every command gets, by name; Typer makes them from a command that is never run."""
+    """Return the options that every command gets, by name, taken from a command that never runs."""
     donor = typer.Typer(add_completion=False)
 
     @donor.command()
@@ -156,7 +156,7 @@ def _told_options() -> dict[str, Any]:
 
 
 def _worded(parameter: Any) -> Any:
-    """Return a parameter whose page names its value by a word of `WORDS`, where it would show a type of Python."""
+    """Return a parameter whose help names its value by a word of `WORDS` instead of a Python type."""
     described = getattr(parameter, "type_descriptor", None)  # of Typer from 0.27 on; before, it showed TEXT
     if described is None:
         return parameter
@@ -168,7 +168,7 @@ def _worded(parameter: Any) -> Any:
 
 
 def _leave_to_the_reader(parameter: Any) -> None:
-    """Let no command end before its work because one of its files cannot be read: whoever reads it says why not."""
+    """Disable Typer's check that a file is readable, so that the code that reads the file reports the reason."""
     described = getattr(parameter, "type_descriptor", None)  # as in `_worded`
     checked: Any = getattr(parameter, "type", None) if described is None else described.parameter_info
     if getattr(checked, "readable", False):

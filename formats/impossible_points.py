@@ -1,13 +1,13 @@
-"""Find points where their cloth cannot be: a marker that jumps, or two markers that are taken for each other.
+"""Find points where their cloth cannot be: a marker that jumps, or two markers with exchanged labels.
 
-Cloth hardly stretches. So no two points are further apart than along the flat cloth. Stretch, glue and noise of
-deviation s per axis are allowed for:
+Cloth hardly stretches. So two points are at most as far apart as along the flat cloth. The bound adds allowances for
+stretch, glue and noise of deviation s per axis:
 
     |x_i - x_j| <= 1.25 d_ij + 5 mm + 6 sqrt(s_i^2 + s_j^2)
 
-In a frame that breaks this rule, one point is left out: the point furthest beyond d_ij from all others together. This
-repeats until the rule holds. Of two points alone, both are left out. Two markers a grid's pitch h apart that are taken
-for each other are 2 h from their outer neighbours. The rule finds them for s below (0.75 h - 5 mm) / 8.5.
+In a frame that breaks this rule, one point is left out: the point with the largest excess over d_ij, summed over all
+others. This repeats until the rule holds. Of two points alone, both are left out. Exchanged markers, a grid's pitch h
+apart, are 2 h from their outer neighbours. The rule finds them for s below (0.75 h - 5 mm) / 8.5.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from formats.judged_cloth import MOST_STRETCHED
 from formats.sights import Sights, spread
 from formats.take import Take
 
-GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them
+GLUE = 5e-3  # m, distances of both markers' centres from their points on the cloth
 DEVIATIONS = 6.0  # of both points' noise
-PAIRS_AT_ONCE = 1 << 20  # of points, in as many frames as that takes
-MOST_LEFT_OUT = 0.05  # of a take's sightings; with more, the points are those of another marker set
-PAIRS_LOOKED_AT = 1 << 20  # in a judgement, of points in frames evenly over the take: 0.2 s at most
+PAIRS_AT_ONCE = 1 << 20  # pairs of points computed at once, over several frames
+MOST_LEFT_OUT = 0.05  # of a take's sightings; more mean another marker set
+PAIRS_LOOKED_AT = 1 << 20  # pairs sampled by a judgement, in frames spread over the take: 0.2 s of computing at most
 BEYOND_REACH = "are further from the others than the cloth reaches"
 CHECK_MARKERS = "check the markers' names and the tracker"
 
 
 def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) -> Booleans:
-    """Return which sightings are too far from others of the same frame, (frames, points).
+    """Return which sightings are too far from others in the same frame, (frames, points).
 
-    points and their noise's sd [m], (frames, points, 3); seen, (frames, points); places [m], (points, 2), on the flat
-    cloth
+    points and their standard deviations sd [m], (frames, points, 3); seen, (frames, points); places: positions on the
+    flat cloth [m], (points, 2)
     """
     flat = np.linalg.norm(places[:, None] - places, axis=2)
     found = np.zeros(seen.shape, bool)
@@ -53,17 +53,17 @@ def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) 
 
 
 def _suspected(points: Floats, flat: Floats) -> Integers:
-    """Return the frames that could break the rule if nothing were noise: a matrix product finds them fast."""
+    """Return the frames that could break the rule without noise, found quickly by a matrix product."""
     square = (points**2).sum(2)
     apart = square[:, :, None] + square[:, None] - 2 * np.matmul(points, points.transpose(0, 2, 1))
     return np.flatnonzero((apart > (MOST_STRETCHED * flat + GLUE) ** 2).any((1, 2)))
 
 
 def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
-    """Return which points of a frame, (points,), are left out, one after the other, until no pair is too far apart.
+    """Return which points of a frame are left out, (points,), one after the other, until no pair breaks the rule.
 
-    - `too_far`: pairs, (points, points); emptied
-    - `beyond` [m], (points, points): how much further apart than along the cloth; emptied
+    - `too_far`: pairs that break the rule, (points, points); emptied
+    - `beyond` [m], (points, points): excess of each distance over the distance along the cloth; emptied
     """
     found = np.zeros(len(too_far), bool)
     while too_far.any():
@@ -76,7 +76,7 @@ def _left_out(too_far: Booleans, beyond: Floats) -> Booleans:
 
 
 def without_impossible(take: Take, sights: Sights) -> Take:
-    """Return a take without the sightings that a fit leaves out; the take itself where it leaves out none."""
+    """Return a take without the sightings that a fit leaves out, or the same take where there are none."""
     frames, places = np.flatnonzero(sights.within), np.array([point.at_m for point in take.garment.points])
     seen = take.points_valid[frames]
     impossible = find_impossible(take.points[frames], seen, take.points_sd[frames], places)
@@ -88,7 +88,7 @@ def without_impossible(take: Take, sights: Sights) -> Take:
 
 
 def impossible_findings(take: Take, sights: Sights) -> list[Finding]:
-    """Return the finding on a take with more impossible sightings than a fit leaves out; none of others."""
+    """Return a finding where a take has more impossible sightings than a fit leaves out, else none."""
     frames, places = np.flatnonzero(sights.within), np.array([point.at_m for point in take.garment.points])
     frames = spread(frames, max(PAIRS_LOOKED_AT // len(places) ** 2, 1))
     seen = take.points_valid[frames]
@@ -101,7 +101,7 @@ def impossible_findings(take: Take, sights: Sights) -> list[Finding]:
 
 
 def describe_impossible(share: float) -> str:
-    """Say the meaning of a share of impossible sightings, and the next step."""
+    """Return the meaning of a share of impossible sightings in words, and the next step."""
     if share == 0.0:
         return "No point is further from the others than the cloth reaches."
     found = f"{100 * share:.2g} % of a take's sightings of points {BEYOND_REACH}: markers that jump or are taken for "

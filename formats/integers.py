@@ -1,4 +1,4 @@
-"""Code tables of whole numbers in few bytes: difference along rows, zigzag, Rice code per column.
+"""Compress tables of integers: differences along rows, zigzag code, and a Rice code for each column.
 
     r_t = q_t - p_t for t >= 1,  where of order 1  p_t = q_(t-1),  of order 2  p_t = 2 q_(t-1) - q_(t-2),
     of order 3  p_t = q_(t-1) + floor((q_(t-1) - q_(t-3)) / 2);  rows before the first are like the first
@@ -21,21 +21,21 @@ from numpy.typing import NDArray
 
 from formats.arrays import Integers
 
-ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
+ESCAPE = 24  # the quotient that marks an exception, whose z is stored in eight bytes
 LARGEST_K = 30
 ORDERS = (1, 2, 3)
-LONG = 4096  # rows: beyond them, as scans have, a column at a time is quicker than a row at a time
-FEW = 16  # numbers in a row of all blocks: fewer cost less in columns too
+LONG = 4096  # rows: longer tables, such as scans, decode faster column by column
+FEW = 16  # numbers in a row of all blocks: narrower tables also decode faster column by column
 HALF = 1 << 63
-CODE_BYTES = 5  # a column: its code, and its first value
-MOST_BYTES = 16  # a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
+CODE_BYTES = 5  # of a column: its code and its first value
+MOST_BYTES = 16  # of a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
 
 
 def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
     """Return the bytes of each block of a table.
 
-    - values: (sum of rows, columns), each below 2^31 in size: the first of a block has 32 bits
-    - rows, (blocks,): rows of each block
+    - values: (sum of rows, columns), each below 2^31 in magnitude, since a block's first values have 32 bits
+    - rows, (blocks,): number of rows of each block
     """
     starts = np.cumsum(rows) - rows
     first = values[starts]
@@ -91,7 +91,7 @@ def _predicted(order: int | Integers, one: Integers, two: Integers, three: Integ
 
 
 def _best_k(z: Integers, starts: Integers, rows: Integers) -> Integers:
-    """Return k of each block's columns, (blocks, columns): of three near the mean length in bits, the cheapest."""
+    """Return the best k of each block's columns, (blocks, columns), among the three near the mean length in bits."""
     length = np.add.reduceat(np.log2(z + 1), starts, axis=0) / np.maximum(rows - 1, 1)[:, None]
     near = np.clip(length.astype(np.int64), 1, LARGEST_K - 1)
     best, least = near, np.full(near.shape, np.iinfo(np.int64).max)
@@ -104,7 +104,10 @@ def _best_k(z: Integers, starts: Integers, rows: Integers) -> Integers:
 
 
 def _packed_remainders(z: Integers, k: Integers, ends: Integers, counts: Integers) -> tuple[bytes, Integers]:
-    """Pack the lowest k bits of each z, each block from a whole byte on; return where each block's bytes end."""
+    """Pack the lowest k bits of each z, and return the byte offset of each block's end.
+
+    Each block begins at a byte boundary.
+    """
     bit_ends = np.concatenate([[0], np.cumsum(k)])
     offset, byte_ends = _aligned(bit_ends[ends] - bit_ends[ends - counts])
     at = bit_ends[:-1] + np.repeat(offset - bit_ends[ends - counts], counts)
@@ -119,7 +122,7 @@ def _packed_remainders(z: Integers, k: Integers, ends: Integers, counts: Integer
 
 
 def _packed_unary(quotient: Integers, ends: Integers, counts: Integers) -> tuple[bytes, Integers]:
-    """Pack each quotient as so many zeros and a one, each block from a whole byte on."""
+    """Pack each quotient as that many zeros and a one, each block from a byte boundary on."""
     bit_ends = np.concatenate([[0], np.cumsum(quotient + 1)])
     offset, byte_ends = _aligned(bit_ends[ends] - bit_ends[ends - counts])
     ones = bit_ends[1:] - 1 + np.repeat(offset - bit_ends[ends - counts], counts)
@@ -129,16 +132,16 @@ def _packed_unary(quotient: Integers, ends: Integers, counts: Integers) -> tuple
 
 
 def _aligned(bits: Integers) -> tuple[Integers, Integers]:
-    """Return at which bit each block begins and at which byte it ends, where each begins at a whole byte."""
+    """Return each block's first bit and last byte, where every block begins at a byte boundary."""
     byte_ends = np.cumsum(-(-bits // 8))
     return 8 * np.concatenate([[0], byte_ends[:-1]]), byte_ends
 
 
 def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
-    """Return the tables of blocks, (sum of rows of the sound ones, columns), and which blocks are sound.
+    """Return the tables of the sound blocks, (sum of their rows, columns), and which blocks are sound.
 
-    A block whose bytes do not hold together is left out. No more is allocated than a small multiple
-    of the bytes given and of rows x columns.
+    A malformed block is left out. The memory allocated is at most a small multiple of the given bytes and of rows x
+    columns.
     """
     beyond = np.array([len(raw) for raw in coded]) - (CODE_BYTES * columns + 4)
     sound = (beyond >= 0) & (beyond <= MOST_BYTES * columns * rows) & (rows > 0)
@@ -153,7 +156,7 @@ def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple
 
 
 def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
-    """Decode blocks in one pass; where some are not sound only says which."""
+    """Decode blocks in one pass; if some are malformed, return only which ones."""
     raw = np.frombuffer(b"".join([*coded, bytes(8)]), np.uint8)
     sizes = np.array([len(one) for one in coded])
     begins = np.cumsum(sizes) - sizes
@@ -170,7 +173,7 @@ def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers
     exception_at = remainder_at + -(-(np.where(is_coded, k, 0).sum(1) * (rows - 1)) // 8)
     unary_at = exception_at + 8 * exceptions
     ends = begins + sizes
-    # Each value has a bit at least and 25 at most, so that more values than bits cannot be.
+    # Each value has 1 to 25 bits, so a block cannot have more values than bits.
     good = (unary_at + -(-counts // 8) <= ends) & (ends <= unary_at + -(-(ESCAPE + 1) * counts // 8))
     good &= (((order > 0) | ~is_coded) & (order <= ORDERS[-1])).all(1)
     if not good.all():
@@ -218,7 +221,7 @@ def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers
 
 
 def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers) -> Integers:
-    """Undo the prediction row by row, in all blocks and columns at once; where that is little, column by column."""
+    """Undo the prediction row by row, in all blocks and columns at once, or column by column where that is faster."""
     if not residual.size:
         return residual
     starts = np.cumsum(rows) - rows
@@ -239,7 +242,10 @@ def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers
 
 
 def _column(residual: Integers, first: int, order: int) -> Integers:
-    """Undo the prediction in one column, as `_summed` does; sums beyond 64 bits, which no writer makes, begin anew."""
+    """Undo the prediction in one column, as `_summed` does.
+
+    A sum beyond 64 bits, which no writer makes, wraps round.
+    """
     residual = residual.copy()
     if order != ORDERS[-1]:
         residual[0] = first if order == 1 else 0

@@ -1,8 +1,8 @@
-"""Ctrl-C where libraries swallow it: while they load, and while they compile.
+"""Handle Ctrl-C in spite of libraries that swallow it while they load or compile.
 
-The start of a native library takes seconds. It swallows an interruption, or takes it for a broken installation: the
-interruption waits until the outermost import is done. One that was swallowed otherwise is remembered, and raised again
-where the work shows its progress.
+A native library takes seconds to load. It may swallow an interruption, or report it as a broken installation. So an
+interruption waits until the outermost import is complete. An interruption that was swallowed otherwise is remembered,
+and raised again where the work shows its progress.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ class _Interruption:
 
 
 def remember_interruptions() -> None:
-    """Remember a Ctrl-C from here on, for `raise_swallowed`; where Python's own handler stands, in the main thread."""
+    """From now on, remember a Ctrl-C for `raise_swallowed`.
+
+    This has an effect only in the main thread, and only where Python's own handler is active.
+    """
     _Interruption.is_met = False
     is_main = threading.current_thread() is threading.main_thread()
     if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -31,7 +34,7 @@ def remember_interruptions() -> None:
 
 
 def raise_swallowed() -> None:
-    """Interrupt the work where a Ctrl-C was met, and something went on all the same, as Taichi does in a compilation.
+    """Raise the interruption that a library swallowed, such as Taichi during compilation.
 
     Raises:
         KeyboardInterrupt: there was one.
@@ -46,7 +49,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 class _Imports(MetaPathFinder):
-    """Find modules as Python does; an interruption while one is executed waits until the outermost one is."""
+    """An import finder that delays interruptions until the outermost running import is complete."""
 
     def __init__(self) -> None:
         self._depth = 0
@@ -54,7 +57,7 @@ class _Imports(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return where a module is, with a loader that is not interrupted; None where others are to look for it."""
+        """Return a module's spec with a loader that is not interrupted; None where other finders are to look."""
         spec = PathFinder.find_spec(fullname, path, target)
         if spec is None or spec.loader is None:
             return None
@@ -78,10 +81,10 @@ class _Imports(MetaPathFinder):
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Inside, Ctrl-C is only noted; at the end its former handler runs. For the main thread.
+    """Within the block, only note Ctrl-C; at the end, call its former handler. For the main thread.
 
     Raises:
-        KeyboardInterrupt: somebody interrupted, and nothing else handles that.
+        KeyboardInterrupt: there was an interruption, and no other handler.
     """
     before = signal.getsignal(signal.SIGINT)
     if not callable(before):  # ignored, or left to the system
@@ -104,6 +107,6 @@ def held() -> Iterator[None]:
 
 
 def hold_while_importing() -> None:
-    """Let Ctrl-C wait for imports from here on, in the whole process; asking again does nothing."""
+    """From now on, delay Ctrl-C until imports are complete, in the whole process; further calls change nothing."""
     if not any(isinstance(finder, _Imports) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Imports())

@@ -1,4 +1,4 @@
-"""Judge the garment of a take: is it seen, with the hanger, does it move, and is it the one that is described?"""
+"""Judge the garment of a take: seen together with the hanger, in motion, and consistent with its description."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from formats.sights import SAME_PLACE, Sights, away_from_held, fitted_sights, lo
 from formats.take import Take
 from formats.two_clocks import shows_points
 
-SHORTEST_EDGE = 0.25  # of the flat held edge: held ends closer than that are a wrong unit, not slack
+SHORTEST_EDGE = 0.25  # of the flat held edge: held ends closer than that mean a wrong unit, not slack
 MOST_STRETCHED = 1.25  # of a flat distance, more than apparel stretches under its own weight
-MEASURED_APART = 0.06  # m beside that: held ends and points are measured by different means, 26 mm apart on real takes
+MEASURED_APART = 0.06  # m more: held ends and points are measured by different means, 26 mm apart on real takes
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
-RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
-DEVIATIONS_TO_PERCENTILE = 1.645  # of a normal distribution, by which its percentile 95 lies above the middle
-HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: the synthetic motions have below 1
+RIGHT_MOST = 95  # percentile of a distance over the take: folds shorten it, and cloth never stretches by 10 %
+DEVIATIONS_TO_PERCENTILE = 1.645  # standard deviations from the median to the percentile 95 of a normal distribution
+HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: below 1 in the synthetic motions
 MOST_NAMES = 5  # of points in one sentence
 ENOUGH = 10  # frames that both points of a distance must be seen in
 
@@ -87,7 +87,7 @@ def _held_points(take: Take) -> list[str]:
 
 
 def _cloth(take: Take, sights: Sights) -> list[Finding]:
-    """Tell how rarely the garment was seen while the hanger's path is known, and for how long it was not."""
+    """Report how rarely the garment was seen while the hanger's path is known, and the longest time without it."""
     if not sights.cloth.any():  # told by `_points`
         return []
     seen, frames = sights.is_known & sights.cloth, int(shows_points(take).sum())
@@ -119,7 +119,7 @@ def _cloth(take: Take, sights: Sights) -> list[Finding]:
 
 
 def _standing(take: Take, sights: Sights) -> list[Finding]:
-    """Tell of points that a tracker left where they were."""
+    """Report points that kept their position exactly while the hanger moved, as a failing tracker repeats it."""
     found = standing(take, sights, HARDLY_MOVED)
     if not found:
         return []
@@ -132,7 +132,7 @@ def _standing(take: Take, sights: Sights) -> list[Finding]:
 
 
 def _far_off(take: Take, sights: Sights) -> list[Finding]:
-    """Compare each point's distance from the held ends with that along the flat garment, as a fit does."""
+    """Compare each point's distance from the held ends with the distance on the flat garment, as a fit does."""
     outline = np.asarray(take.garment.outline_m, float)
     ends, edge = take.held[sights.held], float(np.linalg.norm(outline[1] - outline[0]))
     apart = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
@@ -157,8 +157,8 @@ def _far_off(take: Take, sights: Sights) -> list[Finding]:
 def _size(take: Take) -> list[Finding]:
     """Compare the largest distances between points with those on the flat garment.
 
-    Cloth that hangs is nearly as long as on the table, and in a swing it is never longer by much. Where only its width
-    is too small, the held edge folds, and the cloth below may fold as well.
+    Hanging cloth is nearly as long as on the table, and in a swing it is hardly longer. Where only the width is too
+    small, the held edge folds, and the cloth below it may fold too.
     """
     sizes = [_apart(take, pair) for pair in _pairs(take.garment)]
     sides = [one for one in (*sizes[1:2], *sizes[-1:]) if one]
@@ -200,7 +200,7 @@ def _held_width(take: Take) -> float:
 
 
 def _apart(take: Take, pair: tuple[int, int]) -> tuple[float, float, str, str] | None:
-    """Return how far two points are apart at most, and on the flat garment [m], and their names; None where unseen."""
+    """Return two points' largest distance and flat distance [m], and their names; None if never seen together."""
     first, second = (take.garment.points[k] for k in pair)
     both = take.points_valid[:, pair].all(1)
     if both.sum() < ENOUGH:
@@ -215,12 +215,12 @@ def _apart(take: Take, pair: tuple[int, int]) -> tuple[float, float, str, str] |
 
 
 def _without_noise(ways: Floats, deviations: Floats) -> float:
-    """Return how far two points are apart at most [m] but for the noise that their deviations state.
+    """Return the largest distance of two points [m], corrected for the noise that their standard deviations state.
 
-    - `ways` [m], (frames, 3): from one to the other; `deviations` [m], (frames, 2, 3)
+    - `ways` [m], (frames, 3): vectors from one point to the other; `deviations` [m], (frames, 2, 3)
 
-    Noise along the way, of deviation s, lifts the percentile 95 of a length d that stays the same to d + 1.645 s. It
-    leaves the median as it is: a length that is too large in the median is no noise. Noise across it, of variance v,
+    Noise of deviation s along the vector lifts the percentile 95 of a constant length d to d + 1.645 s. It does not
+    change the median, so a length that is too large in the median is no noise. Noise of variance v across the vector
     makes d the root of d^2 + v in the mean square. So the length is
 
         root of  max(median, percentile 95 - 1.645 s)^2 - v
@@ -234,9 +234,9 @@ def _without_noise(ways: Floats, deviations: Floats) -> float:
 
 
 def _pairs(garment: Garment) -> list[tuple[int, int]]:
-    """Return the pairs of points that are neighbours along the outline, those at the held ends first.
+    """Return the pairs of neighbouring points along the outline, the held ends first; none if a corner is not tracked.
 
-    Straight cloth lies between them. Between two held corners it may sag. No pair: some corners are not tracked.
+    The cloth between them is straight. Only between two held corners may it sag.
     """
     flat = np.array([point.at_m for point in garment.points])
     corners = [int(np.argmin(np.linalg.norm(flat - corner, axis=1))) for corner in garment.outline_m]
@@ -246,7 +246,7 @@ def _pairs(garment: Garment) -> list[tuple[int, int]]:
 
 
 def _hang(take: Take, has_hanger: Booleans) -> list[Finding]:
-    """Compare gravity with the mean direction from the held edge to the points: swings to both sides cancel."""
+    """Compare gravity with the mean direction from the held edge to the points, in which opposite swings cancel."""
     if take.rig.hanger is None or take.rig.sensor is None:
         return []
     flat = np.array([point.at_m for point in take.garment.points])

@@ -1,6 +1,6 @@
-"""Judge a finished or imported take: can a fitter use it? A recording can still be repeated then.
+"""Judge whether a recorded or imported take can be fitted, while the recording can still be repeated.
 
-Every finding is a sentence and a next action. A grave one says that nothing can be fitted.
+Every finding is a sentence and a next action. A grave finding means that nothing can be fitted.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from formats.sights import SETTLING, Sights, exchanged, first_jump, fitted_sight
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
-FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger, and none is kept
-FEW_SIGHTS = 2 * FEWEST_SEEN  # of points: as many may be too few for a fit without the impossible ones
-SWAPPED = "markers_swapped"  # the finding that makes those on the garment false
+FEWEST_HANGERS = 10  # frames with both markers; a recording with fewer is not kept
+FEW_SIGHTS = 2 * FEWEST_SEEN  # of points: without the impossible ones, these may be too few for a fit
+SWAPPED = "markers_swapped"  # the finding that invalidates the findings on the garment
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
 
 
 def judge(take: Take) -> tuple[Finding, ...]:
-    """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
+    """Return the faults that prevent or weaken a fit of a take, the grave ones first; none for a good take."""
     if len(take.time) < FEWEST_HANGERS:
         return (_too_short(_few_frames(take), is_grave=True),)
     sights = sights_of(take)
@@ -67,7 +67,7 @@ def _cloth(take: Take, sights: Sights) -> list[Finding]:
 
 
 def _hardly_seen(take: Take, seen: int, frames: int) -> list[Finding]:
-    """Tell of a hanger that was seen in few of the frames in which it could be."""
+    """Report a hanger that was seen in few of the frames in which it could be seen."""
     if seen >= max(FEWEST_HANGERS, HARDLY_EVER * frames):
         return []
     words = f"both {ends_of(take)} were seen together in {seen} of {counted(frames, 'frame')}"
@@ -111,12 +111,12 @@ def _length(take: Take, sights: Sights, *, with_cloth: bool) -> list[Finding]:
 
 
 def _span(times: Floats) -> float:
-    """Return the time from the first to the last [s]."""
+    """Return the time from the first to the last time [s]."""
     return float(np.ptp(times)) if len(times) else 0.0
 
 
 def _below(seconds: float) -> str:
-    """Word a time so that it stays below the shortest one."""
+    """Format a duration so that rounding never lifts it to the shortest one."""
     text = f"{seconds:.1f}"
     return text if float(text) < SHORTEST_DIAGNOSED else f"{np.floor(100 * seconds) / 100:.2f}"
 
@@ -153,7 +153,7 @@ def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
 
 
 def _path(take: Take, has_hanger: Booleans) -> list[Finding]:
-    """Tell of held ends that are exchanged in some frames, and of jumps of another kind."""
+    """Report held ends that are exchanged in some frames, and other jumps."""
     time, ends = take.time[has_hanger], take.held[has_hanger]
     found, swapped = [], exchanged(time, ends)
     if swapped.any():

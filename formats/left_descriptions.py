@@ -1,4 +1,4 @@
-"""The rig and the garment beside an imported take: their first names, and those that an import left under these."""
+"""Find the rig and garment files that an interrupted import left beside a take under their unfinished names."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ RIG, GARMENT = DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an import
 
 
 def named(rig: Rig, garment: Garment) -> dict[str, Garment | Rig]:
-    """Return the rig and the garment of a take by their names of `DESCRIBED_BESIDE`."""
+    """Return the rig and the garment of a take, keyed by the names of `DESCRIBED_BESIDE`."""
     return {RIG: rig, GARMENT: garment}
 
 
 def prepared_name(take: Path, description: str) -> Path:
-    """Return the name under which the rig or garment of an imported take waits until the take has its own.
+    """Return the unfinished name of a rig or garment file, which the file has until the take has its own name.
 
     description: one of `DESCRIBED_BESIDE`
     """
@@ -30,10 +30,11 @@ def prepared_name(take: Path, description: str) -> Path:
 
 
 def left_beside(take: Path, rig: Rig, garment: Garment) -> dict[str, LeftState]:
-    """Return those of `DESCRIBED_BESIDE` that an import left under their first names after its take had got its own.
+    """Return which of `DESCRIBED_BESIDE` an import left under unfinished names after its take had got its name.
 
-    Before that moment they are as they were, and the unfinished take itself is what the import left. One whose place
-    is taken by the same has nothing left to do. A left file that says otherwise is of another import, or of a person.
+    Before that moment the old files are unchanged, and the import left the unfinished take itself. A left file whose
+    final name has a file with the same values needs no action. A left file with other values belongs to another import,
+    or to a person.
 
     rig, garment: those that the take holds
     """
@@ -56,7 +57,7 @@ def _state_of(take: Path, name: str, own: Garment | Rig) -> LeftState | None:
 
 
 def is_said(path: Path, description: Garment | Rig) -> bool:
-    """Return whether a file says what a description says; False of one that is not there or cannot be read."""
+    """Return whether a file holds the same values as a description; False for a missing or unreadable file."""
     with contextlib.suppress(DescriptionError):
         return says(path, description)
     return False

@@ -1,11 +1,11 @@
-"""Name the way the hanger of a take moves in a word: takes of one kind can be held out to judge on.
+"""Classify a hanger's motion in a word, such as sideways, so that takes of one kind can be held out.
 
-The held edge has the middle m and the mean direction b without its vertical part; u points up, and n = u x b. The
-share of each way is the share of its variance about the mean:
+The held edge has the centre m and the mean horizontal direction b; u points up, and n = u x b. Each kind of motion has
+a share of the variance about the mean:
 
     sideways  b.m      face-on  n.m      up-and-down  u.m      twist  (half the edge's length) x angle about u
 
-The way with more than LARGEST of the sum names the motion, else it is `mixed`.
+The kind with more than the share DOMINANT_SHARE of the sum names the motion. Otherwise the motion is `mixed`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from formats.take import Take
 
 HARDEST_PULL = 150.0  # m/s^2, 15 times gravity: no hand moves a hanger harder
 STILL_MOTION = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
-LARGEST_SECOND_SHARE = 0.7
+DOMINANT_SHARE = 0.7  # of the variance
 WAYS = ("sideways", "face-on", "up-and-down", "twist")
 MOTION_KINDS = (*WAYS, "mixed", "still")
 
 
 def axes_of(take: Take) -> dict[str, Floats]:
-    """Return the unit vectors of the three straight ways, (3,) each; zeros where the hanger was never seen."""
+    """Return the unit vectors of the three translations, (3,) each; zeros where the hanger was never seen."""
     ends = take.held[take.held_valid.all(1)]
     up = -np.asarray(take.rig.gravity, float)
     up /= np.linalg.norm(up)
@@ -55,4 +55,4 @@ def kind_of(take: Take) -> str:
     if total < STILL_MOTION**2:
         return "still"
     way = max(reach, key=reach.__getitem__)
-    return way if reach[way] ** 2 > LARGEST_SECOND_SHARE * total else "mixed"
+    return way if reach[way] ** 2 > DOMINANT_SHARE * total else "mixed"

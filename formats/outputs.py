@@ -1,4 +1,4 @@
-"""Files that a command writes: never one in the place of another that nobody named as to be replaced."""
+"""Write a command's output files without replacing any file that the user did not name for it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import is_device, longest_name, make_folders, make_writable, name_of_its_own, write_whole
 
-NAMED_PARTIAL = (".mcap", ".oni")  # are written as NAME.partial, and others as `name_of_its_own` says
+NAMED_PARTIAL = (".mcap", ".oni")  # written as NAME.partial; others are written as `name_of_its_own`
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that is to be written into a file and cannot be.
+    """Refuse a file name that cannot be stored as text.
 
     Raises:
-        OutputError: it is not UTF-8.
+        OutputError: the name is not UTF-8.
     """
     try:
         path.name.encode()
@@ -30,10 +30,10 @@ def check_name(path: Path) -> None:
 
 
 def check_length(path: Path, written_as: Iterable[Path]) -> None:
-    """Refuse a name that is too long with what is added to it until the file is whole.
+    """Refuse a file name that becomes too long with the suffix of its unfinished file.
 
     Raises:
-        OutputError: it is, and by how many bytes.
+        OutputError: the name is too long; says by how many bytes.
     """
     most = longest_name(path.parent)
     added = max(len(os.fsencode(one.name)) for one in written_as) - len(os.fsencode(path.name))
@@ -47,10 +47,10 @@ def check_length(path: Path, written_as: Iterable[Path]) -> None:
 
 
 def check_stem(name: str) -> None:
-    """Refuse a name from which files' names are to be made and cannot be.
+    """Refuse a name from which no file name can be made.
 
     Raises:
-        OutputError: it is empty or has a slash.
+        OutputError: the name is empty or has a slash.
     """
     if not name or "/" in name:
         raise OutputError(
@@ -61,14 +61,14 @@ def check_stem(name: str) -> None:
 def refuse_to_replace(
     path: Path, text: str | None = None, *, overwrite: bool = False, instead: str = ANOTHER_NAME
 ) -> None:  # fmt: skip
-    """Do nothing unless a file of this name is there, or the beginning of a take that was never finished.
+    """Refuse to replace an existing file of this name, or the beginning of a take that was never finished.
 
-    - `text`: the content to write, where a file that holds just this may stay
-    - `overwrite`: refuse only what cannot be replaced or put aside: a folder, a pipe, or the file of another writer
-    - `instead`: a person's next step who wants both
+    - `text`: content to write; an existing file with this content may stay
+    - `overwrite`: refuse only a folder, a pipe, or a file that another process writes
+    - `instead`: the next step in the error, for a user who wants to keep both files
 
     Raises:
-        OutputError: it is there, or its name is too long.
+        OutputError: the file exists, or its name is too long.
     """
     partial = unfinished_name(path)
     check_length(path, [partial if path.suffix in NAMED_PARTIAL else name_of_its_own(path)])
@@ -88,9 +88,9 @@ def refuse_to_replace(
 
 
 def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOTHER_NAME) -> None:
-    """Refuse to write over one of the files that are read, whatever may be replaced.
+    """Refuse to write over one of the input files, even with --overwrite.
 
-    instead: as of `refuse_to_replace`
+    instead: as in `refuse_to_replace`
 
     Raises:
         OutputError: the target is one of them.
@@ -102,19 +102,19 @@ def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOT
 
 
 def holds(path: Path, content: bytes) -> bool:
-    """Return whether a file is there that holds just these bytes.
+    """Return whether a file exists and holds exactly these bytes.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
 
 
 def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
-    """Check that a file to be written is none of those that other options name.
+    """Check that an output file is none of the files that other options name.
 
     Raises:
-        OutputError: it is.
+        OutputError: it is one of them.
     """
     for option, path in inputs.items():
         if out.exists() and Path(path).exists() and out.samefile(path):
@@ -122,10 +122,10 @@ def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
 
 
 def make_output_folder(folder: Path) -> None:
-    """Make a folder and check that it can be written to, before the work that is to fill it.
+    """Make a folder and check that files can be written to it, before the work begins.
 
     Raises:
-        OutputError: it cannot.
+        OutputError: it cannot be made or written to.
     """
     try:
         make_writable(folder)
@@ -137,7 +137,7 @@ def make_output_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
-    """Make a folder for the work inside, as `make_output_folder` does; work that fails leaves no empty one behind.
+    """Make a folder for the `with` block, as `make_output_folder` does; a block that fails leaves no empty folder.
 
     Raises:
         OutputError: it cannot be made or written to.
@@ -149,7 +149,7 @@ def output_folder(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def no_empty_folder(folder: Path) -> Iterator[None]:
-    """Remove a folder that the work inside made, where that work fails and leaves it empty."""
+    """Remove a folder that the `with` block made, if the block fails and leaves the folder empty."""
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         yield
@@ -161,7 +161,7 @@ def no_empty_folder(folder: Path) -> Iterator[None]:
 
 
 def make_parent(path: Path) -> None:
-    """Make the folder of a file to be written, with those above it that are missing.
+    """Make the folder of an output file, including missing parent folders.
 
     Raises:
         OutputError: it cannot be made.
@@ -175,7 +175,7 @@ def make_parent(path: Path) -> None:
 
 
 def write_text(path: Path, text: str, *, overwrite: bool = True) -> None:
-    """Write a text as `write_bytes` does.
+    """Write a text file as `write_bytes` does.
 
     Raises:
         OutputError: as `write_bytes`.
@@ -186,11 +186,11 @@ def write_text(path: Path, text: str, *, overwrite: bool = True) -> None:
 def write_bytes(path: Path, content: bytes, *, overwrite: bool = True, instead: str = ANOTHER_NAME) -> None:
     """Write a file whole or not at all.
 
-    - `overwrite`: whether one may be replaced that came there since `refuse_to_replace` looked
-    - `instead`: as of `refuse_to_replace`
+    - `overwrite`: whether to replace a file that appeared after `refuse_to_replace` was called
+    - `instead`: as in `refuse_to_replace`
 
     Raises:
-        OutputError: it is there and may not be replaced, or cannot be written.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     try:
         write_whole(path, content, may_replace=overwrite)
@@ -201,5 +201,5 @@ def write_bytes(path: Path, content: bytes, *, overwrite: bool = True, instead: 
 
 
 def unwritable(path: Path, error: OSError) -> OutputError:
-    """Return the error of a file that cannot be written, with the next step by its cause."""
+    """Return the error of a file that cannot be written, with a next step for its cause."""
     return OutputError(f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error))

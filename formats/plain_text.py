@@ -1,4 +1,4 @@
-"""Text from files: its encoding by its mark, and made safe for a terminal, which sees codes of control characters."""
+"""Prepare text from files for display: detect the encoding, and escape control characters."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import re
 from collections.abc import Sequence
 
 LONGEST_TEXT = 2000  # characters of one text
-LONGEST_SHOWN = 255  # letters of a name in a sentence: Linux lets no file's name have more bytes, limits.h
-MOST_TOLD = 3  # of things of one kind, stated by us
-ENDS_SHOWN = 60  # letters at either end of a longer name
+LONGEST_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
+MOST_TOLD = 3  # items of one kind that a sentence lists, stated by us
+ENDS_SHOWN = 60  # characters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 
 
-# Control characters but tab and line break, other breaks of lines, marks that turn the direction of writing, and halves
-# of letters (https://www.unicode.org/reports/tr9/, table 4). Joiners stay: Persian and Indian names need them.
+# Control characters but tab and line feed, other line breaks, marks of the writing direction, and surrogates
+# (https://www.unicode.org/reports/tr9/, table 4). Joiners stay: Persian and Indian names need them.
 CODES = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding of a text by its first bytes, four or more, where editors of other systems put a mark.
+    """Return the encoding of a text from its first bytes, four or more, by its byte order mark.
 
-    Without a mark every other byte of plain text in UTF-16 is zero; a text without a zero is UTF-8.
+    Without a mark, every other byte of plain UTF-16 text is zero. A text without zero bytes is UTF-8.
     """
     marked = next((name for mark, name in MARKS if head.startswith(mark)), None)
     if marked is not None or b"\0" not in head:
@@ -30,9 +30,9 @@ def encoding_of(head: bytes) -> str:
 
 
 def plain(text: object) -> str:
-    """Return a text whose control characters, also those that turn the direction of writing, are escaped.
+    """Return a text with control characters escaped, including those that reverse the writing direction.
 
-    Bytes of a file's name that are no UTF-8 stay as they are: the name must be shown as it can be typed.
+    Bytes of a file name that are not UTF-8 stay unchanged, so that the name can be typed as shown.
     """
     letters = str(text)
     shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST_TEXT])
@@ -40,27 +40,27 @@ def plain(text: object) -> str:
 
 
 def shortened(name: str) -> str:
-    """Return a name for a sentence: of one that is longer than a file's may be, the beginning and the end."""
+    """Return a name for a sentence; of a name longer than a file name may be, only the beginning and the end."""
     return name if len(name) <= LONGEST_SHOWN else f"{name[:ENDS_SHOWN]} ... {name[-ENDS_SHOWN:]}"
 
 
 def lines_of(text: str) -> str:
-    """Return text of several lines for a terminal, of any length: names of files and words from files are in it."""
+    """Return a text of several lines for a terminal, of any length, with control characters escaped."""
     return "".join(letter if letter in "\n\t" or is_harmless(letter) else _escaped(letter) for letter in text)
 
 
 def without_codes(text: str) -> str:
-    """Return a text for a file that others open, a page or a table: codes that no name needs are escaped."""
+    """Return a text for an output file, such as a page or a table, with control characters escaped."""
     return CODES.sub(lambda found: _escaped(found[0]), text)
 
 
 def in_utf8(name: str) -> str:
-    """Return a file's name for a file that holds it as text: bytes of it that are no UTF-8 as in `caf\\xe9.oni`."""
+    """Return a file name as UTF-8 text; bytes that are not UTF-8 are escaped as in `caf\\xe9.oni`."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def code_in(name: str) -> str:
-    """Return the first letter of a name that is a code, escaped, and nothing where there is none."""
+    """Return the first control character of a name, escaped; '' without one."""
     found = re.search(r"[\t\n]", name) or CODES.search(name)
     return _escaped(found[0]) if found else ""
 
@@ -71,13 +71,13 @@ def counted(number: int, word: str) -> str:
 
 
 def first_few(words: Sequence[str], count: int) -> str:
-    """Return the first words of so many with commas between, and how many more there are."""
+    """Return the first words with commas between them, and the number of the others out of `count`."""
     more = count - MOST_TOLD
     return ", ".join(words[:MOST_TOLD]) + f" and {more} more" * (more > 0)
 
 
 def sized(count: float) -> str:
-    """Return a number of bytes in the largest unit of which there is one: "3.2 GB", "14.0 kB", "12 bytes"."""
+    """Return a number of bytes in the largest unit of at least one: "3.2 GB", "14.0 kB", "12 bytes"."""
     for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= size:
             return f"{count / size:.1f} {unit}"
@@ -85,7 +85,7 @@ def sized(count: float) -> str:
 
 
 def is_harmless(letter: str) -> bool:
-    """Return whether a terminal shows a letter and does nothing else."""
+    """Return whether a terminal displays a character and does nothing else."""
     # Surrogates stand for bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.
     return letter.isprintable() or "\udca0" <= letter <= "\udcff"
 

@@ -1,8 +1,8 @@
-"""Judge what a person typed or a file states: a number that no cloth, hanger or sensor has was meant in another unit.
+"""Check numbers that a person typed or a file states against the ranges of cloth, hangers and sensors.
 
-Woven and knitted fabrics weigh 0.02 to 1.5 kg/m^2. The 618 fabrics of ClothDrapeTester (SIGGRAPH Asia 2022) weigh 0.03
-to 0.7. Garments that hang from a hanger have sides of 0.1 to 3 m. Cameras and motion capture deliver 5 to 1000 frames a
-second.
+A number outside its range was probably meant in another unit. Woven and knitted fabrics weigh 0.02 to 1.5 kg/m^2. The
+618 fabrics of ClothDrapeTester (SIGGRAPH Asia 2022) weigh 0.03 to 0.7. Garments that hang from a hanger have sides of
+0.1 to 3 m. Cameras and motion capture deliver 5 to 1000 frames a second.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
-LARGEST_LEAP = 600.0  # s between two frames of one take: five times its longest recording; a simulation goes through it
-NEAR_A_RATE = 2.0  # times: a rate so near the range is meant as it is; a wrong unit is wrong by 30 times and more
-RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
+LARGEST_JUMP = 600.0  # s between two frames: five times the longest recording; a simulation covers the whole time
+NEAR_A_RATE = 2.0  # times: a rate nearer to the range has the right unit; a wrong unit is off 30 times or more
+RATE_WITHIN = 1.2  # times: largest ratio of the stamps' and the stated frame rate
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 
 
 def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a take whose garment, hanger or times no cloth, hanger or camera has.
+    """Refuse a take with an implausible garment, hanger or time.
 
-    offers_anyway: here and below, the command has an option that accepts them
+    offers_anyway: here and below, whether the command has the option --anyway, which the error then names
 
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
@@ -40,7 +40,7 @@ def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = Fal
 
 
 def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a garment of a size or weight that no cloth has, and say which unit was probably meant.
+    """Refuse a garment of an implausible size or weight, and name the unit that was probably meant.
 
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
@@ -68,17 +68,17 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
 
 
 def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse increasing times [s], (frames,), that no camera has: frame numbers, other units, a leap of minutes.
+    """Refuse implausible times [s], (frames,), increasing: frame numbers, other units, a jump of minutes.
 
     Raises:
-        ImplausibleError: names the spacing and the unit that was probably meant.
+        ImplausibleError: names the interval and the unit that was probably meant.
     """
     steps = np.diff(time)
     apart = float(np.median(steps)) if len(steps) else 1 / SLOWEST
     if apart * 1.001 >= 1 / FASTEST and apart <= 1.001 / SLOWEST:
-        if len(steps) and (longest := float(steps.max())) > LARGEST_LEAP:
+        if len(steps) and (longest := float(steps.max())) > LARGEST_JUMP:
             raise ImplausibleError(
-                f"its times leap by {longest:g} s after {time[int(steps.argmax())] - time[0]:.2f} s", where=where,
+                f"its times jump by {longest:g} s after {time[int(steps.argmax())] - time[0]:.2f} s", where=where,
                 advice=step_or_anyway("split the recording there, or mend its clock", offers_anyway),
             )  # fmt: skip
         return
@@ -107,10 +107,12 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
 
 
 def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a frame rate, by which times [s], (frames,), were counted, that no camera has or a copy [1/s] contradicts.
+    """Refuse an implausible frame rate that a file states without times, or that another field contradicts.
+
+    - `time` [s], (frames,): computed from the rate; `rate` [1/s]: the other field, None without one
 
     Raises:
-        ImplausibleError: names it, and the copy.
+        ImplausibleError: names the rate, and the other field.
     """
     if len(time) < 2:
         return
@@ -125,7 +127,7 @@ def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_
 
 
 def check_stated_rate(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse increasing times [s], (frames,), that contradict the frame rate [1/s] that the same file states.
+    """Refuse increasing times [s], (frames,), that contradict the frame rate [1/s] stated in the same file.
 
     Raises:
         ImplausibleError: names both.

@@ -1,6 +1,6 @@
-"""Judge the numbers of a rig that somebody typed, alone and beside the garment that is to hang from the hanger.
+"""Check the numbers that a person typed in a rig, alone and against the garment that is to hang from the hanger.
 
-Only the lengths in a recording can tell the rest (`formats.judgement`): a distance that is off by a tenth.
+Only a recording shows smaller errors (`formats.judgement`), such as a distance that is off by a tenth.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ DICTIONARIES = {
 
 
 def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse sizes and deviations of no hanger, optics of no sensor, and bodies out of sight; say the unit that fits.
+    """Refuse implausible sizes, deviations and optics, and bodies out of sight; name the unit that fits.
 
-    offers_anyway: the command has an option that accepts them
+    offers_anyway: whether the command has the option --anyway, which the error then names
 
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
@@ -73,7 +73,7 @@ def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False)
 
 
 def check_plausible_hold(rig: Rig, garment: Garment, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse held ends between which the held edge of a garment cannot hang.
+    """Refuse held ends whose distance does not fit the garment's held edge.
 
     Raises:
         ImplausibleError: names both lengths.
@@ -93,7 +93,7 @@ def check_plausible_hold(rig: Rig, garment: Garment, where: object, *, offers_an
 
 
 def check_plausible_marker(size_m: float, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a printed marker's side [m] that no rig may have.
+    """Refuse an implausible side length [m] of a printed marker.
 
     Raises:
         ImplausibleError: names the range and the unit that fits.
@@ -192,7 +192,7 @@ def _check_visible(hanger: Hanger, sensor: Sensor, refuse: Refuse) -> None:
 
 
 def _check_bodies(rig: Rig, refuse: Refuse) -> None:
-    """Check that the camera could see each body, and stands in none."""
+    """Check that the camera can see each body, and stands in none."""
     from_origin = float(np.linalg.norm(rig.viewpoint))
     if from_origin > FARTHEST_CAMERA:
         refuse(
@@ -225,7 +225,7 @@ def _check_bodies(rig: Rig, refuse: Refuse) -> None:
 
 
 def _check_deviations(calibration: Calibration, refuse: Refuse) -> None:
-    """Check standard deviations: one so large says that nothing was measured, and it is left out."""
+    """Check standard deviations; one above its limit means that the quantity was not measured and must be left out."""
     right, down = calibration.depth_offset_sd_px or (0.0, 0.0)
     offset = max(part for part in (0.0, right, down) if np.isfinite(part))  # inf: that axis was never measured
     held = max(map(max, calibration.held_sd_m or ((0.0,),)))

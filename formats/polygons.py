@@ -1,7 +1,7 @@
-"""Say where polygons and places lie to each other: inside, apart, touching or crossing.
+"""Test how polygons and points lie relative to each other: inside, apart, touching or crossing.
 
 A polygon is an array (corners, 2) [m]. Side k goes from corner k to the next, the last side to the first corner.
-All places are compared with all sides at once. A garment has up to 1000 sides in its outline and 1000 in its holes.
+All points are compared with all sides at once. A garment has up to 1000 sides in its outline and 1000 in its holes.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 
-TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
-CELLS_AT_ONCE = 2**17  # pairs of a place and a side, so that a table of them takes some megabytes
+TOUCHING = 1e-5  # m within which corners and sides touch: no mesh fits between
+CELLS_AT_ONCE = 2**17  # pairs of a point and a side, so that a table of pairs takes some megabytes
 
 
 def corner_twice(polygon: Floats) -> list[float] | None:
-    """Return a corner of a polygon that is there twice."""
+    """Return a corner that occurs twice in a polygon, None without one."""
     apart = np.linalg.norm(polygon[:, None] - polygon[None], axis=2) + np.eye(len(polygon))
     return None if apart.min() > TOUCHING else [float(x) for x in polygon[int(apart.min(0).argmin())]]
 
 
 def touches_itself(polygon: Floats) -> list[float] | None:
-    """Return a corner of a polygon that lies on one of its sides that does not end there."""
+    """Return a corner that lies on another side of its polygon, one that does not end there; None without one."""
     apart = distances_to_sides(polygon, polygon)
     corners = np.arange(len(polygon))
     apart[corners, corners - 1] = apart[corners, corners] = np.inf
@@ -47,7 +47,7 @@ def touch(one: Floats, other: Floats) -> bool:
 
 
 def first_overlap(polygons: Sequence[Floats]) -> tuple[int, int] | None:
-    """Return the first polygon that overlaps an earlier one, and that one, counted from 0."""
+    """Return the index of the first polygon that overlaps an earlier one, and the index of that one, from 0."""
     if len(polygons) < 2:
         return None
     starts, ends = np.concatenate(polygons), np.concatenate([_ends(polygon) for polygon in polygons])
@@ -60,9 +60,9 @@ def first_overlap(polygons: Sequence[Floats]) -> tuple[int, int] | None:
 
 
 def inside(places: Floats, polygon: Floats) -> Booleans:
-    """Return which places lie in a polygon, (places,).
+    """Return which points lie in a polygon, (places,).
 
-    A ray to the right of such a place crosses an odd number of sides.
+    A ray to the right of an inside point crosses an odd number of sides.
     """
     starts, ends = polygon, _ends(polygon)
     with np.errstate(divide="ignore", invalid="ignore"):  # a level side is crossed by no level ray
@@ -77,12 +77,12 @@ def inside(places: Floats, polygon: Floats) -> Booleans:
 
 
 def distances_outside(places: Floats, polygon: Floats) -> Floats:
-    """Distance of places outside a polygon to it [m], (places,); 0 inside."""
+    """Return the distance of each point to a polygon [m], (places,); 0 inside."""
     return np.where(inside(places, polygon), 0.0, distances_to_sides(places, polygon).min(1))
 
 
 def distances_to_sides(places: Floats, polygon: Floats) -> Floats:
-    """Distance of places to each side of a polygon [m], (places, sides)."""
+    """Return the distance of each point to each side of a polygon [m], (places, sides)."""
     return _to_segments(places, polygon, _ends(polygon))
 
 
@@ -91,13 +91,13 @@ def _ends(polygon: Floats) -> Floats:
 
 
 def _parts(count: int, width: int) -> Iterator[slice]:
-    """Share the rows of a table, so that a part has CELLS_AT_ONCE cells at most, or one row."""
+    """Split the rows of a table into parts of at most CELLS_AT_ONCE cells, or of one row."""
     step = max(1, CELLS_AT_ONCE // width)
     return (slice(first, first + step) for first in range(0, count, step))
 
 
 def _to_segments(places: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distance of places to segments [m], (places, segments)."""
+    """Return the distance of each point to each segment [m], (places, segments)."""
     along = ends - starts
     squared = np.maximum((along**2).sum(1), 1e-18)
     found = np.empty((len(places), len(starts)))
@@ -109,7 +109,7 @@ def _to_segments(places: Floats, starts: Floats, ends: Floats) -> Floats:
 
 
 def _crossings(starts: Floats, ends: Floats, other_starts: Floats, other_ends: Floats) -> Booleans:
-    """Return which segments cross, (segments, others): each parts the other's two ends."""
+    """Return which segments cross, (segments, others): each separates the ends of the other."""
 
     def parts(one: Floats, one_ends: Floats, other: Floats, other_ends: Floats) -> Booleans:
         along = one_ends - one

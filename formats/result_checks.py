@@ -1,6 +1,7 @@
-"""Check the rules of a fit or a diagnosis that a schema cannot state: its numbers must agree with each other.
+"""Check the consistency of the numbers in a fit or diagnosis, beyond the rules of its schema.
 
-A person edits a result, or a disk spoils one. Whoever reads it would simulate, export and print what it says.
+A person may have edited a result, or a disk may have damaged it. Later commands would simulate, export and print the
+wrong numbers.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from formats.fit_records import Combination, FitParameter, FitResult
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
-ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, which leaves 1e-15
-SHARES = ("probability", "p_value", "share")  # from 0 to 1 wherever they stand
+ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, with an error of 1e-15
+SHARES = ("probability", "p_value", "share")  # fields that must be from 0 to 1
 
 
 def check_result(record: FitResult | Diagnosis, where: object) -> None:
@@ -42,14 +43,14 @@ def check_result(record: FitResult | Diagnosis, where: object) -> None:
 
 
 def as_plain(value: Any) -> Any:
-    """Return a number of numpy as one of Python."""
+    """Convert a numpy number to a Python number."""
     if isinstance(value, np.generic):
         return value.item()
     raise NotImplementedError(f"a result holds a {type(value).__name__}")
 
 
 def _check_fit(result: FitResult, refuse: Any) -> None:
-    """Check that a fit belongs together: layers, parameters, combinations and material."""
+    """Check that a fit's layers, parameters, combinations and material are consistent."""
     if result.layers < 1:
         refuse(f"layers is {result.layers}, and cloth has one or more")
     if result.spacing is not None and result.spacing <= 0:
@@ -104,7 +105,7 @@ def _check_interval(number: FitParameter | Combination, refuse: Any) -> None:
 
 
 def _check_numbers(value: Any, refuse: Any, at: str) -> None:
-    """Refuse numbers that are not finite or too large, shares beyond 0 to 1, intervals whose ends are crossed."""
+    """Refuse numbers that are not finite or too large, shares outside 0 to 1, and intervals with exchanged ends."""
     name = at.rpartition(".")[2]
     if isinstance(value, float):
         if not math.isfinite(value):

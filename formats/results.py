@@ -1,4 +1,4 @@
-"""Fit results and diagnoses: JSON files with published schemas, validated when written and when read."""
+"""Read and write fit results and diagnoses as JSON files, validated against published schemas."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
 
-LARGEST_RESULT = 1 << 25  # bytes: a diagnosis of hundreds of takes has a hundredth of them
+LARGEST_RESULT = 1 << 25  # bytes: a hundred times a diagnosis of hundreds of takes
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
@@ -60,7 +60,7 @@ def diagnosis_from(raw: bytes, where: object) -> Diagnosis:
 
 
 def save_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
-    """Write a diagnosis; raises as `save_fit_result` does."""
+    """Write a diagnosis; the errors are those of `save_fit_result`."""
     _save(path, diagnosis)
 
 
@@ -80,7 +80,7 @@ def _save(path: Path, record: FitResult | Diagnosis) -> None:
 
 
 def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
-    """Return a result as its file holds it; path: where that file will be.
+    """Return the content of a result's file; path: the file's name in an error.
 
     Raises:
         ResultError: a number in it is not finite.
@@ -115,7 +115,7 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
 
 
 def _refuse_no_text(raw: bytes, where: object) -> None:
-    """Refuse bytes that hold nothing, zeros, or letters of two bytes, and say which."""
+    """Refuse an empty file, a file of zeros, binary data or UTF-16 text, and name which of them it is."""
     if not raw.strip(b"\0\r\n\t "):
         what = "holds nothing but zeros, as a power cut leaves a file" if b"\0" in raw else "is empty"
         raise ResultError(what, where=where, advice="copy it again, or make it again")
@@ -135,7 +135,7 @@ def _refuse_no_text(raw: bytes, where: object) -> None:
 
 
 def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None:
-    """Raise where a file names another version of its own format."""
+    """Refuse a file that states another version of the expected format."""
     (known,) = get_args(get_type_hints(kind)["format"])
     try:
         named = msgspec.json.decode(raw, type=_Named).format

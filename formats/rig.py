@@ -1,6 +1,4 @@
-"""The rig description: sensor, its direction of gravity, the hanger's markers, where the cloth hangs from them, and
-the bodies near it.
-"""
+"""The rig description: sensor, gravity, the hanger's markers, the held ends of the cloth, and bodies nearby."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ Colour = tuple[int, int, int]
 
 
 class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Pinhole intrinsics in pixels; depth is registered to colour, both share them."""
+    """Pinhole intrinsics in pixels, shared by colour and depth; depth is registered to colour."""
 
     width: int
     height: int
@@ -65,11 +63,11 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class RigBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Something that stands still where the cloth may touch it, in the sensor frame.
+    """A fixed body that the cloth may touch, in the sensor frame.
 
-    - plane: all that lies behind the plane through `at_m` whose `normal` (of any length) points to the cloth
-    - sphere: all within `radius_m` of `at_m`
-    - capsule: all within `radius_m` of the straight way from `at_m` to `to_m`
+    - plane: the half-space behind the plane through `at_m`, whose `normal` (of any length) points to the cloth
+    - sphere: the ball of radius `radius_m` around `at_m`
+    - capsule: all points within `radius_m` of the straight line from `at_m` to `to_m`
     """
 
     kind: Literal["plane", "sphere", "capsule"]
@@ -80,7 +78,7 @@ class RigBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Everything about the recording's set-up that the fitter must know.
+    """The set-up of a recording, as far as a fit needs it.
 
     Sensor frame: x right, y down, z away from the sensor, metres. `gravity` is a unit vector in it.
     `hanger` and `sensor` are absent where the held points were measured by other means (imported takes);
@@ -94,16 +92,16 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     hanger: Hanger | None = None
     sensor: Sensor | None = None
     calibration: Calibration | None = None
-    bodies: tuple[RigBody, ...] | msgspec.UnsetType = msgspec.UNSET  # written only where there are any
+    bodies: tuple[RigBody, ...] | msgspec.UnsetType = msgspec.UNSET  # written only where not empty
 
     camera_at_m: Vector | msgspec.UnsetType = msgspec.UNSET  # written only where it is stated
 
     @property
     def viewpoint(self) -> Vector:
-        """Where the rays of depth begin [m]: at the camera, in the origin unless stated."""
+        """Return the camera's position, where depth rays begin [m]: the origin unless stated."""
         return (0.0, 0.0, 0.0) if isinstance(self.camera_at_m, msgspec.UnsetType) else self.camera_at_m
 
     @property
     def near(self) -> tuple[RigBody, ...]:
-        """The bodies, none where they are absent."""
+        """Return the bodies nearby, none where they are absent."""
         return () if isinstance(self.bodies, msgspec.UnsetType) else self.bodies

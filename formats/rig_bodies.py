@@ -1,4 +1,4 @@
-"""Tell whether the held edge comes into a body that the rig names, as neither hanger nor cloth can."""
+"""Find where the held edge enters a body of the rig, which neither hanger nor cloth can do."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from formats.rig import Rig, RigBody
 from formats.sights import Sights
 from formats.take import Take
 
-ALONG = np.linspace(0, 1, 11)[:, None]  # shares of the held edge at which it is looked at
+ALONG = np.linspace(0, 1, 11)[:, None]  # fractions of the held edge's length at which the depth is computed
 
 
 @dataclass(frozen=True)
 class Entered:
-    """A body of the rig that the held edge enters: its number, from 1 on, its kind, and how deep the edge comes [m]."""
+    """A body that the held edge enters: its number, from 1 on, its kind, and the penetration depth [m]."""
 
     number: int
     kind: str
@@ -25,7 +25,7 @@ class Entered:
 
     @property
     def words(self) -> str:
-        """Return the sentence without its end."""
+        """Return the finding as a sentence without its full stop."""
         return f"the held edge comes {1e3 * self.depth:.0f} mm into the rig's body {self.number}, a {self.kind}"
 
     @property
@@ -35,7 +35,7 @@ class Entered:
 
 
 def first_entered(rig: Rig, ends: Floats) -> Entered | None:
-    """Return the first body that the line between held ends enters; ends [m], (n, 2, 3), sensor frame."""
+    """Return the first body that the line between the held ends enters; ends [m], (n, 2, 3), sensor frame."""
     edge = ends[:, None, 0] * (1 - ALONG) + ends[:, None, 1] * ALONG
     for number, body in enumerate(rig.near, 1):
         depth = -float(distances_from(body, edge).min(initial=0.0))
@@ -45,7 +45,7 @@ def first_entered(rig: Rig, ends: Floats) -> Entered | None:
 
 
 def body_findings(take: Take, sights: Sights) -> list[Finding]:
-    """Return the finding on a take whose held edge enters a body of its rig; none of others."""
+    """Return a finding where a take's held edge enters a body of its rig, else none."""
     entered = first_entered(take.rig, take.held[sights.held])
     if entered is None:
         return []
@@ -53,7 +53,7 @@ def body_findings(take: Take, sights: Sights) -> list[Finding]:
 
 
 def distances_from(body: RigBody, places: Floats) -> Floats:
-    """Return distances [m], (...), of places [m], (..., 3), from a body's surface, negative inside."""
+    """Return distances [m], (...), of positions [m], (..., 3), from a body's surface, negative inside."""
     at = np.array(body.at_m, float)
     if body.normal is not None:
         return np.asarray((places - at) @ np.array(body.normal) / np.linalg.norm(body.normal))

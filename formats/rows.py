@@ -1,4 +1,4 @@
-"""Rows of cells as text: CSV of which a spreadsheet runs nothing, and columns for a terminal."""
+"""Format rows of cells as text: CSV that runs no formula in a spreadsheet, and columns for a terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from formats.plain_text import plain, without_codes
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as CSV; numbers keep every digit, and None is an empty cell."""
+    """Return rows as CSV; numbers keep every digit, and None becomes an empty cell."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(heads)
@@ -19,8 +19,9 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def spreadsheet_cell(cell: object) -> object:
-    """Return a cell that a spreadsheet shows as it stands: an apostrophe before a text stops a formula from running.
-    Codes of a terminal and ends of lines are escaped, for whoever looks at the file with `cat`: one line a row.
+    """Return a cell that a spreadsheet shows unchanged: an apostrophe before a text stops a formula from running.
+
+    Terminal control codes and line breaks are escaped, so that `cat` shows one line a row.
 
     Source: OWASP, "CSV Injection".
     """
@@ -37,9 +38,9 @@ def spreadsheet_cell(cell: object) -> object:
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
-    """Return a line a row with columns two spaces apart, those of `right` set to the right, as numbers are.
+    """Return one line for each row, with columns two spaces apart; columns in `right` are aligned to the right.
 
-    Names in cells may hold ends of lines and codes, which are escaped.
+    Line breaks and control codes in cells are escaped.
     """
     rows = [[plain(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

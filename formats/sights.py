@@ -1,18 +1,19 @@
-"""Find when hanger and garment of a take were seen as a fit needs them, and motion that neither hand nor cloth makes.
+"""Find when hanger and garment of a take were seen, and motion that no hand and no cloth makes.
 
-A fit knows the hanger's path between sights at most `LONGEST_GAP` apart. After a longer gap it counts no cloth for
-`SETTLING`. So these rules are those of `fit.recordings`: a take that a fit refuses is told where it is recorded.
+A sight is a frame in which both held ends were seen. A fit interpolates the hanger's path between sights at most
+`LONGEST_GAP` apart. After a longer gap the fit ignores the cloth for `SETTLING`. These rules are those of
+`fit.recordings`, so that the recording already reports a take that a fit refuses.
 
-The line from one held end to the other, b, turns by an angle a in the step dt between two sights. The ends are
-exchanged from one sight to the other where
+The line from one held end to the other, b, turns by an angle a in the time dt between two sights. The ends are
+exchanged from one sight to the next where
 
     a > 90 degrees   and   a / dt > FASTEST_TURN
 
-A held end jumps where it is faster than `FASTEST_END`, or is accelerated harder than
+A held end jumps where its speed exceeds `FASTEST_END`, or its acceleration exceeds
 
     sqrt(HARDEST_PULL^2 + (10 sd)^2)
 
-with sd the median of that which noise makes of a second difference (`accelerations`).
+with sd the median standard deviation of a second difference that noise causes (`accelerations`).
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ from formats.two_clocks import at_times, shows_hanger, shows_points
 
 SETTLING = 2.5  # s after a gap of the hanger: 4 % are left of a swing that decays with 1.25 /s, as a real cloth's did
 ON_EDGE = 0.02  # of the garment's height, within which of the held edge a point is on it
-FEWEST_FREE = 3  # points off the held edge: fewer tell no shape, so a fit looks at those on the edge as well
+FEWEST_FREE = 3  # points off the held edge: fewer show no shape, so a fit also uses points on the edge
 FASTEST_END = 8.0  # m/s of a held end, twice what a hand can do with a hanger
-FASTEST_TURN = 10.0  # rad/s of the held edge: a twist by 45 degrees to each side at 2 Hz has as much at its middle
-NOISIER = 10.0  # times what a path's noise is in the median, stated deviations may be too small
+FASTEST_TURN = 10.0  # rad/s of the held edge: the peak of a twist by 45 degrees to each side at 2 Hz
+NOISIER = 10.0  # times the median noise of a path, since stated deviations may be too small
 SAME_PLACE = 1e-5  # m: an archive's steps are 1e-4 m, and the noise of markers is as large or larger
-FEWEST_TELLING = 5  # sights, from which a bad one shows among its neighbours' neighbours
-LEAPS = 3.0  # times its neighbours' own steps that a sight is off them: swings of 2 Hz have 0.9 at 9 sights a second
-LARGEST_SHIFT = 0.5  # s either way that a clock of the hanger's own is off: live cameras are late by 0.05 to 0.35 s
-MOST_SHIFTED = 1000  # frames that are looked at, evenly over the take, where many shifts are: 1 s for 64 points
+FEWEST_TELLING = 5  # sights: fewer do not show an outlier among its neighbours
+JUMPS = 3.0  # times the neighbours' own steps that an outlier is off: swings of 2 Hz have 0.9 at 9 sights a second
+LARGEST_SHIFT = 0.5  # s, largest offset of the hanger's clock either way: live cameras are late by 0.05 to 0.35 s
+MOST_SHIFTED = 1000  # frames, evenly spaced, for which all clock offsets are tried: 1 s for 64 points
 CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s
 
 
@@ -46,9 +47,9 @@ class Sights:
     """When hanger and garment were seen.
 
     - `held`, (frames,): both held ends were seen
-    - `within`, (frames,): points could be seen then, from the first to the last sight of the hanger
-    - `is_known`, (frames,): and the hanger's path is known there
-    - `free`, (points,): the points that tell of the cloth (`judged_points`)
+    - `within`, (frames,): points could be seen, and the frame lies between the first and the last sight of the hanger
+    - `is_known`, (frames,): as `within`, and the hanger's path is known
+    - `free`, (points,): the points by which the cloth is judged (`judged_points`)
     - `cloth`, (frames,): a point below the held edge was seen (`below_held_edge`)
     """
 
@@ -82,9 +83,9 @@ def on_held_edge(garment: Garment) -> Booleans:
 
 
 def below_held_edge(garment: Garment) -> Booleans:
-    """Return the points, (points,), off the whole held edge, however it is held; all where none is off it.
+    """Return the points, (points,), that are not on the held edge, however it is held; all if every point is on it.
 
-    Points between two held corners are not among them: they are still seen where the rest of the cloth is lost.
+    Points between two held corners count as on the edge: they stay visible where the rest of the cloth is lost.
     """
     below = ~_near_edge(garment, is_whole=True)
     return below if below.any() else np.ones(len(below), bool)
@@ -101,18 +102,21 @@ def _near_edge(garment: Garment, *, is_whole: bool) -> Booleans:
 
 
 def judged_points(garment: Garment) -> Booleans:
-    """Return the points, (points,), that tell of the cloth: those off the held edge, all where those are too few."""
+    """Return the points, (points,), by which the cloth is judged: those off the held edge.
+
+    All points count where those off the held edge are fewer than `FEWEST_FREE`.
+    """
     free = ~on_held_edge(garment)
     return free if free.sum() >= FEWEST_FREE else np.ones(len(free), bool)
 
 
 def fitted_sights(take: Take, sights: Sights) -> int:
-    """Return how many sights of free points a fit has: those while the hanger's path is known."""
+    """Return the number of sightings of free points that a fit uses, those while the hanger's path is known."""
     return int(take.points_valid[sights.is_known][:, sights.free].sum())
 
 
 def exchanged(time: Floats, ends: Floats) -> Booleans:
-    """Return the sights, (sights,), in which the held ends are exchanged: those that are fewer.
+    """Return the sights, (sights,), in which the held ends are exchanged; of the two orders, the rarer one is wrong.
 
     time [s], (sights,); ends [m], (sights, 2, 3)
     """
@@ -125,7 +129,7 @@ def exchanged(time: Floats, ends: Floats) -> Booleans:
 
 
 def first_jump(time: Floats, ends: Floats) -> int | None:
-    """Return the first sight to which a held end jumps, or from which it does; None where no end jumps.
+    """Return the first sight to which, or from which, a held end jumps; None where no end jumps.
 
     time [s], (sights,); ends [m], (sights, 2, 3)
     """
@@ -140,10 +144,10 @@ def first_jump(time: Floats, ends: Floats) -> int | None:
 
 
 def accelerations(time: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return how hard both ends are accelerated from sight to sight, and the most that can be, (n - 2, 2) [m/s^2].
+    """Return the accelerations of both ends from sight to sight, and their limits, both (n - 2, 2) [m/s^2].
 
-    time [s], (n,); ends [m], (n, 2, 3). Noise counts for more between close sights. A second difference of places over
-    h1 and h2 seconds has a multiple of their deviation:
+    time [s], (n,); ends [m], (n, 2, 3). Noise contributes more between close sights. Over h1 and h2 seconds, the
+    standard deviation of a second difference of positions is their own deviation times
 
         2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
     """
@@ -155,30 +159,32 @@ def accelerations(time: Floats, ends: Floats) -> tuple[Floats, Floats]:
 
 
 def reach(places: Floats) -> float:
-    """Return how far one of several places goes at most [m], corner to corner, of places [m], (sights, n, 3).
+    """Return the largest travel of one of several points [m], as the diagonal of its bounding box.
 
-    A sight that leaps off both neighbours, while those keep to their own, is a bad one and no motion. The first and the
-    last sight have no such neighbours, and do not count.
+    places: positions [m], (sights, n, 3)
 
-    A swing turns between sights. With r sights a second, one of f Hz seems smaller by 1 - cos(pi f / r) at most. At 9
-    sights a second that is 6 % at 1 Hz and 13 % at 1.5 Hz; at 30 it is 1 %.
+    A sight that jumps off both neighbours, while the neighbours move regularly, is an outlier and no motion. The first
+    and the last sight have no such neighbours, and do not count.
+
+    A swing may turn between sights. At r sights a second, a swing of f Hz appears smaller by 1 - cos(pi f / r) at most.
+    At 9 sights a second that is 6 % at 1 Hz and 13 % at 1.5 Hz; at 30 it is 1 %.
     """
     if len(places) < FEWEST_TELLING:
         return float(np.linalg.norm(np.ptp(places, axis=0), axis=1).max())
     middle = (places[:-2] + places[2:]) / 2
     steps, none = np.linalg.norm(np.diff(places, axis=0), axis=2), np.zeros((1, places.shape[1]))
     around = np.maximum(np.concatenate([none, steps[:-2]]), np.concatenate([steps[2:], none]))
-    is_bad = np.linalg.norm(places[1:-1] - middle, axis=2) > LEAPS * around
+    is_bad = np.linalg.norm(places[1:-1] - middle, axis=2) > JUMPS * around
     kept = np.where(is_bad[..., None], middle, places[1:-1])
     return float(np.linalg.norm(np.ptp(kept, axis=0), axis=1).max())
 
 
 def standing(take: Take, sights: Sights, moved: float) -> list[tuple[int, float, float]]:
-    """Return the points that keep their very place while the hanger moves, and the longest spell of each [s].
+    """Return the points that keep exactly one position while the hanger moves, each with its longest such time.
 
-    moved [m]: how far the middle of the held ends moves then at least, for a point may lie on the axis of a twist
+    Each is an index with begin and end [s]. Times below `LONGEST_GAP` are ignored.
 
-    Spells below `LONGEST_GAP` are not looked at.
+    moved [m]: least travel of the centre of the held ends meanwhile, since a point may lie on the axis of a twist
     """
     held, middle, found = np.flatnonzero(sights.held), take.held.mean(1, keepdims=True), []
     for point in range(take.points.shape[1]):
@@ -195,21 +201,22 @@ def standing(take: Take, sights: Sights, moved: float) -> list[tuple[int, float,
 
 
 def shifts_of(take: Take) -> Floats:
-    """Return the shifts of the hanger's clock [s] that are looked at: none but 0 where its clock is the points' own."""
+    """Return the clock offsets of the hanger to try [s]; only 0 where hanger and points share a clock."""
     has_two_clocks = not (shows_hanger(take) & shows_points(take)).all()
     return CLOCKS_APART if has_two_clocks else np.zeros(1)
 
 
 def spread(frames: Integers, most: int) -> Integers:
-    """Return at most so many of the frames, evenly over all of them."""
+    """Return at most `most` of the frames, evenly spaced."""
     return frames if len(frames) <= most else frames[np.linspace(0, len(frames) - 1, most).astype(int)]
 
 
 def away_from_held(take: Take, sights: Sights) -> Floats:
     """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
 
-    Where the hanger has a clock of its own, they are those at the shift of the clock that brings them nearest.
-    A fit moves the clock only where the held row tells a shift, so it may refuse a short take that is near at some.
+    Where the hanger has its own clock, the distances are those at the clock offset that makes them smallest. A fit
+    moves the clock only where the held row determines an offset. So a fit may refuse a short take that is near at some
+    offset.
     """
     shifts, frames = shifts_of(take), np.flatnonzero(sights.is_known)
     frames = spread(frames, MOST_SHIFTED if len(shifts) > 1 else len(frames))
@@ -223,7 +230,7 @@ def away_from_held(take: Take, sights: Sights) -> Floats:
 
 
 def _medians(apart: Floats) -> Floats:
-    """Return the medians over the frames, (points, 2), of those that are numbers."""
+    """Return the medians over the frames, (points, 2), ignoring NaN."""
     whole = np.full(apart.shape[1:], np.nan)
     is_there = np.isfinite(apart).any(0)
     whole[is_there] = np.nanmedian(apart[:, is_there], axis=0)
@@ -231,7 +238,7 @@ def _medians(apart: Floats) -> Floats:
 
 
 def longest_without_cloth(take: Take, sights: Sights) -> tuple[float, float]:
-    """Return begin and end [s] of the longest time without a free point while the hanger was seen; 0 and 0 of none."""
+    """Return begin and end [s] of the longest time without a free point while the hanger was seen, else 0 and 0."""
     rows, held = np.flatnonzero(sights.within & sights.cloth), np.cumsum(sights.held)
     begins, ends = rows[:-1], rows[1:]
     with_hanger = held[np.maximum(ends - 1, 0)] > held[begins]

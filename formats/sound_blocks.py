@@ -1,4 +1,4 @@
-"""Decode the sound blocks and scans of one take, within the memory that its file may take. See `formats/SPEC.md`."""
+"""Decode the sound blocks and scans of one take, within the memory limit of its file. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from formats.surface import SurfaceScan, decode_scan, places_of
 from formats.table_memory import AT_ONCE, TableMemory
 from formats.take_messages import Message
 
-SCAN_NUMBERS = 7  # of a place of a scan: four of the table, and the three that stay
+SCAN_NUMBERS = 7  # of a scan's position: four in the table, and three after decoding
 
 
 def is_number(value: object, least: int, most: int) -> bool:
-    """Whether a value is a whole number between two others."""
+    """Return whether a value is a whole number from `least` to `most`."""
     return type(value) is int and least <= value <= most
 
 
 def in_order(blocks: list[Message], version: int) -> tuple[list[Message], int, bool]:
-    """Return the blocks of one take by their first frame, and how many others there were; a copy is no damage.
+    """Return the blocks of one take by first frame, the number of rejected blocks, and whether blocks conflict.
 
-    The third value says whether two sound blocks begin with one frame and differ. Then two takes have one header.
+    An exact copy is no damage. Two sound blocks conflict where they begin with the same frame and differ. Then two
+    takes have the same header.
     """
     found: dict[int, Message] = {}
     strange, is_mixed = 0, False
@@ -53,7 +54,7 @@ def _is_table(block: Message) -> bool:
 def decoded(
     blocks: list[Message], points: int, version: int, memory: TableMemory
 ) -> tuple[Columns, list[Message], int]:
-    """Return the columns of the sound blocks, those blocks, and how many were not sound."""
+    """Return the columns of the sound blocks, these blocks, and the number of the other blocks."""
     width = sum(widths(points).values())
     fitting = [block for block in blocks if memory.fits(width * block["frames"], block.own)]
     columns: Columns = {}
@@ -76,7 +77,7 @@ def decoded(
 
 
 def _batches(blocks: list[Message], rows: int) -> Iterator[list[Message]]:
-    """Yield blocks, so many together that they have `rows` rows at most, or one that has more."""
+    """Yield batches of blocks with at most `rows` rows together, or single larger blocks."""
     batch: list[Message] = []
     count = 0
     for block in blocks:
@@ -97,7 +98,7 @@ def _of_version_1(block: Message, points: int) -> tuple[Columns, list[bool]]:
 
 
 def _within_reach(columns: Columns, blocks: list[Message]) -> tuple[Columns, list[Message]]:
-    """Leave out blocks with a place that no writer stores, as it lies too far away."""
+    """Leave out blocks with a position beyond the limit of all writers."""
     if not blocks:
         return columns, blocks
     most = FARTHEST_PLACE + PLACE_STEPS.max()  # steps are not exact in binary
@@ -112,7 +113,10 @@ def _within_reach(columns: Columns, blocks: list[Message]) -> tuple[Columns, lis
 
 
 def increasing(columns: Columns, kept: list[Message]) -> tuple[Columns, list[Message], int]:
-    """Leave out blocks that share frames, or where time does not increase: no writer makes them; empties `columns`."""
+    """Leave out blocks that share frames, or in which time does not increase, since no writer makes them.
+
+    `columns` is emptied.
+    """
     rows = np.array([block["frames"] for block in kept])
     time, starts = columns["time"], np.cumsum(rows) - rows
     goes_back = np.concatenate([[False], np.diff(np.maximum.accumulate(time)) <= 0])
@@ -127,7 +131,7 @@ def increasing(columns: Columns, kept: list[Message]) -> tuple[Columns, list[Mes
 
 
 def sound_scans(messages: list[Message], version: int, memory: TableMemory) -> tuple[list[SurfaceScan], int]:
-    """Return the scans of one take in the order of time, and how many messages are none; a copy is no damage."""
+    """Return the scans of one take by time, and the number of damaged messages; an exact copy is no damage."""
     decode = version_1.decode_scan if version == 1 else decode_scan
     found: dict[int, Message] = {}
     scans, lost = [], 0

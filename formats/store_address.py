@@ -1,6 +1,6 @@
-"""Addresses of stores, opened in one place: a folder (a path or file:///...) or a bucket (s3://, gs://, az://).
+"""Open the address of a store: a folder (a path or file:///...) or a bucket (s3://, gs://, az://).
 
-A bucket is opened with the library obstore. It is imported only where a bucket is opened: a folder needs no library.
+The library obstore opens buckets. It is imported only for a bucket, since a folder needs no library.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Messag
 REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
 CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
 OF_STORE = re.compile(r"^Generic (\w+) error: ")  # begins obstore's errors
-BUCKETS_NAME = "[A-Za-z0-9$][A-Za-z0-9$._-]*"  # of S3's older names, Google's with _, and Azure's $web
+BUCKETS_NAME = "[A-Za-z0-9$][A-Za-z0-9$._-]*"  # includes S3's older names, Google's with _, and Azure's $web
 UNREAD = re.compile(r'[Ff]ailed to parse "(.*?)" as (\w+)')
 VALUES_WANTED = {"boolean": ("true or false", "true or false"), "Duration": ("a length of time", "one such as 30s")}
 NO_SERVICE_ACCOUNT = re.compile(r"open service account file from (.*?)(?: \(os error \d+\))?(?:\n|$)")
-CLOUDS_OWN = re.compile(r"http://(169\.254\.|metadata\b|\[fd00:ec2::)")  # asks a machine of the cloud itself for keys
-BAD_SCHEME = "BadScheme"  # reqwest's, of a server without TLS where none was allowed
+CLOUDS_OWN = re.compile(r"http://(169\.254\.|metadata\b|\[fd00:ec2::)")  # servers that give keys to cloud machines
+BAD_SCHEME = "BadScheme"  # reqwest's error for a server without TLS that no setting allows
 SETTINGS_BEGIN = ("AWS_", "AZURE_", "GOOGLE_")
 KEYS_OF = {
     "S3": "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY", "GCS": "GOOGLE_SERVICE_ACCOUNT",
     "MicrosoftAzure": "AZURE_STORAGE_ACCOUNT_KEY",
 }  # fmt: skip
 ALLOWING = {"S3": "AWS_ALLOW_HTTP", "MicrosoftAzure": "AZURE_ALLOW_HTTP"}  # Google's needs none
-KEYS_BEGIN = {S3: "AWS_", AZURE: "AZURE_"}  # what becomes headers of requests; Google's keys are JSON of several lines
-LONGEST_REASON = 200  # characters of an error that are passed on
+KEYS_BEGIN = {S3: "AWS_", AZURE: "AZURE_"}  # settings sent as headers; Google's keys are JSON of several lines
+LONGEST_REASON = 200  # characters of a server's reason that an error quotes
 
 
 def folder_of(url: str) -> Path | None:
-    """Return the folder that an address leads to, or None if it leads to a bucket.
+    """Return the folder that an address names, None for a bucket.
 
     Raises:
-        AddressError: no address, or one of another kind.
+        AddressError: the address is empty or of another kind.
     """
     if not url.strip():
         raise AddressError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
@@ -81,13 +81,13 @@ def open_bucket(
     client: Mapping[str, Any] | None = None,
     retries: int | None = None,
 ) -> Any:
-    """Open a bucket below a prefix; returns obstore's store. Nothing is sent before its first use.
+    """Open a bucket below a prefix and return obstore's store; nothing is sent before its first use.
 
-    - `extra`: Hangtime's extra that brings the library, for the message where it is missing
+    - `extra`: Hangtime's extra that installs the library, for the error where it is missing
     - `config`: the store's settings and keys by obstore's names; the environment (AWS_..., GOOGLE_..., AZURE_...)
-      gives the others
-    - `client`: obstore's settings of connections
-    - `retries`: how often the library itself tries a failed request again; None leaves it to the library
+      supplies the others
+    - `client`: obstore's connection settings
+    - `retries`: number of retries within the library; None for the library's default
 
     Raises:
         AddressError: the library is missing, or the address or a setting is refused.
@@ -118,9 +118,9 @@ def open_bucket(
 
 
 def _setting_refused(text: str, config: Mapping[str, str]) -> tuple[str, str] | None:
-    """Return what is wrong with a setting and the next step, of an error at opening; None of another error.
+    """Return the faulty setting and the next step for an error at opening; None for another error.
 
-    config: as of `open_bucket`
+    config: as in `open_bucket`
     """
     if found := UNREAD.search(text):
         settings = {name: value for name, value in os.environ.items() if name.startswith(SETTINGS_BEGIN)} | dict(config)
@@ -146,10 +146,10 @@ def _setting_refused(text: str, config: Mapping[str, str]) -> tuple[str, str] | 
 
 
 def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
-    """Refuse what the library would leave out of an address without a word, change, or end at.
+    """Refuse an address of which the library would silently drop or change a part.
 
     Raises:
-        AddressError: the address has a part that no bucket's address has, a server's address is none, or a key or
+        AddressError: the address has a part that no bucket's address has, a server's address is malformed, or a key or
             another setting holds a line break.
     """
     parts = urlsplit(url.replace("#", "%23"))
@@ -196,7 +196,7 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
 
 
 def _is_servers_address(text: str) -> bool:
-    """Return whether a text is http(s)://NAME, with a port and a path or without."""
+    """Return whether a text is http(s)://NAME, with or without port and path."""
     try:
         parts = urlsplit(text)
         return bool(parts.hostname) and parts.port != 0 and text.isascii() and text.isprintable() and " " not in text
@@ -205,7 +205,7 @@ def _is_servers_address(text: str) -> bool:
 
 
 def advice_on(error: Exception) -> str:
-    """Return the advice on an error of a bucket, by the server's own reason where it gives one."""
+    """Return the next step for a bucket's error, by the server's own reason where the server gives one."""
     text = str(error)
     store = found[1] if (found := OF_STORE.search(text)) else "S3"
     if "RequestTimeTooSkewed" in text:
@@ -218,19 +218,20 @@ def advice_on(error: Exception) -> str:
 
 
 def is_without_tls(error: Exception) -> bool:
-    """Return whether nothing was sent because the server's address has no TLS, and no setting allows that."""
+    """Return whether the request was not sent because the server's address has no TLS, and no setting allows that."""
     return BAD_SCHEME in str(error)
 
 
 def is_without_keys(error: Exception) -> bool:
-    """Return whether nothing was sent to the bucket because no keys are set."""
+    """Return whether the request was not sent because no access keys are set."""
     return CLOUDS_OWN.search(str(error)) is not None
 
 
 def is_out_of_reach(error: Exception) -> bool:
-    """Return whether no server answered, as it may later: one that answers and refuses says so with a status.
+    """Return whether no server answered, so that a later attempt may succeed.
 
-    Settings that keep a request from being sent, and keys that are not there, stay so.
+    A server that refuses a request answers with a status. Missing keys and settings that prevent a request do not
+    change by themselves.
     """
     import obstore
 
@@ -239,7 +240,7 @@ def is_out_of_reach(error: Exception) -> bool:
 
 
 def first_line(error: Exception) -> str:
-    """Return the server's own reason for an error, or the error's first line, without secrets of addresses."""
+    """Return the server's reason for an error, or the error's first line, with secrets in addresses removed."""
     if reason := SERVERS_REASON.search(str(error)):
         told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
         return without_secrets(f"the server says {told}")[:LONGEST_REASON]
@@ -255,9 +256,9 @@ def first_line(error: Exception) -> str:
 
 
 def without_secrets(text: str) -> str:
-    """Return a text without the user, password and query of the addresses in it: they may be keys and signatures.
+    """Return a text with user, password and query removed from its addresses, since they may be keys and signatures.
 
-    The part behind a # stays: in a bucket it is a part of the name, and elsewhere no server is sent it.
+    The part behind a # stays: in a bucket it belongs to the name, and elsewhere it is never sent to a server.
     """
     text = re.sub(r"(\b[a-z0-9+]+://)[^\s/@?#]*@", r"\1", text)
     return re.sub(r"(\b[a-z0-9+]+://[^\s?]*)[?][^\s:,;)]*", r"\1", text)

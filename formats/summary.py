@@ -1,4 +1,4 @@
-"""A take in a few figures, for people and for programs."""
+"""Summarise a take in a few figures, for people and for programs."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def summarise(take: Take) -> dict[str, Any]:
 
 
 def _rate(take: Take) -> float | None:
-    """Return frames a second, of the time in which none is lost; None of a single frame."""
+    """Return the frame rate [1/s] over the time without lost frames; None for a single frame."""
     time = take.time[shows_points(take)]
     steps = np.diff(time)
     is_hole = np.zeros(len(steps), bool)
@@ -139,7 +139,7 @@ def describe(summary: dict[str, Any]) -> str:
 
 
 def _calibrated(plain: dict[str, Any] | None) -> list[str]:
-    """Return a line on how well the rig is known, none where it was never calibrated."""
+    """Return a line on the accuracy of the rig's calibration, none for a rig that was never calibrated."""
     if plain is None:
         return []
     known = msgspec.convert(plain, Calibration)

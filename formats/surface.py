@@ -1,8 +1,8 @@
-"""A scan of the visible surface: a grid of places on it and its silhouette's contour, at one instant of a take.
+"""A scan of the visible surface: a grid of positions and the silhouette's contour, at one instant of a take.
 
-Neither are material points: an untextured garment does not show which thread is where. Cell (i, j) of the grid lies at
-fixed fractions of the way along the silhouette's sides. Contour place k lies at a fixed fraction of the way around the
-silhouette (`capture.garment.surface_scan`). Points of the cloth follow these places only as far as the silhouette does.
+The positions are no material points, since an untextured garment does not show its threads. Cell (i, j) of the grid
+lies at fixed fractions of the silhouette's sides. Contour position k lies at a fixed fraction of the silhouette's
+perimeter (`capture.garment.surface_scan`). They follow the cloth only as far as the silhouette does.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
     """Return a scan as the content of a `/surface` message.
 
     Raises:
-        TakeError: it has more places than a scan can, or one that lies too far away.
+        TakeError: the scan has too many positions, or a position that is too far away.
     """
     size, count = len(scan.grid), len(scan.contour)
     where = f"scan at {scan.time:g} s"
@@ -60,7 +60,7 @@ def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
 
 
 def _coded(places: Floats, where: str) -> bytes:
-    """Return places as the bytes of a table: x, y, z in steps, and whether it was seen."""
+    """Return positions as the bytes of a table: x, y, z in steps, and whether the position was seen."""
     if not len(places):
         return b""
     seen = np.asarray(np.isfinite(places).all(1))
@@ -73,10 +73,10 @@ def _coded(places: Floats, where: str) -> bytes:
 
 
 def places_of(content: dict[str, Any]) -> int:
-    """Return how many places a `/surface` message says it has.
+    """Return the number of positions that a `/surface` message states.
 
     Raises:
-        ValueError, KeyError: they cannot be.
+        ValueError, KeyError: the number is missing or impossible.
     """
     size, count = content["grid_size"], content["contour_size"]
     if (
@@ -92,9 +92,9 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
     """Return the scan of a `/surface` message.
 
     Raises:
-        ValueError, KeyError, TypeError: the content does not hold together.
+        ValueError, KeyError, TypeError: the content is malformed.
     """
-    places_of(content)  # refuses what cannot be
+    places_of(content)  # raises if the sizes are impossible
     size, count, time = content["grid_size"], content["contour_size"], content["surface"]
     if type(time) is not int or abs(time) > LATEST:
         raise ValueError(f"{time!r} is no time")
@@ -103,7 +103,7 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
 
 
 def _places(raw: object, count: int) -> Floats:
-    """Return `count` places, NaN where not seen."""
+    """Return `count` positions, NaN where not seen."""
     if not isinstance(raw, bytes):
         raise TypeError("places are bytes")
     if not count:

@@ -1,8 +1,8 @@
-"""The square swatch of the motion capture method as a garment: a full grid of markers, held at its two top corners.
+"""Describe the square swatch of the motion capture method: a full grid of markers, held at the two top corners.
 
 Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 2. The paper
-has 81 markers about 5 cm apart on a swatch of 50 cm by 50 cm. The two markers at the top corners drive the swatch. Nine
-by nine markers from edge to edge are 62.5 mm apart; this module reconciles the paper's two statements so.
+has 81 markers about 5 cm apart on a swatch of 50 cm by 50 cm. The two markers at the top corners drive the swatch. The
+two statements differ: nine by nine markers from edge to edge are 62.5 mm apart. This module uses 62.5 mm.
 """
 
 from __future__ import annotations

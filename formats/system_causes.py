@@ -1,4 +1,4 @@
-"""The next step by the cause for which the system refuses a file: in one place, for all who write and read.
+"""The next step for each cause for which the operating system refuses a file, for all readers and writers.
 
 The causes are those of `man 3 errno` that a person can change.
 """
@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import errno
 
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk, a quota or a limit that somebody may widen meanwhile
-ONLY_WRITING = {*FULL, errno.EROFS}  # no reader meets these
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # a full disk, quota or size limit, which a person may raise meanwhile
+ONLY_WRITING = {*FULL, errno.EROFS}  # causes that only writing has
 TO_WRITE = {
     errno.ENOSPC: "make room on the disk, or choose another one",
     errno.EDQUOT: "make room in your quota, or choose another disk",
@@ -37,10 +37,10 @@ TO_READ = {
 
 
 def step_to_write(error: OSError) -> str:
-    """Return the next step of a person whose file cannot be written."""
+    """Return the next step for a file that cannot be written."""
     return TO_WRITE.get(error.errno or 0, "choose another place")
 
 
 def step_to_read(error: OSError) -> str:
-    """Return the next step of a person whose file cannot be read."""
+    """Return the next step for a file that cannot be read."""
     return TO_READ.get(error.errno or 0, "check the path")

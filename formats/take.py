@@ -15,7 +15,7 @@ from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take_report import Span, TakeReport
 
-LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led across: half a swing
+LONGEST_GAP = 0.5  # s, longest time between two sights of the hanger that is interpolated: half a swing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,18 +28,19 @@ class Take:
     - `held_sd` [m], (frames, 2, 3): standard deviation per axis
     - `points` [m], (frames, points, 3): in the order of `garment.points`; NaN where not valid
     - `points_valid`, (frames, points)
-    - `points_sd` [m], (frames, points, 3)
+    - `points_sd` [m], (frames, points, 3): standard deviation per axis
     - `state`, (frames,), uint16: bits of `formats.take.FrameState`
     - `markers` [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
-    - `pitch`, `pitch_sd` [rad], (frames,): the hanger's turn about the line between its markers. Their plates show it.
-      It is positive with the lower edge towards the sensor, NaN where not seen, and None in a take without it
-    - `points_hidden`, (frames, points): not valid because something hides the point; False or None where nobody looked
-    - `quality`, (frames,): the seen share of all that could be seen, 0 to 1; NaN or None where nobody judged
+    - `pitch`, `pitch_sd` [rad], (frames,): the hanger's rotation about the line between its markers, as their plates
+      show. Positive with the lower edge towards the sensor; NaN where not seen, None in a take without pitch
+    - `points_hidden`, (frames, points): whether the point is invalid because something occludes it; False or None where
+      not determined
+    - `quality`, (frames,): the seen share of everything visible, 0 to 1; NaN or None where not determined
     - `scans`: of the visible surface, in the order of time, fewer than frames; empty where none were taken
-    - `is_complete`: the recording was finished and every frame of it is here
-    - `missing` [s]: spans of the sensor's clock without frames, lost by damage or an interruption. Each goes from the
-      last frame before to the first one after; -inf and inf where the beginning or the end is not known
-    - `report`: on the file that it was read from; None of a take that was never in a file
+    - `is_complete`: the recording was finished, and no frame of it is missing
+    - `missing` [s]: spans of the sensor's clock without frames, lost by damage or an interruption. A span goes from the
+      last frame before to the first frame after, and is infinite where the recording's begin or end is not known
+    - `report`: on the file from which the take was read; None for a take without a file
     """
 
     take_id: str
@@ -68,17 +69,17 @@ class Take:
 
 
 def told_apart(takes: Sequence[Take]) -> list[str]:
-    """Return names by which sentences tell takes apart: their own, or their files' where several have one name."""
+    """Return names that distinguish takes in sentences: their own, or their files' names where several share one."""
     ids = [take.take_id for take in takes]
     files = [take.report.file if take.report else "" for take in takes]
     return [shortened(file if file and ids.count(own) > 1 else own) for own, file in zip(ids, files, strict=True)]
 
 
 class FrameState:
-    """Bits of `Take.state`: what went wrong in a frame. `MARKER_LOST` says that both markers are not there together.
+    """Bits of `Take.state`: the faults of a frame. `MARKER_LOST` means that the two markers were not both located.
 
-    `HANGER_ALONE` and `POINTS_ALONE` say that the other was not looked at then: hanger and points have clocks of their
-    own (`formats.two_clocks`).
+    `HANGER_ALONE` and `POINTS_ALONE` mean that only the hanger, or only the points, were measured in this frame, since
+    the two have separate clocks (`formats.two_clocks`).
     """
 
     MARKER_LOST = 1

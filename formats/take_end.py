@@ -1,4 +1,4 @@
-"""Hold the end of a take against its blocks: which frames are missing, and what contradicts. See `formats/SPEC.md`."""
+"""Compare the end message of a take with its blocks: missing frames and contradictions. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from formats.take_writer import BLOCK_SECONDS
 
 
 def is_end(end: Message, version: int) -> bool:
-    """Whether a message holds what an `/end` of this version must."""
+    """Return whether a message has the valid content of an `/end` of this version."""
     names = ("frames", "blocks") if version == 1 else ("frames", "blocks", "scans")
     times = [end[name] for name in ("from", "until") if name in end]
     return all(is_number(end.get(name), 0, 2**40) for name in names) and all(
@@ -28,11 +28,11 @@ def is_end(end: Message, version: int) -> bool:
 
 @dataclass(frozen=True)
 class Held:
-    """The part of a take that is there, in the order of its frames.
+    """The existing part of a take, in the order of its frames.
 
-    - `first`, `rows`, (blocks,): each block's first frame, and how many it has
-    - `begins`, `ends` [s], (blocks,): times of its first and last frame
-    - `scans`: how many there are
+    - `first`, `rows`, (blocks,): each block's first frame number and number of frames
+    - `begins`, `ends` [s], (blocks,): times of each block's first and last frame
+    - `scans`: number of scans
     """
 
     first: Integers
@@ -43,16 +43,16 @@ class Held:
 
     @classmethod
     def of(cls, kept: list[Message], time: Floats, scans: int) -> Held:
-        """Describe blocks whose frames have these times [s], (frames,)."""
+        """Describe sound blocks whose frames have these times [s], (frames,)."""
         rows = np.array([block["frames"] for block in kept])
         last = np.cumsum(rows) - 1
         return cls(np.array([block["first"] for block in kept]), rows, time[last - rows + 1], time[last], scans)
 
 
 def missing_spans(held: Held, end: Message | None) -> tuple[tuple[Span, ...], int | None]:
-    """Return the spans of the sensor's clock whose frames are missing, and how many these are, None if not known.
+    """Return the spans of the sensor's clock with missing frames, and the number of missing frames, None if not known.
 
-    A time of the end that the blocks contradict counts as not known.
+    A time in the end message that contradicts the blocks counts as not known.
     """
     begin, finish = _times_of(held, end)
     before = np.concatenate([[0], (held.first + held.rows)[:-1]])
@@ -70,13 +70,13 @@ def missing_spans(held: Held, end: Message | None) -> tuple[tuple[Span, ...], in
 
 
 def _times_of(held: Held, end: Message | None) -> tuple[float, float]:
-    """Return when the first and the last frame of a take were [s], infinite where that is not known."""
+    """Return the times of a take's first and last frame [s], infinite where not known."""
     begin, finish = (end[name] / TICKS if end and name in end else np.nan for name in ("from", "until"))
     return begin if begin < held.begins[0] else -np.inf, finish if finish > held.ends[-1] else np.inf
 
 
 def contradictions(held: Held, ends: list[Message]) -> Iterator[str]:
-    """Yield what the ends of a take say that its blocks, its scans or another end contradict."""
+    """Yield the statements in a take's end messages that contradict its blocks, its scans or another end message."""
     if not ends:
         return
     end = ends[-1]
@@ -97,12 +97,12 @@ def contradictions(held: Held, ends: list[Message]) -> Iterator[str]:
 
 
 def stray_scans(held: Held, scans: list[SurfaceScan], spans: tuple[Span, ...]) -> Iterator[str]:
-    """Yield the doubt of a take of version 1 some of whose scans lie outside its time: they may be of another take.
+    """Yield a warning where scans of a version 1 take lie outside its time, since they may belong to another take.
 
-    The writer of version 1 put every scan behind the frame that it was made of, and a scan names no take.
-    So a scan lies between the first frame and the last one, or within a span whose frames are missing.
-    A pause may lie before frames that a cut takes away, so such a span counts whole. A caller of its own writer may
-    have scanned shortly before or after the frames, so one block's time beyond them is no doubt either.
+    A scan of version 1 names no take. The writer put every scan behind the frame from which it was made. So a scan lies
+    between the first and the last frame, or within a span with missing frames. A pause may precede frames that a cut
+    removed, so the whole span counts. Other programs may have scanned shortly before or after the frames, so one
+    block's time beyond them also counts.
 
     - `spans`: as of `missing_spans`
     """

@@ -1,4 +1,4 @@
-"""Turn a take's header into its rig, garment and texts. See `formats/SPEC.md`."""
+"""Parse a take's header: its rig, garment and texts. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Words(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words]:
-    """Return the rig, the garment and the texts of a header; path: whence it is.
+    """Return the rig, the garment and the texts of a header; path: the take's file.
 
     Raises:
-        TakeError: it is of a newer version, or does not hold; names the field.
+        TakeError: the header is of a newer version, or malformed; names the field.
     """
     name, _, version = str(header["format"]).partition("/")
     if name != PROFILE.partition("/")[0]:
@@ -54,7 +54,7 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
 
 
 def of_another_version(version: str, path: object) -> TakeError | None:
-    """Return the error of a take of a version that this Hangtime does not read; nothing of one that it does."""
+    """Return the error of a take in a version that this Hangtime does not read, None for a known version."""
     number = int(version) if version.isdecimal() and len(version) < 9 else 0
     if 1 <= number <= VERSION:
         return None

@@ -1,4 +1,4 @@
-"""Sort the messages of an archive by take and kind, each bounded by what it honestly holds. See `formats/SPEC.md`."""
+"""Sort the messages of an archive by take and kind, with a size limit for each kind. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; t
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
 FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
-# They stand for the hash of a header that has not come yet, and of one that cannot come any more.
+# Placeholders for the hash of a header that has not come yet, and of a header that is lost.
 NO_HEADER, LOST_HEADER = b"none", b"lost"
-# Of all that a reader looks at in blocks, scans and ends of both versions. Others would take twenty times their bytes.
+# The fields of blocks, scans and ends that a reader uses, in both versions. Others would take twenty times their bytes.
 FIELDS = {
     "take", "first", "frames", "start", "steps", "table", "surface", "grid_size", "contour_size", "grid", "contour",
     "blocks", "scans", "from", "until", "time", "state", "quality", "pitch", "pitch_valid", "markers", "markers_valid",
@@ -64,9 +64,9 @@ class Count:
 class Contents:
     """The messages of a file.
 
-    - `headers`: the bytes of each, by the hash that binds the other messages to it; nobody has looked at them
-    - `parts`: by that hash, None where a message names none and no header of version 1 is there
-    - `damaged`: messages that are of no kind
+    - `headers`: the bytes of each header, not yet decoded, by the hash that binds other messages to it
+    - `parts`: the other messages by that hash; None where a message names no take and no header of version 1 exists
+    - `damaged`: number of messages of no known kind
     """
 
     headers: dict[bytes, bytes] = field(default_factory=dict)
@@ -74,20 +74,20 @@ class Contents:
     damaged: int = 0
 
     def of(self, binding: bytes | None) -> Parts:
-        """Return the messages that name this take."""
+        """Return the messages bound to this header."""
         return self.parts.get(binding, _NOTHING)
 
     def counted(self, bindings: Iterable[bytes | None]) -> Count:
-        """Return how many messages name these takes."""
+        """Return the number of messages bound to these headers."""
         parts = [self.of(key) for key in bindings]
         return Count(sum(len(part) for part in parts), sum(len(part.blocks) for part in parts))
 
     def takes(self) -> list[bytes]:
-        """Return the takes that have blocks, in the order of their first headers."""
+        """Return the hashes of takes with blocks, in the order of their first headers."""
         return [binding for binding in self.headers if self.of(binding).blocks]
 
     def by_preference(self) -> Iterator[bytes]:
-        """Yield the takes: the finished ones, then those of most blocks, of as many the last one first."""
+        """Yield the takes: finished ones first, then those with the most blocks, and the last one of equals."""
         finished = {key: _is_finished(self.of(key)) for key in self.headers}
         yield from (key for key, is_finished in finished.items() if is_finished)
         rest = [key for key in reversed(finished) if not finished[key]]
@@ -99,13 +99,13 @@ _NOTHING = Parts()
 
 @dataclass
 class _Nameless:
-    """The take to which a message of version 1 belongs, which names none.
+    """Assigns messages of version 1, which name no take, to a take.
 
-    - `contents`: of the file, to which messages and the header that they waited for are added
-    - `first`, `last`: hashes of the first and of the last header of version 1 so far
-    - `current`: of the take whose blocks go on; `NO_HEADER` while they wait for theirs
-    - `follows`: number of the frame with which its next block begins
-    - `has_ended`: an end has come since the last header
+    - `contents`: of the file, to which messages and late headers are added
+    - `first`, `last`: hashes of the first and the last header of version 1 so far
+    - `current`: hash of the take whose blocks continue; `NO_HEADER` while they wait for their header
+    - `follows`: frame number with which its next block begins
+    - `has_ended`: whether an end message came after the last header
     - `scans`: scans that wait for the block of their second
     """
 
@@ -122,7 +122,7 @@ class _Nameless:
         return self.last if self.current is None else self.current
 
     def meet(self, header: bytes) -> None:
-        """Take a header: that of the blocks that waited for it."""
+        """Accept a header; blocks that waited for a header belong to it."""
         parts = self.contents.parts
         if header != self.last and not self.has_ended:
             self.place_scans()
@@ -133,7 +133,7 @@ class _Nameless:
             self.current = header
 
     def take_of(self, content: dict[str, Any]) -> bytes | None:
-        """Return the hash of a message's header, None before the first one."""
+        """Return the hash of the header to which a message belongs, None before the first header."""
         begin, frames = content.get("first"), content.get("frames")
         if type(begin) is not int:
             found = self._ended(content.get("blocks"))
@@ -146,7 +146,7 @@ class _Nameless:
         return found
 
     def _ended(self, blocks: Any) -> bytes | None:
-        """Return the take that ends here. One of as many blocks as its end counts does not go on."""
+        """Return the take that ends here; a take with as many blocks as its end message counts does not continue."""
         parts, found = self.contents.parts, self._going_on
         if found == NO_HEADER:  # a writer puts the header before the end
             parts[LOST_HEADER] += parts.pop(NO_HEADER, _NOTHING)
@@ -157,28 +157,29 @@ class _Nameless:
         return found
 
     def place_scans(self, take: bytes | None = None) -> None:
-        """Give the scans that wait to a take, or else to the one whose blocks go on."""
+        """Assign the waiting scans to a take, by default to the take whose blocks continue."""
         if self.scans:
             self.contents.parts[self._going_on if take is None else take].scans += self.scans
             self.scans = []
 
 
-def sorted_messages(messages: Iterable[tuple[bytes, int]], take_for_copy: Callable[[int], None]) -> Contents:
-    """Sort messages by take and kind; one of no kind is damage. A header stays as it is until its take is chosen.
+def sorted_messages(messages: Iterable[tuple[bytes, int]], refund_copy: Callable[[int], None]) -> Contents:
+    """Sort messages by take and kind; a message of no known kind is damage.
 
-    Those of version 1 name no take. They belong to the last header of version 1 before them, or else to the first one.
-    Blocks that go on with the frames of the block before stay with its take: a stray header begins no other. Others
-    behind an end belong to the next header, as theirs is lost. A scan is written before the block of its second, and
-    belongs to the take of that block. Where another header comes first, it belongs to the take before.
+    Headers stay encoded until their take is chosen. Messages of version 1 name no take. They belong to the last header
+    of version 1 before them, or else to the first one. Blocks whose frame numbers continue the block before stay with
+    its take, in spite of a stray header between. Other blocks behind an end message belong to the next header, since
+    their own is lost. A scan is written before the block of its second, and belongs to the take of that block. Where
+    another header comes first, the scan belongs to the take before.
 
-    - messages: the data of each, and its share of the file [bytes]
-    - take_for_copy: is called with the size [bytes] of each copy of the last header, before the next message is taken
+    - messages: the data of each message, and its share of the file [bytes]
+    - refund_copy: called with the size [bytes] of each copy of the last header, before the next message is taken
     """
     contents = Contents()
     header, binding, nameless = b"", b"", _Nameless(contents)
     for data, own in messages:
         if data == header:
-            take_for_copy(len(data))
+            refund_copy(len(data))
             if FORMAT_1 in data:
                 nameless.meet(binding)
             continue
@@ -225,7 +226,7 @@ def header_of(data: bytes) -> dict[str, Any] | None:
 
 
 def _unpacked(data: bytes, containers: int, entries: int, items: int) -> Any:
-    """Return the content of a message, None where it is malformed or has too many maps and lists, or too large ones."""
+    """Return the content of a message, None where it is malformed, or has too many or too large maps and lists."""
     count = 0
 
     def counted(container: Any) -> Any:
@@ -244,6 +245,6 @@ def _unpacked(data: bytes, containers: int, entries: int, items: int) -> Any:
 
 
 def _is_finished(parts: Parts) -> bool:
-    """Whether an end of a take counts at most twice the blocks that are there: a stray page of another has few."""
+    """Return whether an end message counts at most twice the existing blocks; a stray page of another take has few."""
     counts = [end["blocks"] for end in parts.ends if type(end.get("blocks")) is int]
     return any(2 * len(parts.blocks) > max(count, 0) for count in counts)

@@ -1,4 +1,4 @@
-"""Draw how the tracked points of a take move: in letters for a terminal, and as a PNG picture."""
+"""Draw the motion of a take's tracked points, in braille letters for a terminal and as a PNG picture."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ MOST_LINES = 12  # tracked points that are drawn
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
-    """Return the way in which most is moved, names in words, and paths in that way [m], (frames, paths).
+    """Return the direction of the largest motion, names, and paths along this direction [m], (frames, paths).
 
-    The paths are those of the held edge's middle and of each tracked point, less their own means; NaN where not seen.
-    The way is `sideways`, `face-on` or `up-and-down` (`formats.motion`).
+    The paths are those of the held edge's centre and of each tracked point, less their means; NaN where not seen. The
+    direction is `sideways`, `face-on` or `up-and-down` (`formats.motion`).
     """
     names = ["held edge", *(name.replace("_", " ") for name in take.garment.point_names)]
     places = np.concatenate([take.held.mean(1, keepdims=True), take.points], axis=1)
@@ -34,14 +34,14 @@ def paths_of(take: Take) -> tuple[str, list[str], Floats]:
 
 
 def _mean(values: Floats) -> Floats:
-    """Return the mean along the frames that saw something, 0 where none did."""
+    """Return the mean over the frames, ignoring NaN, or 0 without any number."""
     seen = np.isfinite(values)
     total = np.where(seen, values, 0.0).sum(0)
     return np.asarray(total / np.maximum(seen.sum(0), 1))
 
 
 def draw_in_letters(take: Take) -> str:
-    """Return a picture of the held edge's and the lowest point's way over time, in braille letters."""
+    """Return a plot of the held edge and the lowest point over time, in braille letters."""
     way, _, paths = paths_of(take)
     lowest = 1 + int(np.argmin([point.at_m[1] for point in take.garment.points]))
     shown = paths[:, [0, lowest]]
@@ -63,7 +63,7 @@ def draw_in_letters(take: Take) -> str:
 
 
 def draw_png(take: Take, path: Path) -> None:
-    """Draw the way of the held edge and the tracked points over time as a PNG picture.
+    """Plot the motion of the held edge and the tracked points over time as a PNG picture.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
@@ -100,6 +100,6 @@ def draw_png(take: Take, path: Path) -> None:
 
 
 def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
-    """Return begin and end of each run of frames in which a point was seen, two frames or more."""
+    """Return begin and end of each run of at least two frames in which a point was seen."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]

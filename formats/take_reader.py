@@ -1,4 +1,4 @@
-"""Read takes: every sound block, also of a damaged file. See `formats/SPEC.md`."""
+"""Read takes: every sound block, even of a damaged file. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
-SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
+SEARCHED_BYTES = 1 << 22  # bytes searched in a file of another profile: a take repeats its header
 MIXED = "two takes have the same header here, or one has lost its own, and their seconds may be mixed"
 IMPOSSIBLE_SPANS = "its header names missing times that cannot be"
-MOST_TAKES = 50  # that are read of one file: more than anyone joins
+MOST_TAKES = 50  # read from one file: more than a person would join
 COPY = "copy it again from where it was recorded"
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
 
 def read_take(path: Path) -> Take:
-    """Read a take; of a damaged or cut-off file, what survives (`Take.missing` says what does not).
+    """Read a take; of a damaged or cut file, read the surviving part (`Take.missing` lists the missing spans).
 
     Raises:
         TakeError: the file is missing, not a take, of a newer version, or holds no frame.
@@ -40,7 +40,7 @@ def read_take(path: Path) -> Take:
 
 
 def take_of(raw: bytes, where: object) -> Take:
-    """Read a take from the bytes of its archive; where: whence they are.
+    """Read a take from the bytes of its archive; where: the source that an error names.
 
     Raises:
         TakeError: as `read_take`.
@@ -49,7 +49,7 @@ def take_of(raw: bytes, where: object) -> Take:
 
 
 def verify_take(path: Path) -> TakeReport:
-    """Read a take and say how much of it is sound.
+    """Read a take and report how much of it is sound.
 
     Raises:
         TakeError: as `read_take`.
@@ -58,7 +58,7 @@ def verify_take(path: Path) -> TakeReport:
 
 
 def read_with_report(path: Path) -> tuple[Take, TakeReport]:
-    """Read a take, and say how much of it is sound.
+    """Read a take, and report how much of it is sound.
 
     Raises:
         TakeError: as `read_take`.
@@ -70,8 +70,8 @@ def read_with_report(path: Path) -> tuple[Take, TakeReport]:
 class EveryTake:
     """The takes of a file.
 
-    - `count`: how many have blocks
-    - `each`: the one that `read_take` reads, then the others in the order of the file; or why one is lost
+    - `count`: number of takes with blocks
+    - `each`: the take that `read_take` returns, then the others in the order of the file, or the error of a lost take
     """
 
     count: int
@@ -88,7 +88,7 @@ def read_every_take(path: Path) -> EveryTake:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """Return the bytes of a file; of one that is too large or no take only as many as show that."""
+    """Return the bytes of a file; of a file that is too large or no take, only as many as show that."""
     try:
         _refuse_what_has_no_end(path)
         with path.open("rb") as file:
@@ -123,13 +123,13 @@ def _refuse_what_has_no_end(path: Path) -> None:
 
 
 class _Archive:
-    """The takes of a file: as a rule one; several where files were joined, or where a page of another take is in it."""
+    """The takes of a file: usually one, or several in a joined file or a file with a stray page of another take."""
 
     def __init__(self, raw: bytes, where: object) -> None:
         if not raw:
             raise TakeError("is empty", where=where, advice="give a take archive")
         self._raw, self._where, self._findings = raw, where, Findings()
-        self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.take_for_copy)
+        self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.refund_copy)
         self._memory = TableMemory()
         self._all = self._contents.counted(self._contents.parts)
         self._named = self._contents.counted(self._contents.headers)  # of takes whose headers are there
@@ -137,11 +137,11 @@ class _Archive:
         self._without = len(self._contents.headers) - len(self._takes)  # headers without blocks of their own
 
     def first(self) -> tuple[Take, TakeReport]:
-        """Return the take that is read where one is asked for."""
+        """Return the take that `read_take` returns, and its report."""
         return self._read(*self._chosen())
 
     def every(self) -> EveryTake:
-        """Return all takes: the one that is read where one is asked for, then the others in the order of the file."""
+        """Return all takes: the one that `read_take` returns, then the others in the order of the file."""
         chosen, _ = self._chosen()
         takes = [chosen, *(binding for binding in self._takes if binding != chosen)]
         return EveryTake(len(takes), self._each(takes))
@@ -232,7 +232,7 @@ def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> T
 
 
 def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
-    """Return the error of a file without a header that can be read: it names the cause that is most likely."""
+    """Return the error of a file without a readable header, with the most likely cause."""
     if findings.other_compressions:
         names = ", ".join(sorted(findings.other_compressions))
         return TakeError(

@@ -1,4 +1,4 @@
-"""Report how much of a take archive is there, damaged and missing."""
+"""Report which parts of a take archive exist, are damaged, or are missing."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ LeftState = Literal["waiting", "unreadable"]
 
 @dataclass(frozen=True, kw_only=True)
 class TakeReport:
-    """The findings of `formats.archive.verify_take`: numbers of what is there, damaged and missing.
+    """The result of `formats.archive.verify_take`: numbers of existing, damaged and missing parts.
 
     - `missing_frames`: None where the end of the take is not known
-    - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
-    - `earlier`: those that it had lost
-    - `other_blocks`: that belong to another take in the same file, whose header is there too
-    - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
-    - `other_takes`: to which these belong
-    - `unread_blocks`: that need more memory than a file of this size may take; nothing says that they are damaged
-    - `doubts`: sentences about what its header and its end say and what cannot be
-    - `earlier_doubts`: those that its notes keep, of an earlier file of this take or of its import; '' without any
-    - `file`: whence it was read, '' of a take that was never in a file
+    - `spans`: as `formats.take.Take.missing`, without spans that an earlier file of this take had lost
+    - `earlier`: the spans that an earlier file had lost
+    - `other_blocks`: blocks of another take in the same file, whose header is there too
+    - `other_takes`: number of these takes
+    - `trailing_bytes`: bytes behind the end of the archive, which belong to something else or repeat a part
+    - `unread_blocks`: blocks that need more memory than a file of this size may take; nothing shows that they are
+      damaged
+    - `doubts`: sentences about contradictions in the header and the end message
+    - `earlier_doubts`: the same of an earlier file of this take or of its import, from the notes; '' without any
+    - `file`: path from which the take was read, '' for a take without a file
     - `left`: the rig or garment that its import left, as `formats.left_descriptions.left_beside` finds them
     """
 
@@ -47,12 +48,12 @@ class TakeReport:
 
     @property
     def is_sound(self) -> bool:
-        """True for a finished take without damage or missing parts, behind which nothing follows."""
+        """True for a finished take without damage, missing parts or trailing bytes."""
         return self.is_complete and not (
             self.is_damaged or self.missing_frames or self.missing_scans or self.unread_blocks
         )
 
     @property
     def is_damaged(self) -> bool:
-        """True where a block does not hold or is of another take, something follows the end, or says what cannot be."""
+        """True where blocks are damaged or of another take, bytes follow the end, or there are contradictions."""
         return self.damaged_blocks > 0 or self.trailing_bytes > 0 or self.other_blocks > 0 or bool(self.doubts)

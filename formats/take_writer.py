@@ -1,4 +1,4 @@
-"""Write takes: frame by frame while they are recorded, or whole. See `formats/SPEC.md`."""
+"""Write takes, frame by frame during a recording or whole. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
-WRITTEN_AT_ONCE = 1 << 20  # numbers that are coded together: each takes 400 bytes meanwhile
+WRITTEN_AT_ONCE = 1 << 20  # numbers encoded together: each takes 400 bytes meanwhile
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
-MOST_MISSING = 20_000  # that are missing: a reader accepts a header of three times as many lists
+MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists
 
 
 def binding_of(header: bytes) -> bytes:
-    """Return the tie of blocks, scans and the end of a take to its header: the first bytes of its BLAKE2b hash."""
+    """Return the hash that binds blocks, scans and the end message to a header: the first bytes of its BLAKE2b hash."""
     from hashlib import blake2b  # here: OpenSSL comes with it, 4 MB that an appliance does without until it records
 
     return blake2b(header, digest_size=BINDING_BYTES).digest()
 
 
 class TakeWriter:
-    """Write a take frame by frame; `finish` gives the file its name, until then it is `NAME.partial`, and locked.
+    """Write a take frame by frame to the locked file `NAME.partial`; `finish` gives the file its final name.
 
-    As a context manager it finishes on leaving, and keeps the partial file when an exception passes.
+    As a context manager it finishes at the end of the block, and keeps the partial file after an exception.
     """
 
     def __init__(
@@ -61,15 +61,15 @@ class TakeWriter:
     ) -> None:  # fmt: skip
         """Open the partial file, lock it, and write the header.
 
-        - `overwrite`, `instead`, `tell_aside`: as of `UnfinishedFile`
-        - `source`: bytes of a file's name that are no UTF-8 are kept as in `caf\\xe9.oni`
+        - `overwrite`, `instead`, `tell_aside`: as in `UnfinishedFile`
+        - `source`: the recording's origin; bytes of a file name that are not UTF-8 are escaped as in `caf\\xe9.oni`
         - `missing` [s]: spans of the sensor's clock whose frames an earlier file of this take lost
 
         Raises:
             DescriptionError: an impossible rig or garment.
-            TakeError: a text that cannot be written, or spans that are none; names the field.
-            OutputError: another writer is at this take, it is there and may not be replaced, its name is not UTF-8, or
-                a link is in its place.
+            TakeError: a text that cannot be written, or impossible spans; names the field.
+            OutputError: another process writes this take; the file exists and may not be replaced; its name is not
+                UTF-8; or a link has its name.
             OSError: the file cannot be written.
         """
         check_rig(rig, take_id)
@@ -140,7 +140,7 @@ class TakeWriter:
             self._flush()
 
     def append_columns(self, columns: Columns) -> None:
-        """Add many frames at once, by the names of `formats.take.Take`; they are on the disk once the take is finished.
+        """Add many frames at once, by the names of `formats.take.Take`; `finish` puts them on the disk.
 
         Raises:
             TakeError: as `formats.blocks.check_columns`.
@@ -161,7 +161,7 @@ class TakeWriter:
         """Add a scan of the visible surface, taken at the time of a frame or between frames.
 
         Raises:
-            TakeError: as `formats.surface.encode_scan`, or there is a scan of this time.
+            TakeError: as `formats.surface.encode_scan`, or a scan of this time exists.
         """
         content = encode_scan(scan)
         if content["surface"] in self._scans:
@@ -172,10 +172,10 @@ class TakeWriter:
     def finish(self, beside: AbstractContextManager[None] | None = None) -> Path:
         """Write the remaining frames, make the file durable, and give the file its final name.
 
-        beside: is entered once the file is whole and durable, and left once it has its name
+        beside: context entered once the file is complete and durable, and left once it has its name
 
         Raises:
-            OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
+            OutputError: a file that may not be replaced has appeared there; this file can still be kept or discarded.
         """
         self._flush()
         self._write(HEADER, self._header)
@@ -192,11 +192,11 @@ class TakeWriter:
 
     @property
     def is_readable(self) -> bool:
-        """True once a block is safe on the disk, so that the partial file can be read."""
+        """True once a block is on the disk, so that the partial file can be read."""
         return self._is_readable
 
     def keep(self) -> None:
-        """Close the partial file as it is, after an error that writing more would only repeat."""
+        """Close the partial file unchanged, after an error that further writing would repeat."""
         self._unfinished.keep()
 
     def discard(self) -> None:
@@ -221,7 +221,7 @@ class TakeWriter:
         check_columns(columns, points=self._points, take_id=self._take_id, first=first, after=self._last_time)
 
     def _flush(self) -> None:
-        """Put the frames that wait on the disk, as one block."""
+        """Write the pending frames to the disk, as one block."""
         if not self._waiting:
             return
         columns = {name: np.concatenate([one[name] for one in self._waiting]) for name in self._waiting[0]}
@@ -245,7 +245,7 @@ class TakeWriter:
 
 
 def _check_spans(spans: Sequence[Sequence[float]], time: Floats, where: Path) -> None:
-    """Refuse spans that a reader would leave out; time [s], (frames,): of the frames that are there."""
+    """Refuse spans that a reader would ignore; time [s], (frames,): of the existing frames."""
     pairs = [(begin, end) for begin, end in spans]
     possible = set(possible_spans(pairs, time))
     if wrong := [pair for pair in pairs if pair not in possible]:
@@ -257,7 +257,7 @@ def _check_spans(spans: Sequence[Sequence[float]], time: Floats, where: Path) ->
 
 
 def _not_text(value: object, field: str) -> str:
-    """Return the field that holds half a letter, as no UTF-8 text can; nothing where none does."""
+    """Return the name of a field with an incomplete character, which UTF-8 cannot hold; '' without one."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
     for key, part in parts:
         place = f"{field}[{key}]" if isinstance(key, int) else f"{field}.{key}" if field else str(key)
@@ -276,8 +276,8 @@ def write_take(
 ) -> Path:  # fmt: skip
     """Write a whole take at once.
 
-    - `overwrite`, `instead`, `tell_aside`: as of `UnfinishedFile`
-    - `beside`: as of `TakeWriter.finish`
+    - `overwrite`, `instead`, `tell_aside`: as in `UnfinishedFile`
+    - `beside`: as in `TakeWriter.finish`
 
     Raises:
         TakeError: as `TakeWriter.append_columns`.

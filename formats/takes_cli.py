@@ -22,7 +22,7 @@ Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives
 
 
 class ExportKind(StrEnum):
-    """File formats that takes are written in for other programs."""
+    """File formats for the export of takes to other programs."""
 
     CSV = "csv"
     C3D = "c3d"
@@ -172,10 +172,9 @@ def recover_takes(
 ) -> None:
     """Make a sound file, NAME.recovered.mcap, of every frame that a damaged or interrupted take still holds.
 
-    Of a file that holds several takes, as joined files do, the others become NAME.recovered-2.mcap and so on.
+    A file may hold several takes, such as joined files. The other takes become NAME.recovered-2.mcap and so on.
 
-    Exit code 2: at least one take cannot be read, or its sound file not be written; the others are recovered all the
-    same.
+    Exit code 2: at least one take cannot be read, or its sound file cannot be written. The others are still recovered.
     """
     from formats.errors import HangtimeError
     from formats.take_reader import read_every_take
@@ -219,7 +218,7 @@ def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> Non
 
 
 def tell_aside(partial: Path, aside: Path) -> None:
-    """Tell that something in the way of a take or of its descriptions was put aside."""
+    """Report a file in the way of a take or its descriptions that was renamed out of the way."""
     from formats.plain_text import plain
 
     words = f"{plain(partial)}: was in the way, and is put aside as {plain(aside.name)}"
@@ -227,7 +226,7 @@ def tell_aside(partial: Path, aside: Path) -> None:
 
 
 def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> None:
-    """Tell why a take is not recovered; raise it where its file is the only one and cannot be written."""
+    """Report why a take is not recovered; raise the error where its file is the only one and cannot be written."""
     from formats.errors import OutputError
 
     if is_alone and isinstance(error, OutputError):
@@ -237,14 +236,14 @@ def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> 
 
 
 def _tell_lost(name: str, path: Path, error: HangtimeError, *, is_row: bool = False) -> None:
-    """Tell of a take of which nothing is read, or written; is_row: below the states of others."""
+    """Report a take that cannot be read or written; is_row: as a row below the states of others."""
     entry = _lost(path, error)
     tell_entry(name, f"lost        {error}" if is_row else f"{entry['state']}: {error}", **entry)
     tell_fault(str(error))
 
 
 def _lost(path: Path, error: HangtimeError) -> dict[str, str | None]:
-    """Return the record of a take of which nothing is read, or written: one that can be read is not lost."""
+    """Return the record of a take that cannot be read or written; only an unreadable take is `lost`."""
     from formats.errors import OutputError
 
     state = "not written" if isinstance(error, OutputError) else "lost"
@@ -279,10 +278,10 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
 
 
 def refuse_the_same_name(paths: Sequence[Path], targets: Sequence[Path], advice: str) -> None:
-    """Refuse, before anything is written, files of which one would replace another.
+    """Before anything is written, refuse output files of which one would replace another.
 
     Raises:
-        OutputError: two have one name.
+        OutputError: two files would have one name.
     """
     from formats.errors import OutputError
 
@@ -312,10 +311,10 @@ def export_takes(
 ) -> None:
     """Write takes for other programs.
 
-    Marker paths become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD. C3D
-    needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
+    Marker trajectories become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD.
+    C3D needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
 
-    Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
+    Exit code 2: at least one take cannot be exported. The others are exported, and the last lines name each lost take.
     """
     from msgspec import to_builtins
 
@@ -381,11 +380,11 @@ def export_takes(
 
 
 def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:
-    """Name the takes that were lost of those that were asked for, and end with exit code 2 where there are any.
+    """Name the takes that failed, and end with exit code 2 if there are any.
 
     Raises:
-        HangtimeError: the only take is lost.
-        typer.Exit: some are.
+        HangtimeError: the only take failed.
+        typer.Exit: some failed.
     """
     for path, error in lost.items():
         if asked == 1:

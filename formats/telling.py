@@ -1,7 +1,7 @@
-"""Tell the results of a command: words for people, a JSON document for programs (`--json`), or nothing (`--quiet`).
+"""Report a command's results: sentences for people, a JSON document (`--json`), or nothing (`--quiet`).
 
-A command calls `tell` for every sentence, with its facts as plain values. Facts of several calls make one document.
-A name with several entries, such as the takes of `hangtime takes list`, is told with `tell_entry` and becomes a list.
+A command calls `tell` for every sentence, with its facts as plain values. The facts of all calls form one document. A
+key with several entries, such as the takes of `hangtime takes list`, is reported with `tell_entry` and becomes a list.
 """
 
 from __future__ import annotations
@@ -22,50 +22,50 @@ class _Mode:
 
 
 def begin() -> None:
-    """Forget the words of an earlier command of this process, and their form."""
+    """Reset the output mode and the facts of an earlier command in this process."""
     _Mode.as_json, _Mode.indent, _Mode.document = False, 2, {}
     terminal.hush(is_quiet=False)
 
 
 def ask_json(is_asked: bool) -> None:
-    """Tell facts instead of words from here on."""
+    """From now on, collect facts for JSON instead of printing sentences."""
     _Mode.as_json = is_asked or _Mode.as_json
 
 
 def ask_lines() -> None:
-    """Let a JSON document take one line: the command has printed others, one a line, before it."""
+    """Print the JSON document on one line, since the command has printed one object a line before it."""
     _Mode.indent = None
 
 
 def ask_quiet(is_asked: bool) -> None:
-    """Tell no words, and show no progress, from here on; errors are still said."""
+    """From now on, print no sentences and no progress; errors are still printed."""
     if is_asked:
         terminal.hush()
 
 
 def tell(words: str, /, **facts: Any) -> None:
-    """Print words on stdout, or keep the facts that they are of for the JSON document."""
+    """Print a sentence on stdout, or keep its facts for the JSON document."""
     _Mode.document.update(facts)
     if not _Mode.as_json and not terminal.is_hushed():
         _print(words)
 
 
 def know(**facts: Any) -> None:
-    """Keep facts for the JSON document for which there are no words."""
+    """Keep facts for the JSON document that have no sentence."""
     _Mode.document.update(facts)
 
 
 def tell_entry(name: str, words: str, /, **facts: Any) -> None:
-    """Print words on stdout, or keep their facts as one entry of the list `name` of the JSON document."""
+    """Print a sentence on stdout, or keep its facts as one entry of the list `name` in the JSON document."""
     _Mode.document.setdefault(name, []).append(facts)
     if not _Mode.as_json and not terminal.is_hushed():
         _print(words)
 
 
 def tell_fault(sentence: str) -> None:
-    """Keep a sentence for which the command will fail, the first of several as `error` of the JSON document.
+    """Keep the sentence of a fault that makes the command fail; the first one becomes `error` in the JSON document.
 
-    The words of the command have told it already; where `--quiet` asks for none, it is said on stderr.
+    The command has already printed the sentence, except under `--quiet`, where it is printed on stderr.
     """
     _Mode.document.setdefault("error", sentence)
     if terminal.is_hushed():
@@ -73,7 +73,7 @@ def tell_fault(sentence: str) -> None:
 
 
 def end() -> None:
-    """Print the JSON document, where one is asked for."""
+    """Print the JSON document, if it was requested."""
     if _Mode.as_json:
         _print(as_json(_Mode.document, indent=_Mode.indent))
         _Mode.as_json = False
@@ -85,10 +85,10 @@ def _print(text: str) -> None:
 
 
 def as_json(value: Any, *, indent: int | None = 2) -> str:
-    """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null.
+    """Return plain values as JSON; a number that is not finite becomes null, since JSON has none.
 
-    Control characters and those that turn the direction of writing are escaped, for a terminal may show it. So is a
-    byte of a file's name that is no UTF-8, as its surrogate: JSON is UTF-8, and `os.fsencode` gives the byte again.
+    Control characters, including those of the writing direction, are escaped for terminals. A byte of a file name that
+    is not UTF-8 is escaped as its surrogate, from which `os.fsencode` restores the byte.
     """
     text = json.dumps(_finite(value), indent=indent, allow_nan=False, ensure_ascii=False)
     return "".join(letter if letter == "\n" or letter.isprintable() else json.dumps(letter)[1:-1] for letter in text)

@@ -1,4 +1,4 @@
-"""Messages of a command: its work goes on also where nobody reads them any more."""
+"""Print a command's messages and progress; the work continues even if nobody reads them any more."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from formats.plain_text import lines_of
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 BAR = 24  # characters of a progress bar
-SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the time that is left can be told
+SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated
 
 
 class _Hushed:
@@ -22,20 +22,20 @@ class _Hushed:
 
 
 def hush(*, is_quiet: bool = True) -> None:
-    """Say nothing from here on but errors (`--quiet`), or speak again."""
+    """From now on, print errors only (`--quiet`), or print everything again."""
     _Hushed.is_on = is_quiet
 
 
 def is_hushed() -> bool:
-    """Return whether nothing but errors is to be said."""
+    """Return whether only errors are printed."""
     return _Hushed.is_on
 
 
 def say(text: str, end: str = "\n", *, begin: str = "", is_error: bool = False) -> None:
-    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere.
+    """Print to stderr; if stderr is closed, this and all later messages are dropped.
 
-    - `begin`, `end`: codes that the terminal obeys, such as `CLEAR_LINE`; the text between them holds none
-    - `is_error`: said even where `--quiet` asks for silence
+    - `begin`, `end`: terminal codes, such as `CLEAR_LINE`; codes within the text are escaped
+    - `is_error`: print even under `--quiet`
     """
     if sys.stderr is None or (_Hushed.is_on and not is_error):  # closed before us
         return
@@ -48,12 +48,12 @@ def say(text: str, end: str = "\n", *, begin: str = "", is_error: bool = False) 
 
 
 def is_watched() -> bool:
-    """Return whether messages appear on a terminal."""
+    """Return whether stderr is a terminal."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 
 def take_streams() -> None:
-    """Lead streams that were closed before us nowhere, lest a file become one; print names of files byte for byte."""
+    """Replace closed standard streams, so that no file takes their number; print file names byte for byte."""
     while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(handle)
@@ -66,10 +66,10 @@ def take_streams() -> None:
 
 
 def _in_bytes(error: UnicodeError) -> tuple[bytes, int]:
-    """Return a name's byte as it is, and the code of a sign that the terminal's encoding lacks, as in \\xb2.
+    """Return a file name's byte unchanged, and an escape such as \\xb2 for a character that the encoding lacks.
 
     Raises:
-        UnicodeError: it is not of encoding.
+        UnicodeError: the error is not one of encoding.
     """
     if not isinstance(error, UnicodeEncodeError):
         raise error
@@ -81,9 +81,9 @@ def _in_bytes(error: UnicodeError) -> tuple[bytes, int]:
 
 
 class ProgressLine:
-    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal.
+    """A line on a terminal that shows the progress of a long job; elsewhere, a few whole lines.
 
-    The time that is left is told from the speed since this process began. Work of an earlier process does not count.
+    The remaining time is estimated from the speed since this process began. Work of an earlier process does not count.
     """
 
     def __init__(self, title: str, now: Callable[[], float] = clock.monotonic) -> None:
@@ -118,7 +118,7 @@ class ProgressLine:
             say("")
 
     def _left(self, share: float) -> str:
-        """Return the time that is left in words, empty while it cannot be told."""
+        """Return the remaining time in words, '' while it cannot be estimated."""
         now = self._now()
         if self._begun is None or share < self._begun[1]:
             self._begun = (now, share)
@@ -129,7 +129,7 @@ class ProgressLine:
 
 
 def in_words(seconds: float) -> str:
-    """Return a time as `40 s`, `3 min` or `2 h 5 min`."""
+    """Return a duration as `40 s`, `3 min` or `2 h 5 min`."""
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
     minutes = round(seconds / 60)

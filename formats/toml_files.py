@@ -1,7 +1,7 @@
-"""Read a TOML file of Hangtime's: rig, garment, the appliance's configuration, or credentials.
+"""Read a TOML file of Hangtime: rig, garment, the appliance's configuration, or credentials.
 
-TOML is UTF-8 (https://toml.io/en/v1.0.0). Editors of other systems put a mark before it, or save as UTF-16. The first
-bytes show the encoding, and the file is read all the same.
+TOML is UTF-8 (https://toml.io/en/v1.0.0). Some editors add a byte order mark, or save as UTF-16. The first bytes show
+the encoding, and files in both forms are read.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KEY_LINE = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^
 
 
 class Tables(dict[str, Any]):
-    """The tables of a file, and the text that they were read from."""
+    """The tables of a file, and the text from which they were parsed."""
 
     text = ""
 
@@ -39,10 +39,10 @@ class Tables(dict[str, Any]):
 def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> Tables:
     """Return the tables of a file.
 
-    failure: the error that is raised
+    failure: class of the error to raise
 
     Raises:
-        HangtimeError: of the given kind; the file cannot be read, or is no TOML.
+        HangtimeError: of the class `failure`; the file cannot be read, or is not TOML.
     """
     try:
         check_ends(path)
@@ -54,7 +54,7 @@ def read_toml(path: Path, failure: type[HangtimeError] = DescriptionError) -> Ta
 
 
 def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
-    """Return the tables of a file's bytes; else as `read_toml`."""
+    """Return the tables in a file's bytes; arguments and errors as in `read_toml`."""
     if len(raw) > LARGEST_TOML:
         raise failure(
             f"has more than {LARGEST_TOML} bytes, which no such file has", where=path, advice="check the path"
@@ -90,9 +90,9 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
 
 
 def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "") -> object:
-    """Return the path with the line of the field that words of an error name, or the path alone.
+    """Return the path with the line of the field that an error names, or the path alone.
 
-    table: that the words speak of, where they do not name it
+    table: the table of the error, where its words do not name it
     """
     unknown = re.search(r"(?:unknown field|the field) `(.+?)`(?: is missing)?(?: in ([\w.\[\]]+))?", words)
     if unknown:
@@ -106,7 +106,7 @@ def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "
 
 
 def line_of(text: str, field: str) -> int | None:
-    """Return the line of a field such as `hanger.ids` or `points[2].name`, or of the table that it is in."""
+    """Return the line of a field such as `hanger.ids` or `points[2].name`, or of its table; None if not found."""
     places: dict[str, int] = {}
     counts: dict[str, int] = {}
     table = ""

@@ -1,6 +1,6 @@
-"""A take whose hanger was measured on a clock of its own: its frames are the moments of both.
+"""Merge a hanger and points with separate clocks into one take, whose frames are the times of both.
 
-A frame then holds the hanger alone (`FrameState.HANGER_ALONE`), the points alone (`FrameState.POINTS_ALONE`), or both
+A frame then holds only the hanger (`FrameState.HANGER_ALONE`), only the points (`FrameState.POINTS_ALONE`), or both
 where they were measured at the same time.
 """
 
@@ -17,15 +17,15 @@ from formats.missing import origin_of, span_words
 from formats.take import FrameState, Take
 
 MOST_OF_THE_TIME = 0.9  # of the pictures' time: the public recordings' paths cover 0.96 of it and more
-SAME_TIME = 1e-3  # s: what is nearer in time is one frame; a hanger at 2 m/s goes 2 mm
+SAME_TIME = 1e-3  # s: nearer times become one frame; a hanger at 2 m/s moves 2 mm meanwhile
 
 
 def with_hanger(take: Take, time: Floats, held: Floats, sd: float) -> Take:
-    """Return an imported take whose hanger was measured at other times than its points.
+    """Return an imported take with a hanger that was measured at other times than its points.
 
     - `time` [s], (sights,): increasing, on the clock of `take.time`
     - `held` [m], (sights, 2, 3): the two ends of the held edge, left first
-    - `sd` [m]: their deviation per axis
+    - `sd` [m]: their standard deviation per axis
     """
     sight, picture = _nearest(time, take.time), _nearest(take.time, time)
     shared = np.flatnonzero(np.abs(time[sight] - take.time) < SAME_TIME)  # pictures at which the hanger was seen too
@@ -55,14 +55,14 @@ def with_hanger(take: Take, time: Floats, held: Floats, sd: float) -> Take:
 
 
 def _nearest(among: Floats, instants: Floats) -> Integers:
-    """Return which of increasing times, (k,), is nearest to each of the instants, (n,)."""
+    """Return the index of the nearest of increasing times, (k,), for each of the instants, (n,)."""
     after = np.searchsorted(among, instants)
     before, after = np.clip(after - 1, 0, None), np.clip(after, None, len(among) - 1)
     return np.where(np.abs(among[before] - instants) <= np.abs(among[after] - instants), before, after)
 
 
 def at_times(wanted: Floats, time: Floats, held: Floats) -> Floats:
-    """Return the held ends [m], (n, 2, 3), at the wanted instants [s], (n,), NaN outside of the path: straight lines.
+    """Return the held ends [m], (n, 2, 3), interpolated linearly at the wanted times [s], (n,); NaN outside the path.
 
     time [s], (sights,); held [m], (sights, 2, 3)
     """
@@ -71,7 +71,10 @@ def at_times(wanted: Floats, time: Floats, held: Floats) -> Floats:
 
 
 def hanger_gap(take: Take) -> str:
-    """Return in words where the hanger's clock ran, if in less than nine tenths of the pictures' time, else ''."""
+    """Return in words the only time that the hanger's clock covers.
+
+    Return '' where it covers MOST_OF_THE_TIME of the points' time.
+    """
     of_hanger, of_points = take.time[shows_hanger(take)], take.time[shows_points(take)]
     if not len(of_hanger) or not len(of_points):
         return ""

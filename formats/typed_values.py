@@ -1,4 +1,4 @@
-"""Words for a value of an option that is not what the option takes, in place of those of Typer's library."""
+"""Reword Typer's error about an invalid option value."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ NOUNS = {
 
 
 def reword(error: Any) -> None:
-    """Give an error of Typer that a failed validation caused the value and, where known, what was meant.
+    """Replace the text of a failed validation by the value and, where known, the intended value.
 
-    Typer before 0.27 validates by itself and names the value; its errors stay as they are.
+    Typer before 0.27 validates by itself and names the value; its errors stay unchanged.
     """
     found = getattr(error.__cause__, "errors", None)
     if not callable(found) or not hasattr(error, "message"):

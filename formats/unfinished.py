@@ -1,7 +1,7 @@
-"""A file while it is written: under a name of its own, by one writer at a time, and under its final name once whole.
+"""Hold a file under an unfinished name, locked by one writer, and rename it once it is complete.
 
-The lock is the kernel's (`man 2 flock`): it ends with the process that holds it, so that a crashed writer's file is
-free. It belongs to the open file, not to the name; hence a lock counts only while the name still leads to that file.
+The kernel's lock (`man 2 flock`) ends with the process that holds it, so a crash leaves no lock. The lock belongs to
+the open file and not to its name. So a lock counts only while the name still refers to that file.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ TellAside = Callable[[Path, Path], None]  # called with the names of a file that
 
 
 def unfinished_name(path: Path) -> Path:
-    """Return the name under which a file is written that is to become `path`."""
+    """Return the unfinished name of the file that is to become `path`."""
     return path.with_name(path.name + ".partial")
 
 
 def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is already there") -> OutputError:
-    """Return the error of a file that would replace another, or a link, or that has the name of a folder or device.
+    """Return the error for a name that a file, a link, a folder or a device already has.
 
-    - `instead`: a person's next step who wants both
-    - `what`: says what a file that is there is
+    - `instead`: the next step for a user who wants to keep both files
+    - `what`: description of an existing file
     """
     if path.is_dir():
         return OutputError("is a folder", where=path, advice=instead)
@@ -42,7 +42,7 @@ def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is al
 
 
 def not_utf8(path: Path) -> OutputError:
-    """Return the error of a name that no text can hold, and so no file that is to say it."""
+    """Return the error of a file name that is not UTF-8, which no text can store."""
     return OutputError("has a name that is not UTF-8, and is kept by its name", where=path, advice="rename it")
 
 
@@ -56,7 +56,7 @@ def left_unfinished(partial: Path, *, instead: str = ANOTHER_NAME) -> OutputErro
 
 
 def _locked_away(partial: Path, instead: str) -> OutputError:
-    """Return the error of an unfinished file without permission: nobody can tell whether another writer is at it."""
+    """Return the error of an unfinished file without read permission, which may belong to a running writer."""
     return OutputError(
         "may not be read and written by you, and may be a recording that is still running", where=partial,
         advice=f"get the permission to read and write it, or {instead}",
@@ -64,11 +64,11 @@ def _locked_away(partial: Path, instead: str) -> OutputError:
 
 
 def is_left_over(path: Path, *, instead: str = ANOTHER_NAME) -> bool:
-    """Return whether `--overwrite` would put an unfinished file aside; an empty one lost nothing.
+    """Return whether `--overwrite` would rename an unfinished file out of the way; an empty file is simply reused.
 
     Raises:
-        OutputError: it would be refused, as by `UnfinishedFile`.
-        OSError: its folder cannot be looked into.
+        OutputError: `UnfinishedFile` would refuse it.
+        OSError: its folder cannot be read.
     """
     try:
         with _locked(unfinished_name(path), instead, os.O_RDWR) as file:
@@ -78,7 +78,7 @@ def is_left_over(path: Path, *, instead: str = ANOTHER_NAME) -> bool:
 
 
 def _refuse_what_is_no_file(partial: Path, instead: str) -> None:
-    """Refuse an unfinished name that a folder, a pipe or a device has: nothing can be written under it or put aside."""
+    """Refuse an unfinished name that a folder, a pipe or a device has, since it cannot be written or renamed."""
     if os.path.lexists(partial) and not (partial.is_symlink() or partial.is_file()):
         kind = "folder" if partial.is_dir() else "pipe or device"
         raise OutputError(
@@ -88,24 +88,23 @@ def _refuse_what_is_no_file(partial: Path, instead: str) -> None:
 
 
 class UnfinishedFile:
-    """The only writer's hold on the file that is to become `path`, until it is finished, kept or discarded.
+    """The exclusive writer of the file that is to become `path`, until the file is finished, kept or discarded.
 
-    `file` is empty and open for writing; whoever writes to it flushes it.
+    `file` is empty and open for writing; the caller flushes it.
     """
 
     def __init__(
         self, path: Path, *, overwrite: bool, instead: str = ANOTHER_NAME, tell_aside: TellAside | None = None
     ) -> None:
-        """Take hold of the file.
+        """Create or take over the unfinished file, and lock it.
 
-        - `overwrite`: replace the file of this name; an unfinished file is put aside unless it is empty
-        - `instead`: a person's next step who wants both
-        - `tell_aside`: called with the names of a file that was put aside, before and after
+        - `overwrite`: replace the file of this name; rename an unfinished file out of the way unless it is empty
+        - `instead`: the next step for a user who wants to keep both files
+        - `tell_aside`: called with the old and the new name of a file that was renamed out of the way
 
         Raises:
-            OutputError: another process, or another writer of this one, is writing it; it is there and may not be
-                replaced, or is a pipe; or its unfinished name is that of a link or of a file that may not be read and
-                written.
+            OutputError: another writer holds the file; it exists and may not be replaced, or is a pipe; or its
+                unfinished name is that of a link or of a file without permission.
             OSError: it cannot be written.
         """
         self.path, self.partial, self._may_replace, self._instead = path, unfinished_name(path), overwrite, instead
@@ -130,7 +129,7 @@ class UnfinishedFile:
         """Give the file its final name; both the file and the name are then on the disk.
 
         Raises:
-            OutputError: a file that may not be replaced, or a pipe, has come there; this one can still be kept or
+            OutputError: a file that may not be replaced, or a pipe, has appeared there; this file can still be kept or
                 discarded.
             OSError: the disk is full or fails.
         """
@@ -143,23 +142,23 @@ class UnfinishedFile:
         sync_folder(self.path.parent)
 
     def sync(self) -> None:
-        """Put the written bytes on the disk."""
+        """Flush the written bytes to the disk."""
         self.file.flush()
         os.fsync(self.file.fileno())
 
     def keep(self) -> None:
-        """Leave the file as it is, unfinished."""
+        """Close the file unchanged, under its unfinished name."""
         with contextlib.suppress(OSError):  # buffered bytes are lost where the disk is full
             self.file.close()
 
     def discard(self) -> None:
-        """Remove the file, unless it was given up before: then it may be another writer's."""
+        """Remove the file, unless it was released before: then it may be another writer's."""
         if not self.file.closed:
             self.partial.unlink(missing_ok=True)
             self.keep()
 
     def _leave(self) -> None:
-        """Let go of what was there before; an empty file, which may be new, is removed."""
+        """Release the existing file; an empty one, which may be new, is removed."""
         if os.fstat(self.file.fileno()).st_size > 0:
             self.keep()
         else:
@@ -177,9 +176,9 @@ class UnfinishedFile:
 
 
 def put_aside(partial: Path, path: Path) -> Path:
-    """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free.
+    """Rename an unfinished file out of the way: to `NAME.left-1.mcap.partial`, or the next free number.
 
-    The end of a long NAME gives way.
+    A long NAME is shortened at its end.
 
     Raises:
         OSError: it cannot be renamed.
@@ -237,7 +236,7 @@ def _locked(partial: Path, instead: str, access: int = os.O_RDWR | os.O_CREAT) -
 
 
 def _leads_to(name: Path, file: BinaryIO) -> bool:
-    """Return whether a name is that of an open file."""
+    """Return whether a name refers to an open file."""
     try:
         return os.path.samestat(name.stat(), os.fstat(file.fileno()))
     except FileNotFoundError:

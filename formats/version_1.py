@@ -1,4 +1,4 @@
-"""Read the blocks and scans of takes of version 1; nothing writes them any more. See `formats/SPEC-1.md`."""
+"""Read the blocks and scans of takes of version 1, which are no longer written. See `formats/SPEC-1.md`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def decode_block(block: dict[str, Any], points: int) -> Columns:
     """Return the columns of a block, by the names of `formats.take.Take`.
 
     Raises:
-        ValueError, KeyError, TypeError: the content does not hold together.
+        ValueError, KeyError, TypeError: the content is malformed.
     """
     n, start = block["frames"], block["start"]
     if type(n) is not int or type(start) is not int or not 1 <= n <= MOST_ROWS or abs(start) > LATEST:
@@ -57,7 +57,7 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
     """Return the scan of a `/surface` message.
 
     Raises:
-        ValueError, KeyError, TypeError: the content does not hold together.
+        ValueError, KeyError, TypeError: the content is malformed.
     """
     size, count, time = content["grid_size"], content["contour_size"], content["surface"]
     if not all(type(number) is int for number in (size, count, time)) or abs(time) > LATEST:

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written beside, synced, renamed."""
+"""Write files whole or not at all: written under another name, synced, renamed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 
 
 def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None:
-    """Write a file of a folder that is there; on any failure the former file stays, and nothing else is left.
+    """Write a file in an existing folder; after a failure the former file stays, and nothing else is left.
 
-    The unfinished file has a name of its own, so that two processes may write the same file at once.
+    The unfinished file has a unique name, so that two processes may write the same file at once.
 
-    may_replace: whether a file of this name may be there; without it one of two processes is refused
+    may_replace: whether a file of this name may exist; without it one of two processes is refused
 
     Raises:
-        FileExistsError: it is there and may not be replaced.
+        FileExistsError: it exists and may not be replaced.
         OSError: it cannot be written; names the file.
     """
     try:
@@ -31,7 +31,7 @@ def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None
 
 
 def name_of_its_own(path: Path) -> Path:
-    """Return the name under which `write_whole` writes a file: another one each time."""
+    """Return a new unique name under which `write_whole` writes a file."""
     return path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial")
 
 
@@ -52,12 +52,12 @@ def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
 
 
 def give_name(partial: Path, path: Path, *, may_replace: bool) -> None:
-    """Give a file that is whole its final name.
+    """Give a complete file its final name.
 
-    may_replace: as of `write_whole`
+    may_replace: as in `write_whole`
 
     Raises:
-        FileExistsError: a file of that name is there and may not be replaced.
+        FileExistsError: a file of that name exists and may not be replaced.
         OSError: it cannot be renamed, or a device, a pipe or a socket has that name.
     """
     _refuse_device(path)
@@ -68,7 +68,7 @@ def give_name(partial: Path, path: Path, *, may_replace: bool) -> None:
 
 
 def _put_where_none_is(partial: Path, path: Path) -> None:
-    """Give a file its name unless another has it: a link fails then, without a moment between the look and the name."""
+    """Give a file its name unless another file has it; a hard link tests and names in one step."""
     try:
         path.hardlink_to(partial)
     except FileExistsError:
@@ -82,16 +82,16 @@ def _put_where_none_is(partial: Path, path: Path) -> None:
 
 
 def _refuse_device(path: Path) -> None:
-    """Raise where a rename would put a file in the place of a device, a pipe or a socket, or of a link to one."""
+    """Refuse to rename a file over a device, a pipe or a socket, or over a link to one."""
     if is_device(path):
         raise OSError(errno.EINVAL, NO_PLACE)
 
 
 def is_device(path: Path) -> bool:
-    """Return whether a path leads to a device, a pipe or a socket, whose place no file takes.
+    """Return whether a path names a device, a pipe or a socket, which no file may replace.
 
     Raises:
-        OSError: its folder cannot be looked into.
+        OSError: its folder cannot be read.
     """
     with suppress(FileNotFoundError):
         if not leads_to_itself(path):
@@ -101,7 +101,7 @@ def is_device(path: Path) -> bool:
 
 
 def leads_to_itself(path: Path) -> bool:
-    """Return whether a link of a path leads to itself, over others or at once, so that there is no file."""
+    """Return whether a link in a path leads back to itself, directly or through others, so that there is no file."""
     try:
         path.stat()
     except OSError as error:
@@ -110,15 +110,15 @@ def leads_to_itself(path: Path) -> bool:
 
 
 def loop_words(path: Path, otherwise: str) -> str:
-    """Return the words for a path that leads nowhere or to no folder: the true ones where a link leads to itself."""
+    """Return the words for a path that leads nowhere: those of a link loop, or else `otherwise`."""
     return "is a link that leads to itself" if leads_to_itself(path) else otherwise
 
 
 def check_ends(path: Path) -> None:
-    """Refuse a pipe, a socket or a device, which may have no end or no beginning, before it is opened.
+    """Refuse a pipe, a socket or a device before it is opened, since it may have no end.
 
     Raises:
-        OSError: it is one, or is not there.
+        OSError: it is one, or is missing.
     """
     kind = path.stat().st_mode
     if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
@@ -126,7 +126,7 @@ def check_ends(path: Path) -> None:
 
 
 def make_folders(folder: Path) -> None:
-    """Make a folder and those above it that are missing, so that their names outlast a power cut.
+    """Make a folder and its missing parent folders, durably against a power cut.
 
     Raises:
         OSError: it cannot be made.
@@ -143,7 +143,7 @@ def make_folders(folder: Path) -> None:
 
 
 def make_writable(folder: Path) -> None:
-    """Make a folder as `make_folders` does, and try whether it can be written to.
+    """Make a folder as `make_folders` does, and check that files can be written to it.
 
     Raises:
         OSError: it cannot be made or written to.
@@ -159,9 +159,9 @@ def make_writable(folder: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put on the disk which names a folder holds: a file's own fsync does not (`man 2 fsync`).
+    """Flush a folder's names to the disk, which a file's own fsync does not (`man 2 fsync`).
 
-    Of a folder that may be written to and not read, as a drop box, the whole system is (`man 2 sync`).
+    For a folder that may be written to but not read, such as a drop box, the whole system is synced (`man 2 sync`).
 
     Raises:
         OSError: the disk fails.
@@ -178,7 +178,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def longest_name(folder: Path) -> int:
-    """Return how many bytes the name of a file in a folder may have; the folder need not be there yet."""
+    """Return the largest number of bytes of a file name in a folder, which need not exist yet."""
     try:
         return os.pathconf(folder, "PC_NAME_MAX")
     except OSError:

@@ -1,4 +1,4 @@
-"""Say in a sentence of ours which field of a description, a configuration or a result is wrong, and how."""
+"""Describe in one sentence the wrong field of a description, a configuration or a result, and the fault."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 
 
 def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
-    """Return the field and what it must be; name the closest known field of these parts for an unknown one."""
+    """Return the wrong field and its required value; for an unknown field, name the closest known one."""
     message = str(error)
     place = re.search(r" - at `\$\.?(.*?)`", message)
     field = place.group(1) if place else ""
@@ -42,7 +42,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
 
 
 def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None) -> str:
-    """Return what was wanted and what is there, of the parts of a message."""
+    """Return the required and the actual value, from the parts of a message."""
     wanted = " or ".join(_named(kind) for kind in kinds.split(" | "))
     if relation == "of length":
         wanted += f" of {limit}" if kinds != "str" else f" of {limit} letters"
@@ -58,14 +58,14 @@ def _named(kind: str) -> str:
 
 
 def _choices(field: str, parts: Sequence[Any]) -> str:
-    """Return the values that the last name of a field may have, of the parts that have such a field."""
+    """Return the values that a field may have, from the types with such a field."""
     name = re.sub(r"\[.*?\]", "", field).split(".")[-1]
     values = [str(one) for part in parts for one in _literals(get_type_hints(part).get(name))]
     return ", ".join(dict.fromkeys(values)) or "the known values"
 
 
 def _literals(hint: Any) -> Iterator[object]:
-    """Yield the values of a type's `Literal`, within a union too."""
+    """Yield the values of a type's `Literal`, including those in unions."""
     if get_origin(hint) is Literal:
         yield from get_args(hint)
     else:

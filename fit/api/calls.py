@@ -75,7 +75,7 @@ def fit(
 
     - `takes`, `held_out`: takes or paths of archives, one or several
     - `held_out_motion`: kinds of motion to judge on, one or several
-    - `anyway`: accept sizes, weights, times and leaps that no cloth, hanger or camera has
+    - `anyway`: accept sizes, weights, times and jumps that no cloth, hanger or camera has
     - `checkpoint`: file from which an interrupted search continues; its folder is made if absent
     - `progress`: called with steps done, steps in all and the least error so far
 

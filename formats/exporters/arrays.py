@@ -1,4 +1,4 @@
-"""All that a take holds as arrays: NPZ, one file a take, or Parquet, one table of many takes."""
+"""Export everything in a take as arrays: NPZ, one file a take, or Parquet, one table of many takes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_npz(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """Write a take's arrays by their names in `formats.take.Take`, metres and seconds, and `about`, a JSON text.
 
     Raises:
-        OutputError: it is there and may not be replaced, or cannot be written.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     about = {
         "take_id": take.take_id, "created": take.created, "source": take.source, "notes": take.notes,
@@ -46,12 +46,12 @@ def write_npz(path: Path, take: Take, *, overwrite: bool = True) -> None:
 
 
 def write_parquet(path: Path, takes: Sequence[Take], *, overwrite: bool = True) -> None:
-    """Write many takes as one table: a row for each place in each frame, metres and seconds, null where not seen.
+    """Write many takes as one table: a row for each point in each frame, metres and seconds, null where not seen.
 
     Raises:
         ModuleNotFoundError: PyArrow is not installed.
-        TakeError: two takes have one id, by which alone their rows can be told apart.
-        OutputError: it is there and may not be replaced, or cannot be written.
+        TakeError: two takes have one id, so that their rows could not be distinguished.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -1,7 +1,7 @@
-"""Files that a library writes itself, as bytes, and the system's own cause where it could not write one whole.
+"""Return a file that a library writes, or the system's reason where the library could not write it whole.
 
-Such libraries report a full disk in words of their own, or not at all. So a block is added to what the library left.
-The system refuses it for the same reason, and names that.
+Such libraries report a full disk in their own words, or not at all. So a block is appended to the library's incomplete
+file. The system refuses the block for the same reason, and names the reason.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ BLOCK = bytes(1 << 16)  # more than is left in the last block of a full disk (4 
 def bytes_by_library(write: Callable[[Path], object], name: str, *, least: int = 1) -> bytes:
     """Return the bytes of a file that a library writes into a temporary folder.
 
-    - `write`: gets the path; an error of it says that the file is not whole
-    - `name`: of the file
-    - `least`: bytes that the whole file has, for a library that says nothing
+    - `write`: writes to the path it is given; an exception means that the file is incomplete
+    - `name`: name of the file
+    - `least`: minimum size of the whole file [bytes], for a library that reports no error
 
     Raises:
         OutputError: the system refuses the file.
@@ -53,10 +53,10 @@ def bytes_by_library(write: Callable[[Path], object], name: str, *, least: int =
 
 
 def _ask_the_system(path: Path) -> None:
-    """Add a block to a file.
+    """Append a block to a file.
 
     Raises:
-        OSError: the system refuses it, as it refused the library.
+        OSError: the system refuses the block, as it refused the library.
     """
     with path.open("ab") as file:
         file.write(BLOCK)

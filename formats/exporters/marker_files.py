@@ -1,10 +1,10 @@
-"""Marker paths of a take as CSV or C3D: its tracked points, and the held edge's ends unless points sit there.
+"""Export a take's marker trajectories as CSV or C3D: its tracked points, and the held ends unless points sit there.
 
-CSV has each frame's own time. It is exact to 1 µs and 1 µm. C3D has one rate for the whole file. The writer puts a
-take's frames at the nearest multiple of its median interval, and missing frames become gaps. It says how far it moved
-them. Places in C3D are 32-bit floats in millimetres.
+CSV has each frame's own time, exact to 1 µs, and positions exact to 1 µm. C3D has one frame rate for the whole file.
+The writer moves a take's frames to the nearest multiple of the median interval, and reports the largest move. Missing
+frames become gaps. Positions in C3D are 32-bit floats in millimetres.
 
-In either format three zeros mean that nothing was seen. So a point at the sensor's origin is written 1 µm beside it.
+In both formats three zeros stand for a marker that was not seen. So a point at the origin is written 1 µm beside it.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from formats.unfinished import ANOTHER_FOLDER
 
 HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
-LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
+LATE = 0.25  # of an interval: largest move of a frame in a file with one rate
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
-MOVED = 1e-4  # s: frames that are put less far from their time are said to be where they were
-FROM_ORIGIN = 1e-6  # m, the last digit of a place in CSV
-LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d writes nothing of a longer one
+MOVED = 1e-4  # s: smaller moves of frames are not reported
+FROM_ORIGIN = 1e-6  # m, the last digit of a coordinate in CSV
+LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d omits a longer label
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
 
@@ -46,11 +46,11 @@ def marker_tracks(take: Take) -> MarkerTracks:
 
 
 def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
-    """Write the marker paths of a take as CSV (`hangtime import` reads it).
+    """Write a take's marker trajectories as CSV (`hangtime import` reads it).
 
     Raises:
-        TakeError: a name cannot be written so that it comes back.
-        OutputError: it is there and may not be replaced, or cannot be written.
+        TakeError: a name cannot be written so that the import returns it.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     tracks = marker_tracks(take)
     _refuse_odd_names(tracks, _whence(take))
@@ -58,7 +58,7 @@ def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
 
 
 def off_origin(positions: Floats) -> Floats:
-    """Return places [m], (frames, markers, 3), of which none would be written as the three zeros of a gap."""
+    """Return positions [m], (frames, markers, 3), without any that would be written as the three zeros of a gap."""
     at_origin = (np.abs(positions) < FROM_ORIGIN / 2).all(axis=2)
     if not at_origin.any():
         return positions
@@ -68,12 +68,12 @@ def off_origin(positions: Floats) -> Floats:
 
 
 def _whence(take: Take) -> str:
-    """Return the file of a take, and of a take without one its own name."""
+    """Return the name of a take's file, or of the take where it has none."""
     return take.report.file if take.report and take.report.file else take.take_id
 
 
 def _refuse_odd_names(tracks: MarkerTracks, where: str) -> None:
-    """Refuse names that a line of text or a label cannot hold: with ends of lines, codes, or spaces around them."""
+    """Refuse names that a marker file cannot store: with line breaks, control codes, or surrounding spaces."""
     for label in tracks.labels:
         if not label.isprintable() or label != label.strip():
             raise TakeError(
@@ -83,12 +83,12 @@ def _refuse_odd_names(tracks: MarkerTracks, where: str) -> None:
 
 
 def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
-    """Write the marker paths of a take as C3D, in millimetres; return how far frames were moved, '' for not at all.
+    """Write a take's marker trajectories as C3D, in millimetres; return a note on moved frames, '' for none.
 
     Raises:
-        TakeError: its frames come at no steady rate, or a name is longer than such a file can hold.
+        TakeError: the frames have no steady rate, or a name is longer than a C3D file can hold.
         ModuleNotFoundError: ezc3d is not installed.
-        OutputError: it is there and may not be replaced, or cannot be written.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     import ezc3d
 

@@ -170,7 +170,7 @@ def assert_usable(folder, whole, former):
         assert_mended(folder / "copy", whole)
         again = hangtime_here(*IMPORT, "o", folder=folder)
         settled = [name for name in waiting if name not in former]
-        assert again.stdout.count("is now that of a take whose import ended") == len(settled)
+        assert again.stdout.count("now describes a take whose import was interrupted") == len(settled)
         if settled != waiting:
             now = held_in(folder / "o")
             assert all(now[name] == former[name] for name in set(waiting) - set(settled))

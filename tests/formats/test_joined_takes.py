@@ -294,7 +294,7 @@ def test_a_recovered_take_keeps_the_doubts_of_its_file(tmp_path):
     (entry,) = json.loads(listed)["takes"]
     assert (entry["state"], entry["doubts"], entry["earlier_doubts"]) == ("sound", [], doubt)
     again = hangtime_here("takes", "recover", "c.recovered.mcap", folder=tmp_path).stdout
-    assert again.endswith(f"; said of the file it was made from: {doubt}\n")
+    assert again.endswith(f"; reported of the file it was made from: {doubt}\n")
     compared = hangtime_here("compare", "c.recovered.mcap", "c.recovered.recovered.mcap", folder=tmp_path).stderr
     assert compared.count(f": {doubt}.") == 2, "of each, by its file"
 

@@ -202,7 +202,7 @@ def test_times_that_jump_by_more_than_ten_minutes_are_refused_at_the_jump():
     check_plausible_times(np.where(np.arange(60) < 30, time, time + 599.0), "a file")
     for jump in (601.0, 5e9):
         said = refused(check_plausible_times, np.where(np.arange(60) < 30, time, time + jump), offers_anyway=True)
-        assert re.search(r"its times leap by .* s after 0.97 s; split the recording there, .*--anyway", said)
+        assert re.search(r"its times jump by .* s after 0.97 s; split the recording there, .*--anyway", said)
 
 
 def test_a_take_is_judged_by_its_garment_its_rig_and_its_times():

@@ -51,7 +51,7 @@ def test_a_chunk_gives_back_no_more_than_it_took_and_than_its_header_has():
         for _ in range(COPY_EVERY - 1):
             findings.charge(0)
         findings.charge(beyond)
-        findings.take_for_copy(size)
+        findings.refund_copy(size)
         assert findings.bytes_left == left
 
 

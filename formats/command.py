@@ -102,8 +102,8 @@ def main() -> None:
         try:
             command(prog_name="hangtime")  # also as `python -m hangtime`, of which no shell completes anything
         except BaseException as error:
-            if (told := _told(error)) is not None:
-                telling.know(error=told)
+            if (sentence := _sentence_of(error)) is not None:
+                telling.know(error=sentence)
                 telling.ask_json(_asks_json(sys.argv[1:]))
             raise
         finally:  # a command that failed in part has reported the rest
@@ -130,7 +130,7 @@ def _asks_json(words: list[str]) -> bool:
     return "--json" in words[: words.index("--") if "--" in words else None]
 
 
-def _told(error: BaseException) -> str | None:
+def _sentence_of(error: BaseException) -> str | None:
     """Return an error's sentence for the JSON document, None for an end without an error."""
     wrong_use = getattr(error.__context__, "format_message", None)  # of an error that Typer showed, and then ended
     if isinstance(error, SystemExit) and wrong_use is not None:

@@ -60,7 +60,7 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
     plain = read_toml(path)
-    with _told_with_line(path, plain):
+    with _naming_the_line(path, plain):
         garment = _converted(path, plain, Garment)
         refuse_codes(path, plain)
         check_garment(garment, path)
@@ -78,7 +78,7 @@ def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
     plain = read_toml(path)
-    with _told_with_line(path, plain):
+    with _naming_the_line(path, plain):
         rig = _converted(path, plain, Rig)
         refuse_codes(path, plain)
         check_rig(rig, path)
@@ -143,7 +143,7 @@ def _toml(value: Any) -> str:
 
 
 @contextmanager
-def _told_with_line(path: Path, plain: Tables) -> Iterator[None]:
+def _naming_the_line(path: Path, plain: Tables) -> Iterator[None]:
     """Add the line of the wrong field to an error."""
     try:
         yield

@@ -162,7 +162,7 @@ Verdict = Literal["none", "effect", "ambiguous", "several", "unknown", "numerics
 
 
 class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The sim-to-real gap of some takes: its size, location, cause and remedy.
+    """The sim-to-real gap of some takes: its size, location, causes and the next experiment.
 
     alternatives: for one effect of several, the others that explain the takes nearly as well
     """

@@ -20,7 +20,7 @@ from formats import telling
 from formats.command_groups import OTHER, PANELS
 from formats.typed_values import reword
 
-TOLD = "Output"
+OUTPUT = "Output"
 # Headings of options that several commands have; others stand under "Options".
 HEADINGS = {
     "Judge on": ("--held-out", "--held-out-motion"),
@@ -82,7 +82,7 @@ class Page(TyperCommand):
             if found is not None:
                 kind = "Arguments" if parameter.param_type_name == "argument" else _panel_of(parameter, "Options")
                 records.setdefault(kind, []).append(found)
-        order = ["Arguments", *HEADINGS, "Options", TOLD]
+        order = ["Arguments", *HEADINGS, "Options", OUTPUT]
         for panel in sorted(records, key=order.index):
             with formatter.section(panel):
                 formatter.write_dl(records[panel])
@@ -101,7 +101,7 @@ def add_pages(app: typer.Typer) -> None:
 
 def finish(root: Any) -> None:
     """Add `--json` and `--quiet` to every command, and the drawing mode that suits the output to all."""
-    mode, told = drawing(), _told_options()
+    mode, common = drawing(), _common_options()
     root.commands = dict(sorted(root.commands.items(), key=lambda item: PANELS.index(_panel_of(item[1], OTHER))))
     for name, command in every_part(root):
         command.rich_markup_mode = mode
@@ -115,9 +115,9 @@ def finish(root: Any) -> None:
                 parameter.rich_help_panel = heading
         taken = {option for parameter in command.params for option in parameter.opts}
         if name not in WITHOUT_JSON and "--json" not in taken:
-            command.params.append(told["json"])
+            command.params.append(common["json"])
         if name not in WITHOUT_QUIET:
-            command.params.append(told["quiet"])
+            command.params.append(common["quiet"])
 
 
 def every_part(part: Any, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -133,21 +133,21 @@ def drawing() -> Literal["markdown"] | None:
     return "markdown" if is_terminal else None
 
 
-def _told_options() -> dict[str, Any]:
+def _common_options() -> dict[str, Any]:
     """Return the options that every command gets, by name, taken from a command that never runs."""
     donor = typer.Typer(add_completion=False)
 
     @donor.command()
-    def told(
+    def common(
         json: Annotated[
             bool,
-            typer.Option("--json", callback=telling.ask_json, expose_value=False, rich_help_panel=TOLD,  # after --help
+            typer.Option("--json", callback=telling.ask_json, expose_value=False, rich_help_panel=OUTPUT,
                          help="Print JSON instead of words."),
         ] = False,
         quiet: Annotated[
             bool,
             typer.Option("--quiet", "-q", callback=telling.ask_quiet, expose_value=False, is_eager=True,
-                         rich_help_panel=TOLD, help="Print no words and no progress, only errors."),
+                         rich_help_panel=OUTPUT, help="Print no words and no progress, only errors."),
         ] = False,
     ) -> None:  # fmt: skip
         """Tell."""

@@ -88,7 +88,7 @@ def _held_points(take: Take) -> list[str]:
 
 def _cloth(take: Take, sights: Sights) -> list[Finding]:
     """Report how rarely the garment was seen while the hanger's path is known, and the longest time without it."""
-    if not sights.cloth.any():  # told by `_points`
+    if not sights.cloth.any():  # `_points` reports it
         return []
     seen, frames = sights.is_known & sights.cloth, int(shows_points(take).sum())
     is_grave = fitted_sights(take, sights) < FEWEST_SEEN
@@ -125,9 +125,10 @@ def _standing(take: Take, sights: Sights) -> list[Finding]:
         return []
     _, begin, end = max(found, key=lambda spell: spell[2] - spell[1])
     which = [take.garment.point_names[point] for point, *_ in found]
-    words = f"{_names(which)} kept {'its' if len(which) == 1 else 'their'} very place while the hanger moved, "
+    kept = "its exact position" if len(which) == 1 else "their exact positions"
+    words = f"{_names(which)} kept {kept} while the hanger moved, "
     words += f"for {end - begin:.1f} s from {begin - origin_of(take):.1f} s on" + " at most" * (len(which) > 1)
-    advice = "the tracker repeated an old place: leave those places out, or record again"
+    advice = "the tracker repeated an old position: leave those positions out, or record again"
     return [Finding(name="points_stand", words=words, advice=advice)]
 
 
@@ -164,22 +165,22 @@ def _size(take: Take) -> list[Finding]:
     sides = [one for one in (*sizes[1:2], *sizes[-1:]) if one]
     edge = float(np.linalg.norm(np.subtract(take.garment.outline_m[0], take.garment.outline_m[1])))
     width = min([_held_width(take), *(one[0] for one in sizes[:1] if one)])
-    is_narrow = width < SMALLER * edge and all(seen >= SMALLER * told for seen, told, *_ in sides)
+    is_narrow = width < SMALLER * edge and all(seen >= SMALLER * flat for seen, flat, *_ in sides)
     if is_narrow and take.garment.held == "edge":
         return [_folded(width, edge)]
     compared = [one for one in (sizes if take.garment.held == "edge" else sizes[1:]) if one]
     compared = sides if is_narrow else compared  # two corners may be held near each other: the whole width folds
     if not compared:
         return []
-    seen, told, first, second = max(compared, key=lambda size: abs(size[0] / size[1] - 1))
-    if SMALLER <= seen / told <= LARGER:
+    seen, flat, first, second = max(compared, key=lambda size: abs(size[0] / size[1] - 1))
+    if SMALLER <= seen / flat <= LARGER:
         return []
-    size = "smaller" if seen < told else "larger"
+    size = "smaller" if seen < flat else "larger"
     return [
         Finding(
             name=f"garment_{size}",
             words=f"the garment is {size} than described: {first} and {second} are at most {100 * seen:.0f} cm apart, "
-            f"{100 * told:.0f} cm in its file",
+            f"{100 * flat:.0f} cm in its file",
             advice="measure it again, or choose the file of the garment that hangs there",
         )
     ]
@@ -207,11 +208,11 @@ def _apart(take: Take, pair: tuple[int, int]) -> tuple[float, float, str, str] |
         return None
     ways = take.points[both, pair[0]] - take.points[both, pair[1]]
     apart = np.linalg.norm(ways, axis=1)
-    told = float(np.linalg.norm(np.subtract(first.at_m, second.at_m)))
+    flat = float(np.linalg.norm(np.subtract(first.at_m, second.at_m)))
     seen = float(np.percentile(apart, RIGHT_MOST))
-    if seen > told:
-        seen = max(told, _without_noise(ways, take.points_sd[both][:, pair]))
-    return seen, told, first.name, second.name
+    if seen > flat:
+        seen = max(flat, _without_noise(ways, take.points_sd[both][:, pair]))
+    return seen, flat, first.name, second.name
 
 
 def _without_noise(ways: Floats, deviations: Floats) -> float:

@@ -139,13 +139,13 @@ def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
                 advice="turn the hanger's front to the sensor, or exchange the two markers' numbers in the rig",
             )
         )  # fmt: skip
-    told, measured = take.rig.hanger.marker_distance_m, float(np.median(np.linalg.norm(apart, axis=1)))
-    if abs(measured / told - 1) > DISTANCE_OFF:
+    stated, measured = take.rig.hanger.marker_distance_m, float(np.median(np.linalg.norm(apart, axis=1)))
+    if abs(measured / stated - 1) > DISTANCE_OFF:
         found.append(
             Finding(
                 name="markers_wrong_distance",
                 words=f"the markers are {1e3 * measured:.0f} mm apart as the sensor sees them, "
-                f"{1e3 * told:.0f} mm as the rig says",
+                f"{1e3 * stated:.0f} mm as the rig says",
                 advice="measure marker_distance_m again, centre to centre, or run `hangtime calibrate`",
             )
         )
@@ -189,7 +189,7 @@ def _motion(take: Take, has_hanger: Booleans) -> list[Finding]:
     return [
         Finding(
             name="hardly_moved",
-            words=f"the hanger moved by {1e3 * moved:.0f} mm at most, which tells next to nothing of the cloth",
+            words=f"the hanger moved by {1e3 * moved:.0f} mm at most, which shows next to nothing of the cloth",
             advice="swing it to and fro by the width of a hand or more",
         )
     ]  # fmt: skip

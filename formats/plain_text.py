@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 LONGEST_TEXT = 2000  # characters of one text
 LONGEST_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
-MOST_TOLD = 3  # items of one kind that a sentence lists, stated by us
+MOST_LISTED = 3  # items of one kind that a sentence lists, stated by us
 ENDS_SHOWN = 60  # characters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
@@ -72,8 +72,8 @@ def counted(number: int, word: str) -> str:
 
 def first_few(words: Sequence[str], count: int) -> str:
     """Return the first words with commas between them, and the number of the others out of `count`."""
-    more = count - MOST_TOLD
-    return ", ".join(words[:MOST_TOLD]) + f" and {more} more" * (more > 0)
+    more = count - MOST_LISTED
+    return ", ".join(words[:MOST_LISTED]) + f" and {more} more" * (more > 0)
 
 
 def sized(count: float) -> str:

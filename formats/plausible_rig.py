@@ -118,7 +118,7 @@ def _check_sensor(sensor: Sensor, refuse: Refuse) -> None:
             )
     if not 1 / SQUARE_WITHIN <= sensor.fx / sensor.fy <= SQUARE_WITHIN:
         refuse(
-            f"sensor.fx = {sensor.fx:g} and sensor.fy = {sensor.fy:g} px are of no square pixels",
+            f"sensor.fx = {sensor.fx:g} and sensor.fy = {sensor.fy:g} px do not give square pixels",
             "give both focal lengths in pixels; `hangtime sensor play` tells them",
         )
     for name, at, pixels in (("cx", sensor.cx, sensor.width), ("cy", sensor.cy, sensor.height)):
@@ -140,7 +140,7 @@ def _check_gravity(rig: Rig, refuse: Refuse) -> None:
     else:
         seems = "points along the view" if abs(away) > abs(right) else "points to a side"
     refuse(
-        f"gravity = {_told(rig.gravity)} {seems}: x is to the right, y down and z away from the sensor",
+        f"gravity = {_as_text(rig.gravity)} {seems}: x is to the right, y down and z away from the sensor",
         "give [0, 1, 0] for a level sensor; `hangtime calibrate` measures it",
     )
 
@@ -213,7 +213,7 @@ def _check_bodies(rig: Rig, refuse: Refuse) -> None:
                 away = float(np.linalg.norm(np.subtract(place, rig.viewpoint)))
             if not away - (body.radius_m or 0.0) <= FARTHEST_BODY:
                 refuse(
-                    f"bodies: {name} = {_told(place)} of body {number} is {away:g} m from the {viewer}, a body that "
+                    f"bodies: {name} = {_as_text(place)} of body {number} is {away:g} m from the {viewer}, a body that "
                     f"cloth may touch at most {FARTHEST_BODY:g} m{unit_of(away, NEAREST_VIEW, FARTHEST_BODY)}",
                     "give metres in the sensor frame",
                 )
@@ -244,5 +244,5 @@ def _check_deviations(calibration: Calibration, refuse: Refuse) -> None:
             )
 
 
-def _told(place: Vector) -> str:
+def _as_text(place: Vector) -> str:
     return f"[{', '.join(f'{part:g}' for part in place)}]"

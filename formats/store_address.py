@@ -166,7 +166,9 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
     if not url.isprintable():
         refuse("has a line break or another control character in it", "write the address again")
     if found := re.search("%[0-9A-Fa-f]{2}", url):
-        refuse(f"has {found[0]} in it, which would be another sign in the bucket", f"choose a name without {found[0]}")
+        refuse(
+            f"has {found[0]} in it, which would be another character in the bucket", f"choose a name without {found[0]}"
+        )
     if {".", ".."} & set(parts.path.split("/")):
         refuse("has . or .. as a part of its path, which a bucket does not have", "write the whole name")
     if parts.scheme not in BY_ACCOUNT and re.search("[@:]", parts.netloc):
@@ -242,8 +244,8 @@ def is_out_of_reach(error: Exception) -> bool:
 def first_line(error: Exception) -> str:
     """Return the server's reason for an error, or the error's first line, with secrets in addresses removed."""
     if reason := SERVERS_REASON.search(str(error)):
-        told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
-        return without_secrets(f"the server says {told}")[:LONGEST_REASON]
+        detail = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
+        return without_secrets(f"the server says {detail}")[:LONGEST_REASON]
     if is_without_keys(error):
         return "no keys are set, and this computer has none as a machine of the cloud"
     text = OF_STORE.sub("", (str(error).splitlines() or [type(error).__name__])[0].strip())

@@ -117,8 +117,8 @@ def describe(summary: dict[str, Any]) -> str:
     if len(points) <= 12:
         for p in points:
             noise = f"sd {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
-            told = f"   hidden {p['hidden_percent']:g} %" if p["hidden_percent"] else ""
-            lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}{told}")
+            hidden = f"   hidden {p['hidden_percent']:g} %" if p["hidden_percent"] else ""
+            lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}{hidden}")
     else:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
@@ -134,7 +134,7 @@ def describe(summary: dict[str, Any]) -> str:
     if s["source"]:
         lines.append(f"source    {s['source']}")
     lines += [f"note      {key}: {text}" for key, text in s["notes"].items() if key not in DOUBTS]
-    lines += [f"doubt     {text}" for key, text in s["notes"].items() if key in DOUBTS]
+    lines += [f"warning   {text}" for key, text in s["notes"].items() if key in DOUBTS]
     return "\n".join(plain(line) for line in lines)
 
 

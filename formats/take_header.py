@@ -43,14 +43,14 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
         check_garment(garment, path)
     except msgspec.ValidationError as error:
         words = wrong_field(error, (Rig, Garment))
-        raise TakeError(f"its rig or garment does not hold: {words}", where=path, advice="record it again") from error
+        raise TakeError(f"its rig or garment is invalid: {words}", where=path, advice="record it again") from error
     except DescriptionError as error:
-        raise TakeError(f"its rig or garment does not hold: {error}", where=path, advice="record it again") from error
+        raise TakeError(f"its rig or garment is invalid: {error}", where=path, advice="record it again") from error
     try:
         return rig, garment, msgspec.convert(header, Words)
     except msgspec.ValidationError as error:
         words = wrong_field(error, (Words,))
-        raise TakeError(f"its header does not hold: {words}", where=path, advice="record it again") from error
+        raise TakeError(f"its header is invalid: {words}", where=path, advice="record it again") from error
 
 
 def of_another_version(version: str, path: object) -> TakeError | None:
@@ -58,6 +58,6 @@ def of_another_version(version: str, path: object) -> TakeError | None:
     number = int(version) if version.isdecimal() and len(version) < 9 else 0
     if 1 <= number <= VERSION:
         return None
-    told = f"is of format version {shortened(version)}; this Hangtime reads 1 to {VERSION}"
+    detail = f"is of format version {shortened(version)}; this Hangtime reads 1 to {VERSION}"
     advice = "update Hangtime" if number else "copy it again from where it was recorded"
-    return TakeError(told, where=path, advice=advice)
+    return TakeError(detail, where=path, advice=advice)

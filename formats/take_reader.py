@@ -23,8 +23,8 @@ from formats.take_report import TakeReport
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes searched in a file of another profile: a take repeats its header
-MIXED = "two takes have the same header here, or one has lost its own, and their seconds may be mixed"
-IMPOSSIBLE_SPANS = "its header names missing times that cannot be"
+MIXED = "two takes share a header in this file, or one has lost its own, and their seconds may be mixed"
+IMPOSSIBLE_SPANS = "its header states impossible missing times"
 MOST_TAKES = 50  # read from one file: more than a person would join
 COPY = "copy it again from where it was recorded"
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
@@ -96,9 +96,9 @@ def _bytes_of(path: Path) -> bytes:
             raw = file.read(SEARCHED_BYTES)
             profile = profile_of(raw)
             if size > LARGEST_FILE:
-                told = f" and its profile says {profile}" if profile and not _is_ours(profile) else ""
+                detail = f" and its profile says {profile}" if profile and not _is_ours(profile) else ""
                 most = f"a take has {LARGEST_FILE / 1e9:.1f} GB at most"
-                raise TakeError(f"is no take: it has {size / 1e9:.1f} GB{told}", where=path, advice=most)
+                raise TakeError(f"is no take: it has {size / 1e9:.1f} GB{detail}", where=path, advice=most)
             is_foreign = profile is not None and not _is_ours(profile)
             if is_foreign and not _has_header(raw):
                 return raw
@@ -164,7 +164,7 @@ class _Archive:
     def _read_or_lost(self, binding: bytes) -> tuple[Take, TakeReport] | TakeError:
         header = header_of(self._contents.headers[binding])
         if header is None:
-            return TakeError("the header of another take in it does not hold", where=self._where, advice=COPY)
+            return TakeError("the header of another take in it is invalid", where=self._where, advice=COPY)
         try:
             return self._read(binding, header)
         except TakeError as error:
@@ -225,8 +225,8 @@ def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> T
         what = f"needs more memory in each of its {counted(unread, 'block')} than one file may take"
         return TakeError(what, where=path, advice="keep this file, and record fewer points or frames a second")
     if damaged or (ends and ends[-1]["frames"]):
-        told = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
-        return TakeError(f"holds {told}", where=path, advice=COPY)
+        detail = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
+        return TakeError(f"holds {detail}", where=path, advice=COPY)
     why = "it ended in its first second" + " or is cut off" * (not ends)
     return TakeError("holds no frame", where=path, advice=why)
 
@@ -241,8 +241,8 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
         )  # fmt: skip
     profile = profile_of(raw)
     if profile is not None and not _is_ours(profile):
-        told = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
-        return TakeError(f"is not a take archive: {told}", where=path, advice=NO_TAKE)
+        detail = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
+        return TakeError(f"is not a take archive: {detail}", where=path, advice=NO_TAKE)
     if profile is not None and (other := of_another_version(profile.partition("/")[2], path)) is not None:
         return other
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:

@@ -265,14 +265,14 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     except OSError as error:
         raise unwritable(target, error) from error
     state = state_of_take(take)
-    told = f"missing: {state.missing}" if state.missing else "nothing is missing"
-    told += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
-    told += f"; {unread(report)}" if report.unread_blocks else ""
-    told += "".join(f"; {doubt}" for doubt in report.doubts)
-    told += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
+    notes = f"missing: {state.missing}" if state.missing else "nothing is missing"
+    notes += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
+    notes += f"; {unread(report)}" if report.unread_blocks else ""
+    notes += "".join(f"; {doubt}" for doubt in report.doubts)
+    notes += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
     of = f" of another take in this file, {plain(shortened(take.take_id))}" if is_another else ""
     tell_entry(
-        "takes", f"{plain(target)}: {len(take.time)} frames{of}, {told}", file=str(target), frames=len(take.time),
+        "takes", f"{plain(target)}: {len(take.time)} frames{of}, {notes}", file=str(target), frames=len(take.time),
         **to_builtins(state),
     )  # fmt: skip
 
@@ -348,14 +348,14 @@ def export_takes(
         if read:
             write_parquet(out, [take for _, take in read], overwrite=overwrite)
             lacking = {str(path): words for path, take in read if (words := incomplete_words(take))}
-            told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
+            notes = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
             doubted = {str(path): found for path, take in read if (found := doubts_of(take))}
-            told += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
+            notes += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
             records = [
                 {"file": str(path), "frames": len(take.time), **to_builtins(state_of_take(take))} for path, take in read
             ]
             tell(
-                f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=records,
+                f"{plain(out)}: {counted(len(read), 'take')}{notes}", files=[str(out)], takes=records,
                 incomplete=lacking, doubts=doubted,
             )  # fmt: skip
         end_with(lost, len(paths))
@@ -369,11 +369,11 @@ def export_takes(
             except HangtimeError as error:
                 lost[path] = error
                 continue
-            told = f"; {moved}" if moved else ""
-            told += f"; the take {words}" if (words := incomplete_words(take)) else ""
-            told += "".join(f"; {doubt}" for doubt in doubts_of(take))
+            notes = f"; {moved}" if moved else ""
+            notes += f"; the take {words}" if (words := incomplete_words(take)) else ""
+            notes += "".join(f"; {doubt}" for doubt in doubts_of(take))
             tell_entry(
-                "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
+                "files", f"{plain(target)}: {len(take.time)} frames{notes}", file=str(target), frames=len(take.time),
                 moved=moved or None, **to_builtins(state_of_take(take)),
             )  # fmt: skip
         end_with(lost, len(paths))

@@ -78,8 +78,8 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     try:
         tables = Tables(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        told = str(error).replace("end of document", f"line {text.rstrip().count(chr(10)) + 1}, the last")
-        raise failure(f"is not valid TOML: {told}", where=path, advice="mend that line") from error
+        detail = str(error).replace("end of document", f"line {text.rstrip().count(chr(10)) + 1}, the last")
+        raise failure(f"is not valid TOML: {detail}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
         line = re.split(r"\d{4300}", text.replace("_", "0"), maxsplit=1)[0].count("\n") + 1
         raise failure(f"has a number of thousands of digits (at line {line})", where=path, advice="mend it") from error

@@ -53,7 +53,7 @@ def test_a_page_shows_every_option_under_a_heading(name):
     for option in [*(option for option in options_of(name) if option.startswith("-")), "-h", "--help"]:
         assert re.search(rf"(?<![\w-]){option}(?![\w-])", shown), option
     headings = re.findall(r"^(\w[\w ]*):$", shown, re.MULTILINE)
-    known = ["Arguments", *help_pages.HEADINGS, "Options", help_pages.TOLD]
+    known = ["Arguments", *help_pages.HEADINGS, "Options", help_pages.OUTPUT]
     assert headings == [heading for heading in known if heading in headings]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from formats.command_groups import RECORD
-from formats.help_pages import TOLD
+from formats.help_pages import OUTPUT
 from formats.telling import ask_lines, tell, tell_fault
 
 CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
@@ -82,7 +82,7 @@ def status_command(
 def watch_command(
     socket: SOCKET = DEFAULT_SOCKET,
     as_json: Annotated[
-        bool, typer.Option("--json", rich_help_panel=TOLD, help="Print one object a line, for programs.")
+        bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print one object a line, for programs.")
     ] = False,
 ) -> None:
     """Show the state of the appliance at every change, until Ctrl-C."""

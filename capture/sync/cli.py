@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from formats.help_pages import TOLD
+from formats.help_pages import OUTPUT
 from formats.plain_text import sized
 from formats.telling import know, tell
 
@@ -58,7 +58,7 @@ def prove_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
 def show_sync(
     config: Config = CONFIG_FILE,
     spool: SpoolFolder = None,
-    json: Annotated[bool, typer.Option("--json", rich_help_panel=TOLD, help="Print JSON instead of words.")] = False,
+    json: Annotated[bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print JSON instead of words.")] = False,
 ) -> None:
     """Show the state of sync: waiting takes, safe takes, faults, and the last proof."""
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences

@@ -167,7 +167,7 @@ def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = N
     directions = [np.nanmedian(ends[:, 1] - ends[:, 0], axis=0) for ends in (seen, arm.held)]
     seen = seen[:, ::-1] if directions[0] @ directions[1] < 0 else seen
     shift = find_clock_shift(time, seen, arm.at)
-    if shift is None or not shift.is_told:
+    if shift is None or not shift.is_significant:
         return ""
     by, is_ahead = abs(shift.seconds), shift.seconds > 0
     how = f"its clock is {by:.2f} s {'ahead of' if is_ahead else 'behind'} the recording's"

@@ -93,7 +93,7 @@ def remove_blocks(positions: Floats, blocks: Blocks, kind: int, width: int, othe
         block for block in blocks.stale.tolist()
         if any(np.isfinite(positions[span]).any() for span in _spans(positions, block, kind, width))
     ]  # fmt: skip
-    told = list[str]()
+    warnings = list[str]()
     for numbers, what in ((blocks.between.tolist(), "zero bytes"), (stale, "bytes of earlier frames")):
         touched, count = _touched(is_looked_at, positions, numbers, kind, width)
         was_seen = bool(np.isfinite(positions[touched]).any())
@@ -104,10 +104,10 @@ def remove_blocks(positions: Floats, blocks: Blocks, kind: int, width: int, othe
         first, last = int(frames[0]) + 1, int(frames[-1]) + 1
         which = f"frame {first} holds" if first == last else f"frames {first} to {last} hold"
         hold = f"{counted(count, 'block')} of {BLOCK_BYTES} {what}"
-        told.append(f"{which} {hold}, and markers in them count as not seen")
+        warnings.append(f"{which} {hold}, and markers in them count as not seen")
     touched, _ = _touched(is_looked_at, positions, blocks.of_zeros.tolist(), kind, width)
     positions[touched] = np.nan
-    return "; ".join(told)
+    return "; ".join(warnings)
 
 
 def _runs(blocks: list[int]) -> int:

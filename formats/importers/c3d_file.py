@@ -61,9 +61,9 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if size > LARGEST_C3D:
         raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
     header = _refuse_a_short_file(path, size)
-    told = _parameters(path, header.data_at)
-    labels, points = [label for name in LABELS for label in told.texts("POINT", name)], header.points
-    rate, stated = _rate(told, header), _stated_frames(told)
+    parameters = _parameters(path, header.data_at)
+    labels, points = [label for name in LABELS for label in parameters.texts("POINT", name)], header.points
+    rate, stated = _rate(parameters, header), _stated_frames(parameters)
     frames = min(header.held, max(header.frames, stated) if header.is_at_its_most else header.frames)
     if not points or frames <= 0:
         raise TakeError(
@@ -73,14 +73,14 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if not 0 < rate <= FASTEST_RATE:
         states = f"states {rate:g} frames a second; {RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
-    _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
+    _refuse_two_scales(_first(parameters.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
     if header.parameters_at < header.data_at:
         refuse_lost_bytes(path, size, header.data_at + frames * header.width)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
-    scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
+    scale = _scale(parameters.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
     positions, lacking, zeros = _places(path, header, len(time), scale)
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
@@ -179,27 +179,31 @@ def _parameters(path: Path, data_at: int) -> Parameters:
         return Parameters(section)
     except NoParametersError as error:
         raise TakeError(
-            "is no C3D file that can be read (its parameters do not hold together)", where=path,
+            "is no C3D file that can be read (its parameters are malformed)", where=path,
             advice="export it again",
         ) from error  # fmt: skip
 
 
-def _stated_frames(told: Parameters) -> int:
+def _stated_frames(parameters: Parameters) -> int:
     """Return the number of frames by the parameters that count beyond the header's 16 bits, 0 without such parameters.
 
     TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD hold two words of 16 bits, the lower first. POINT:LONG_FRAMES is a
     float. Source: the C3D file format, user guide.
     """
-    begin, end = (told.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
+    begin, end = (parameters.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
     if len(begin) == len(end) == 2:
         first, last = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in (begin, end))
         return max(last - first + 1, 0)
-    return max(int(_first(told.numbers("POINT", "LONG_FRAMES"))), 0)
+    return max(int(_first(parameters.numbers("POINT", "LONG_FRAMES"))), 0)
 
 
-def _rate(told: Parameters, header: _Header) -> float:
+def _rate(parameters: Parameters, header: _Header) -> float:
     """Return the frame rate [1/s]: POINT:RATE, else its copy in the header, else TRIAL:CAMERA_RATE, else 0."""
-    rates = _first(told.numbers("POINT", "RATE")), header.rate or 0.0, _first(told.numbers("TRIAL", "CAMERA_RATE"))
+    rates = (
+        _first(parameters.numbers("POINT", "RATE")),
+        header.rate or 0.0,
+        _first(parameters.numbers("TRIAL", "CAMERA_RATE")),
+    )
     return next((rate for rate in rates if rate > 0), rates[0])
 
 
@@ -273,9 +277,9 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     start = struct.unpack_from(f"{order}H", head, 16)[0]
     scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
     if not start or not np.isfinite(scale) or scale == 0.0:  # the header has copies of parameters
-        told = _parameters(path, BLOCK_BYTES * (start - 1))
-        start = start or int(_first(told.numbers("POINT", "DATA_START")))
-        copy = _first(told.numbers("POINT", "SCALE"))
+        parameters = _parameters(path, BLOCK_BYTES * (start - 1))
+        start = start or int(_first(parameters.numbers("POINT", "DATA_START")))
+        copy = _first(parameters.numbers("POINT", "SCALE"))
         if not np.isfinite(scale) and not copy:
             raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
         scale = scale if scale and np.isfinite(scale) else copy or -1.0

@@ -68,7 +68,7 @@ class ClockShift:
     others: tuple[float, ...] = ()
 
     @property
-    def is_told(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the offset is significantly different from zero."""
         return abs(self.seconds) > max(SURELY * self.error, LEAST_SHIFT)
 

@@ -38,7 +38,7 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.importers.number_cells import LONGEST_SHOWN
 from formats.importers.path_outliers import straight_lines
 from formats.motion import HARDEST_PULL
-from formats.plain_text import MOST_TOLD, first_few
+from formats.plain_text import MOST_LISTED, first_few
 
 SMALLEST_JUMP = 0.05  # m, stated by us: two diameters of a marker; lost bytes leave most positions farther off
 AT_ENDS = 2.0  # noise of an extrapolation over noise of an interpolation; also the margin over f
@@ -63,7 +63,7 @@ def remove_jumps(time: Floats, positions: Floats, labels: Sequence[str], where: 
     if not found:
         return ""
     found.sort(key=lambda jump: (jump.frame, jump.marker))
-    named = [f"{labels[jump.marker].strip()[:LONGEST_SHOWN]}" for jump in found[:MOST_TOLD]]
+    named = [f"{labels[jump.marker].strip()[:LONGEST_SHOWN]}" for jump in found[:MOST_LISTED]]
     if len(found) == 1:
         and_back = " and back" * found[0].comes_back
         return (

@@ -25,7 +25,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.importers.number_cells import LONGEST_SHOWN
-from formats.plain_text import MOST_TOLD, counted, first_few
+from formats.plain_text import MOST_LISTED, counted, first_few
 
 FARTHER_THAN_OTHERS = 2.0  # a code that lies far out: times the largest other coordinate
 NINES = re.compile(r"-?9{3,}(\.9+)?")
@@ -100,7 +100,7 @@ def warning_of_incomplete(lacking: Booleans, time: Floats, labels: Sequence[str]
     """
     if not lacking.any():
         return ""
-    count, some = int(lacking.sum()), np.argwhere(lacking)[:MOST_TOLD].tolist()
+    count, some = int(lacking.sum()), np.argwhere(lacking)[:MOST_LISTED].tolist()
     names = [labels[marker].strip()[:LONGEST_SHOWN] for _, marker in some]
     if count == 1:
         frame = some[0][0]

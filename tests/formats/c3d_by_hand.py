@@ -1,4 +1,4 @@
-"""C3D files of traits that libraries do not write: byte orders, integers, odd labels.
+"""Build C3D files with traits that libraries do not write: byte orders, integers, odd labels.
 
 Format: https://www.c3d.org, user guide. A DEC float is four times the IEEE one, its 16-bit halves exchanged.
 """

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def no_file_beyond(count):
-    """Let this process write no file longer than so many bytes: what would be raises EFBIG."""
+    """Limit the size of files that this process writes; a larger file raises EFBIG."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     compiled, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # what Python compiles would be cut as well
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # LLVM, once Taichi has started, ends the process on it

@@ -26,7 +26,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def measured(reader: str, path: Path) -> dict[str, object]:
-    """Return megabytes and processor seconds beyond what was taken before, and what was said."""
+    """Return the additional memory [MB] and processor time [s] of a call, and its output."""
     before, start, found = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time(), {}
     try:
         read = READERS[reader](path)

@@ -40,7 +40,7 @@ def archive_of(path, contents):
 
 
 def changed(messages, kind, **changes):
-    """Messages, of which the first one with the key `kind`, every one with the key `format`, is changed."""
+    """Return messages with a change to the first one with the key `kind`, and to every one with the key `format`."""
     found, is_done = [], False
     for message in messages:
         if kind in message and not is_done:
@@ -60,10 +60,10 @@ def test_the_same_messages_are_a_sound_take(messages, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"take_id": GONE}, "header does not hold: .*take_id"),
-        ({"take_id": 7}, "header does not hold: take_id must be text .got a whole number"),
-        ({"notes": [1]}, "header does not hold: notes must be a table .got a list"),
-        ({"rig": GONE}, "rig or garment does not hold"),
+        ({"take_id": GONE}, "header is invalid: .*take_id"),
+        ({"take_id": 7}, "header is invalid: take_id must be text .got a whole number"),
+        ({"notes": [1]}, "header is invalid: notes must be a table .got a list"),
+        ({"rig": GONE}, "rig or garment is invalid"),
         ({"format": "hangtime-take/\u00b2"}, "is of format version \u00b2"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What is said of an arm's path that is elsewhere or on another clock, and how sure its shift is."""
+"""The errors and notes for an arm trajectory that is elsewhere or on another clock, and the accuracy of the offset."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_a_path_is_unknown_in_holes_and_beyond_its_ends():
         (0.0, ""),
     ],
 )  # fmt: skip
-def test_a_small_shift_is_told_with_its_error_and_what_to_do(shift, words):
+def test_a_small_shift_is_reported_with_its_error_and_what_to_do(shift, words):
     time = np.arange(0, 10, 0.11)
     seen = swept(time) + np.random.default_rng(1).normal(0, 0.01, (len(time), 2, 3))
     assert re.fullmatch(words, check_arm_path(swept_arm(shift=shift), time, seen))
@@ -136,7 +136,7 @@ def test_an_error_that_is_too_small_to_be_shown_is_below_a_millisecond():
     )
 
 
-def test_larger_shifts_that_are_as_good_are_told_two_at_most():
+def test_larger_shifts_that_are_as_good_are_reported_two_at_most():
     """A circle in 0.8 s is as near after each round."""
     time = np.arange(0, 20, 0.11)
     told = check_clock(swept_arm(circling(0.8), 0.2, 30), time, circling(0.8)(time))

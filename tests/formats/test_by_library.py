@@ -1,4 +1,4 @@
-"""Files that a library writes itself and cannot, or does not, write whole."""
+"""Files of libraries that cannot, or do not, write the whole file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def loud(path):
 
 
 @pytest.mark.parametrize("write", [silent, loud])
-def test_the_systems_cause_is_told_whatever_the_library_says(write, temporary):
+def test_the_systems_cause_is_reported_whatever_the_library_says(write, temporary):
     with no_file_beyond(300), pytest.raises(OutputError, match=rf"^{temporary}: .*\(File too large\); raise the limit"):
         bytes_by_library(write, "a.bin", least=1000)
 

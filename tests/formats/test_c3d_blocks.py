@@ -75,7 +75,7 @@ def test_markers_in_a_block_of_zeros_are_gaps(tmp_path, scale, analogue, block, 
     np.testing.assert_allclose(found.positions[~gone], places()[~gone] / 1e3, atol=3e-5)
 
 
-def test_zeros_at_either_end_and_many_gaps_of_zeros_are_told_by_no_sentence(tmp_path):
+def test_zeros_at_either_end_and_many_gaps_of_zeros_are_reported_by_no_sentence(tmp_path):
     raw = c3d_bytes(places(), list("abcd"))
     for block in (0, 7):
         ends = bytearray(raw)

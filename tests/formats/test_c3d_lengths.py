@@ -82,12 +82,12 @@ def test_the_rest_of_the_last_block_is_no_frame(tmp_path):
     assert len(read(tmp_path, long_file(65600, cut=8)).time) == MOST
 
 
-@pytest.mark.parametrize(("extra", "is_told"), [(511, False), (512, True), (600, True)])
-def test_room_for_a_frame_and_a_block_more_than_it_states_is_told(tmp_path, extra, is_told):
+@pytest.mark.parametrize(("extra", "is_reported"), [(511, False), (512, True), (600, True)])
+def test_room_for_a_frame_and_a_block_more_than_it_states_is_reported(tmp_path, extra, is_reported):
     """A frame of 16 bytes behind 32 of them, which fill a block, and so many bytes."""
     raw = c3d_bytes(np.ones((32, 1, 3)), ["a"]) + struct.pack("<ffff", 1, 1, 1, 0) + b"\1" * extra
     told = f"the file states 32 frames and has room for {33 + extra // 16}; the first 32 were read"
-    assert read(tmp_path, raw).warning == (told if is_told else "")
+    assert read(tmp_path, raw).warning == (told if is_reported else "")
     assert len(read(tmp_path, raw).time) == 32
 
 

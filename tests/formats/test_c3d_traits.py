@@ -93,7 +93,7 @@ def test_a_damaged_number_is_a_gap_and_brings_no_warning(tmp_path):
     assert np.argwhere(np.isnan(found)).tolist() == [[4, 1, 0], [4, 1, 1], [4, 1, 2]]
 
 
-def test_of_a_unit_that_nobody_knows_twenty_letters_are_told(tmp_path):
+def test_of_a_unit_that_nobody_knows_twenty_letters_are_reported(tmp_path):
     with pytest.raises(TakeError, match=r"the unit of its points is 'e{20}'; export in m"):
         read(tmp_path, c3d_bytes(paths(), list("abcde"), units=("e" * 200,)))
 

@@ -129,7 +129,7 @@ def test_a_chunk_whose_fields_contradict_each_other_costs_itself(made):
 @pytest.mark.parametrize(
     ("name", "told"), [(b"lz4", {"lz4"}), (b"l z", set()), (b"x" * 16, {"x" * 16}), (b"x" * 17, set())]
 )
-def test_a_compression_of_another_name_is_told_where_it_is_one(name, told):
+def test_a_compression_of_another_name_is_reported_where_it_is_one(name, told):
     found, findings = found_in(chunk(len(RECORDS), CRC, name, PACKED))
     assert (found, findings.damaged, findings.other_compressions) == ([], 1, told)
 

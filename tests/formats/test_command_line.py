@@ -85,7 +85,7 @@ def test_verify_says_sound_incomplete_damaged_and_lost(tmp_path):
     )
 
 
-def test_a_swatch_has_as_many_markers_as_the_command_is_told(tmp_path):
+def test_a_swatch_has_as_many_markers_as_the_command_is_reported(tmp_path):
     """5 along each side of 0.4 m are 100 mm apart."""
     done = hangtime("swatch", tmp_path / "s.toml", "--mass", 0.05, "--side", 0.4, "--markers", 5)
     assert done.stdout == f"{tmp_path / 's.toml'}: 25 markers, 100.0 mm apart\n"

@@ -1,4 +1,4 @@
-"""A header or an end that says what its blocks contradict is said to, and costs no frame."""
+"""A contradiction between a header or end message and the blocks is reported, and costs no frame."""
 
 from __future__ import annotations
 
@@ -75,10 +75,10 @@ def test_missing_times_that_cannot_be_are_left_out_and_named(raw, tmp_path, miss
     path.write_bytes(with_missing(raw, [*missing, [5.3, 7.0]]))
     take, report = read_with_report(path)
     assert (len(take.time), take.missing, report.is_sound) == (150, ((5.3, 7.0),), False)
-    assert report.doubts == ("its header names missing times that cannot be",)
+    assert report.doubts == ("its header states impossible missing times",)
     said = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)
     assert said.returncode == 2
-    assert "; its header names missing times that cannot be; an earlier file had lost 5.05 to 6.75 s; " in said.stdout
+    assert "; its header states impossible missing times; an earlier file had lost 5.05 to 6.75 s; " in said.stdout
 
 
 def test_verify_names_the_earlier_losses_of_a_take_that_is_incomplete(tmp_path):
@@ -102,7 +102,7 @@ def test_show_and_list_name_a_doubt_and_damaged_blocks(raw, tmp_path):
     doubt = "its end counts 0 scans, and there are 2"
     shown = hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
     assert "\ndamaged   1 block; `hangtime takes recover` makes a sound file\n" in shown
-    assert f"\ndoubt     {doubt}\n" in shown
+    assert f"\nwarning   {doubt}\n" in shown
     assert shown.count(doubt) == 1
     told = hangtime_here("takes", "list", ".", "--json", folder=tmp_path).stdout
     (entry,) = json.loads(told)["takes"]

@@ -1,4 +1,4 @@
-"""Numbers that are cut, and lines that end a table early, are refused or left out; honest lines are read."""
+"""Cut numbers, and lines that end a table early, are refused or left out; undamaged lines are read."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_a_trc_without_its_line_of_axes_keeps_its_first_frame(tmp_path):
     assert (len(found.time), found.time[0]) == (30, 0.0)
 
 
-def test_a_number_of_two_signs_is_told_as_it_is_written(tmp_path):
+def test_a_number_of_two_signs_is_reported_as_it_is_written(tmp_path):
     with pytest.raises(TakeError, match=r"holds '1,234\.5', which is no number"):
         read(tmp_path, TRC + "1\t0.01\t998\t1,234.5\t5\t999\t998\t1\n" * 30, None, "a.trc")
 

@@ -1,4 +1,4 @@
-"""Commas of marker files part decimals, unless all of them may part thousands as well."""
+"""Commas of marker files are decimal separators, unless all of them may be thousands separators as well."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEAD = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDESCRIPTION\t--\nMAR
 
 
 def table(write, *, noise=0.0, start=1200.0):
-    """A table of Qualisys, which has no column of times; places [mm] as `write` writes them."""
+    """A Qualisys table without a column of times; `write` formats the positions [mm]."""
     rng = np.random.default_rng(0)
     places = start + np.arange(6) * 150 + 40 * np.sin(np.arange(30) / 8)[:, None] + rng.normal(0, noise, (30, 6))
     return HEAD + "".join("\t".join(map(write, row)) + "\n" for row in places), places

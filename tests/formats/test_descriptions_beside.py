@@ -140,7 +140,7 @@ def test_a_description_that_says_the_same_as_the_one_that_was_left_is_not_advise
     assert held_in(tmp_path) == {"rig.toml": mine}
 
 
-def test_a_description_that_was_left_and_cannot_be_read_is_told(tmp_path, monkeypatch):
+def test_a_description_that_was_left_and_cannot_be_read_is_reported(tmp_path, monkeypatch):
     left_by_a_killed_import(tmp_path, a_take(20))
     opened = Path.open
 
@@ -154,7 +154,7 @@ def test_a_description_that_was_left_and_cannot_be_read_is_told(tmp_path, monkey
     assert told_of(tmp_path / "a.mcap") == [words]
 
 
-def test_a_description_that_cannot_be_replaced_leaves_the_take_its_name_and_is_told(tmp_path, monkeypatch):
+def test_a_description_that_cannot_be_replaced_leaves_the_take_its_name_and_is_reported(tmp_path, monkeypatch):
     """As where it belongs to another user, in a folder whose files only their owners may replace."""
     swung_cloth(tmp_path / "a.npz")
     (tmp_path / "takes").mkdir()
@@ -264,7 +264,7 @@ def a_name_of_another(path):
 
 
 @pytest.mark.parametrize("make", [a_file, an_empty_file, a_link, a_name_of_another, os.mkfifo, os.mkdir])
-def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_told(tmp_path, make):
+def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_reported(tmp_path, make):
     """It is nobody's to remove or to write to, and a pipe is not waited for."""
     take, told = a_take(20), []
     make(tmp_path / "a.rig.toml.partial")

@@ -1,4 +1,4 @@
-"""Marker files that contradict themselves: what is read of them is said, or they are refused with their own words."""
+"""Marker files that contradict themselves are read with a warning, or refused with an error that quotes them."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ def test_a_table_of_vicon_without_units_takes_the_unit_that_is_given(tmp_path, r
         (("", ""), ""),
     ],
 )
-def test_names_of_a_c3d_file_behind_its_last_point_are_told(tmp_path, more, told):
+def test_names_of_a_c3d_file_behind_its_last_point_are_reported(tmp_path, more, told):
     found = read(tmp_path, c3d_bytes(1e3 * drawn(), (*LABELS, *more)), "a.c3d")
     check(found, drawn(), 3e-7)
     assert found.warning == told
 
 
-def test_a_marker_that_a_c3d_file_names_without_a_path_is_told_as_such(tmp_path):
+def test_a_marker_that_a_c3d_file_names_without_a_path_is_reported_as_such(tmp_path):
     names = swatch(0.05, side=0.4, markers=4).point_names
     (tmp_path / "a.c3d").write_bytes(c3d_bytes(1e3 * drawn(60).reshape(12, 15, 3), names))
     words = f"names {names[15]!r} and has no path of it: it has 15 paths and 16 names; export it again with the paths"
@@ -104,12 +104,12 @@ def test_a_warning_reaches_who_imports_a_file_and_stays_in_the_take(tmp_path):
 
 
 @pytest.mark.parametrize(("rate", "advice"), [(4.9, "record with more frames"), (1200.0, "leave out frames")])
-def test_a_rate_that_just_misses_the_range_is_told_as_a_rate(rate, advice):
+def test_a_rate_that_just_misses_the_range_is_reported_as_a_rate(rate, advice):
     with pytest.raises(ImplausibleError, match=f"has {rate:g} frames a second; a garment needs 5 to 1000; {advice}"):
         check_plausible_times(np.arange(40) / rate, "a.csv")
 
 
-def test_a_rate_that_is_far_off_is_told_as_times_in_another_unit():
+def test_a_rate_that_is_far_off_is_reported_as_times_in_another_unit():
     with pytest.raises(ImplausibleError, match="are these milliseconds"):
         check_plausible_times(np.arange(40) * 10.0, "a.csv")
 

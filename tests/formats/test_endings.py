@@ -1,4 +1,4 @@
-"""How the command ends on a full disk, without a library, where nobody reads it, and when it is interrupted early."""
+"""The command's output and exit code on a full disk, without a library, with closed streams, and on interruption."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run(program, *words, **options):
 
 
 def at_most(count):
-    """Let a process write files of at most so many bytes; Python ignores the signal and raises EFBIG."""
+    """Limit the size of files that a process writes; Python ignores the signal and raises EFBIG."""
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (count, count))
 
 

@@ -1,4 +1,4 @@
-"""Every door at which a reader or a command refuses has its whole sentence: the place, the value, the next step."""
+"""Every refusal of a reader or a command is a whole sentence: the place, the value, the next step."""
 
 from __future__ import annotations
 
@@ -260,7 +260,7 @@ def _opened(url):
         ("ftp://me:secret@host/x", "'ftp://host/x' is neither a folder nor a bucket; give a path, file:///..., "
          "s3://..., gs://... or az://..."),
         ("gs:/x", "'gs:/x' lacks a // behind gs:; write gs://BUCKET/NAME"),
-        ("s3://b/x%2fy", "s3://b/x%2fy: has %2f in it, which would be another sign in the bucket; choose a name "
+        ("s3://b/x%2fy", "s3://b/x%2fy: has %2f in it, which would be another character in the bucket; choose a name "
          "without %2f"),
         ("s3://b:80/x", "s3://b:80/x: has a port, a user or a password before the bucket's name; write "
          "s3://BUCKET/NAME"),

@@ -10,7 +10,7 @@ from tests.whole_errors import missing_of
 
 @pytest.fixture
 def whole_errors():
-    """The errors here lack parts on purpose."""
+    """Disable the check for whole errors, since the errors here lack parts on purpose."""
 
 
 @pytest.mark.parametrize(

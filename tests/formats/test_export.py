@@ -193,7 +193,7 @@ def test_rerun_gets_every_place_where_it_was_seen_and_nothing_where_it_was_not(t
 
 
 def rerun_columns(path, entity):
-    """The places and the times [ns] that a file of Rerun holds of one entity."""
+    """Return the positions and the times [ns] of one entity in a Rerun file."""
     from rerun.chunk import RrdReader
 
     for chunk in RrdReader(path).stream():

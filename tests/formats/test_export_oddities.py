@@ -1,4 +1,4 @@
-"""Marker files of odd takes: the origin, frames between two places of a rate, names that a file cannot keep."""
+"""Marker files of odd takes: the origin, frames between two multiples of an interval, names that cannot be stored."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_an_export_to_one_rate_says_how_far_it_moved_frames(tmp_path):
 
 
 def paths(*time):
-    """One marker at so many metres as its frame's number."""
+    """One marker whose coordinate [m] is its frame's number."""
     return MarkerTracks(("a",), np.array(time, float), np.arange(3.0 * len(time)).reshape(-1, 1, 3))
 
 

@@ -1,4 +1,4 @@
-"""A hanger that does not hold the cloth, walls that it enters, and points that leave the cloth, told at the door."""
+"""A hanger that does not hold the cloth, walls that it enters, and points that leave the cloth, reported at import."""
 
 from __future__ import annotations
 
@@ -46,24 +46,24 @@ def test_a_hanger_whose_clock_is_late_holds_the_cloth(late):
     assert "row_apart" not in named(led_by(take, way(1.0), late))
 
 
-@pytest.mark.parametrize(("reach", "is_told"), [(0.055, False), (0.06, True)])
-def test_a_hanger_of_which_the_cloth_takes_no_notice_is_told_from_forty_millimetres_on(reach, is_told):
+@pytest.mark.parametrize(("reach", "is_reported"), [(0.055, False), (0.06, True)])
+def test_a_hanger_of_which_the_cloth_takes_no_notice_is_reported_from_forty_millimetres_on(reach, is_reported):
     """A swing has a root mean square of 0.707 of its half way: 39 and 42 mm."""
     still = swung(10.0, reach=0.0)
     ends = still.held + way(1.0, reach)[:, None, None] * [1.0, 0.0, 0.0]
     take = imported(dataclasses.replace(still, held=ends, markers=ends))
-    assert ("row_apart" in named(take)) == is_told
+    assert ("row_apart" in named(take)) == is_reported
     for finding in judge(take):
         assert "at no shift" not in finding.words  # its clock is that of the points
 
 
-@pytest.mark.parametrize(("seen", "is_told"), [(19, False), (20, True)])
-def test_a_held_row_is_compared_from_twenty_sights_on(seen, is_told):
+@pytest.mark.parametrize(("seen", "is_reported"), [(19, False), (20, True)])
+def test_a_held_row_is_compared_from_twenty_sights_on(seen, is_reported):
     still = swung(10.0, reach=0.0)
     ends = still.held + way(1.0)[:, None, None] * [1.0, 0.0, 0.0]
     still.points_valid[:, 0] = np.isin(np.arange(300), 13 * np.arange(seen))
     assert still.points_valid[:, 0].sum() == seen
-    assert ("row_apart" in named(imported(dataclasses.replace(still, held=ends, markers=ends)))) == is_told
+    assert ("row_apart" in named(imported(dataclasses.replace(still, held=ends, markers=ends)))) == is_reported
 
 
 def test_a_row_with_single_places_far_off_goes_with_its_hanger():
@@ -90,7 +90,7 @@ BODIES = {
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_a_held_edge_that_enters_a_body_of_the_rig_is_told_with_its_depth(name):
+def test_a_held_edge_that_enters_a_body_of_the_rig_is_reported_with_its_depth(name):
     """The held edge swings along x at a depth of 1.6 m; the body comes 20 mm over it, or stays 1 mm away."""
     (finding,) = judge(near(WALL, BODIES[name](0.02)))
     kind = name.split("'")[0]
@@ -101,17 +101,17 @@ def test_a_held_edge_that_enters_a_body_of_the_rig_is_told_with_its_depth(name):
 
 
 def with_jumps(count):
-    """The take of five points in 180 frames with so many sightings of one corner 40 cm below its place."""
+    """The take of five points in 180 frames, with some sightings of one corner 40 cm below its position."""
     points = swung().points.copy()
     points[:count, 2, 1] += 0.4
     return with_points(swung(), points)
 
 
-@pytest.mark.parametrize(("count", "is_told"), [(45, False), (46, True)])
-def test_points_out_of_the_cloths_reach_are_told_above_five_percent(count, is_told):
+@pytest.mark.parametrize(("count", "is_reported"), [(45, False), (46, True)])
+def test_points_out_of_the_cloths_reach_are_reported_above_five_percent(count, is_reported):
     """45 of 900 are 5 %."""
-    assert ("points_impossible" in named(with_jumps(count))) == is_told
-    if is_told:
+    assert ("points_impossible" in named(with_jumps(count))) == is_reported
+    if is_reported:
         (finding,) = [one for one in judge(with_jumps(count)) if one.name == "points_impossible"]
         assert finding.words == ("5.1 % of the sightings of points are further from the others than the cloth reaches")
         assert finding.advice == "check the markers' names and the tracker"

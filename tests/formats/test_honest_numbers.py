@@ -16,7 +16,7 @@ def swing(k):
 
 
 def with_last_z(last):
-    """Lines of two markers of which the second's z is written otherwise."""
+    """Lines of two markers with another number format for the second marker's z."""
     return [
         f"{k + 1},0,{swing(k) + 310:.3f},{swing(k + 3):.3f},{swing(k + 5) + 1200:.3f},{swing(k) + 410:.3f},"
         f"{swing(k + 7):.3f},{last(k)}"
@@ -147,7 +147,7 @@ def swayed(seed, noise=0.0):
 
 
 def rounded(seed):
-    """Filtered places, rounded to 1 mm."""
+    """Filtered positions, rounded to 1 mm."""
     rng = np.random.default_rng(seed)
     angle = np.arange(60)[:, None] * rng.uniform(0.02, 0.12, 6)
     return np.round([0.2, 0.05, 1.5, 0.25, 0.05, 1.05] + rng.uniform(0.02, 0.2, 6) * np.sin(angle), 3)

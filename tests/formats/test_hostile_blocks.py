@@ -1,4 +1,4 @@
-"""Takes that are hostile as a whole: their own header and blocks are made to cost memory, or hold what cannot be."""
+"""Hostile takes whose headers and blocks are made to exhaust memory, or hold impossible values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POINTS = 246  # so that a row has 1996 numbers
 
 
 def of_many_points(raw, rows, blocks):
-    """A take of 246 points, all of which go to and fro by a step from frame to frame."""
+    """A take of 246 points, each of which moves to and fro by one step from frame to frame."""
     points = [{"name": f"p{k}", "at_m": [1e-4 * k, -0.1]} for k in range(POINTS)]
     header = header_of(raw, garment={**parts_of(raw)[0][2]["garment"], "points": points})
     values = np.zeros((rows, 28 + 8 * POINTS), np.int64)

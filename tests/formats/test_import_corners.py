@@ -64,7 +64,7 @@ def as_a_link(partial):
         (None, WRITING, f"{OTHER_FOLDER}, or wait until it ends"),
     ],
 )  # fmt: skip
-def test_an_unfinished_name_that_overwrite_cannot_take_is_told_at_once(
+def test_an_unfinished_name_that_overwrite_cannot_take_is_reported_at_once(
     desk, words, name, make, what, step, is_there, option
 ):
     """Whether or not a take is there, and --overwrite is given: it would not help."""
@@ -93,7 +93,7 @@ def assert_refused(desk, words, option, sentence):
 
 
 @pytest.mark.unmutated
-def test_an_unfinished_take_and_a_rig_without_permission_are_told_as_such(desk):
+def test_an_unfinished_take_and_a_rig_without_permission_are_reported_as_such(desk):
     """The take also where another one is there; neither says that the rig is another one."""
     for name in ("o/m.mcap.partial", "rigged/rig.toml"):
         (desk / name).parent.mkdir(exist_ok=True)
@@ -115,7 +115,7 @@ def test_an_unfinished_take_and_a_rig_without_permission_are_told_as_such(desk):
 
 
 @pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
-def test_a_folder_in_the_place_of_a_file_is_told_before_anything_is_made(desk, option):
+def test_a_folder_in_the_place_of_a_file_is_reported_before_anything_is_made(desk, option):
     for words, name in (
         (("takes", "export", "m.mcap", "--to", "csv"), "m.csv"), (RECOVER, "m.recovered.mcap"), (IMPORT, "m.mcap"),
     ):  # fmt: skip
@@ -127,7 +127,7 @@ def test_a_folder_in_the_place_of_a_file_is_told_before_anything_is_made(desk, o
     assert hangtime_here(*table, "--out", "another.parquet", folder=desk).returncode == 0
 
 
-def test_a_file_that_is_there_is_told_with_the_same_two_steps_by_every_command(desk):
+def test_a_file_that_is_there_is_reported_with_the_same_two_steps_by_every_command(desk):
     for words, name in (
         (("takes", "export", "m.mcap", "--to", "npz"), "m.npz"), (RECOVER, "m.recovered.mcap"), (IMPORT, "m.mcap"),
     ):  # fmt: skip

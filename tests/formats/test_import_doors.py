@@ -1,4 +1,4 @@
-"""`hangtime import` blames what is wrong: the option, the single pose or marker that jumps, the number."""
+"""`hangtime import` names the fault: the option, the single pose or marker that jumps, the number."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def test_a_swatch_of_any_name_is_read_again(tmp_path, name):
     assert load_garment(tmp_path / f"{name}.toml").name == plain(name)
 
 
-def test_a_description_in_the_place_of_a_recording_is_told_where_it_belongs(tmp_path):
+def test_a_description_in_the_place_of_a_recording_is_reported_where_it_belongs(tmp_path):
     done = hangtime_here("import", "g.toml", "--garment", "a.mcap", folder=tmp_path)
     assert done.stderr == "hangtime: g.toml: is a description, and no recording; give it as --garment g.toml\n"
     assert done.returncode == 2
@@ -162,7 +162,7 @@ def test_a_swatch_is_no_take_by_its_name(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_wrong_ending_is_told_with_the_right_one(tmp_path):
+def test_a_wrong_ending_is_reported_with_the_right_one(tmp_path):
     (tmp_path / "a.c3d").write_text(TRC * 9)
     with pytest.raises(TakeError, match=r"it lacks a C3D header\); it is text: give it the ending \.trc"):
         read_marker_tracks(tmp_path / "a.c3d")

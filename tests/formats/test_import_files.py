@@ -1,4 +1,4 @@
-"""Files that an import is given: archives of arrays and marker files, read whole or refused word for word."""
+"""Input files of an import, archives of arrays and marker files, are read whole or refused with exact messages."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def held_in(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_a_rig_of_another_take_is_told_with_steps_that_work(desk):
+def test_a_rig_of_another_take_is_reported_with_steps_that_work(desk):
     before = held_in(desk / "o")
     done = hangtime_here(*IMPORT, "o", folder=desk)
     what = "is already there and describes another rig than that of this take"
@@ -86,7 +86,7 @@ def test_a_rig_of_another_take_is_told_with_steps_that_work(desk):
     assert load_rig(desk / "o/rig.toml") == load_rig(desk / "other/rig.toml") == read_take(desk / "o/m.mcap").rig
 
 
-def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_told(desk):
+def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_reported(desk):
     (desk / "o/rig.toml").unlink()
     path = desk / "o/garment.toml"
     other = f"is already there and describes another garment than that of this take; {AGAIN}"
@@ -107,7 +107,7 @@ def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_told(de
 
 @pytest.mark.parametrize("name", ["m.mcap", *DESCRIPTIONS])
 @pytest.mark.parametrize("more", [(), ("--overwrite",)])
-def test_a_pipe_is_not_replaced_and_is_told_before_the_recording_is_read(desk, name, more):
+def test_a_pipe_is_not_replaced_and_is_reported_before_the_recording_is_read(desk, name, more):
     (desk / "o/rig.toml").unlink()
     (desk / "m.csv").write_text("no recording")
     os.mkfifo(desk / "o" / name)
@@ -152,9 +152,9 @@ def assert_mended(folder, whole, *, left=()):
 
 
 def assert_usable(folder, whole, former):
-    """Before the take has its name all is as it was; what is left to do behind it is said.
+    """Assert that nothing changes before the take has its name, and that the remaining steps are reported.
 
-    The next import does it where nothing is to be replaced, and one with `--overwrite` everywhere.
+    The next import does these steps where nothing is replaced, and an import with `--overwrite` does all of them.
     """
     held, step = held_in(folder / "o"), "rename m.{0}.partial to {0}"
     if "m.mcap" in held and read_take(folder / "o/m.mcap").source == NEW_SOURCE:

@@ -1,4 +1,4 @@
-"""What cannot be imported, or was meant otherwise, is named for what it is."""
+"""Errors about files that cannot be imported name the true cause."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_file_of_another_kind_is_sent_to_its_own_door(tmp_path, name, words):
     assert done.stderr.startswith(f"hangtime: {name}: {words}")
 
 
-def test_an_archive_that_is_cut_off_is_told_from_another_kind_of_file(tmp_path):
+def test_an_archive_that_is_cut_off_is_reported_from_another_kind_of_file(tmp_path):
     np.savez(tmp_path / "a.npz", points=np.zeros((40, 3)))
     (tmp_path / "a.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:-100])
     done = hangtime_here("import", "a.npz", folder=tmp_path)
@@ -168,7 +168,7 @@ def _written(path, text):
     return path
 
 
-def test_a_description_in_another_encoding_is_told_so(tmp_path):
+def test_a_description_in_another_encoding_is_reported_so(tmp_path):
     path = tmp_path / "a.toml"
     path.write_bytes('name = "Stück"'.encode("cp1252"))
     with pytest.raises(DescriptionError, match=r"is no text in UTF-8 \(at line 1\); save it as UTF-8 text"):

@@ -1,4 +1,4 @@
-"""Tables of whole numbers come back from their bytes, and no bytes cost more than they must."""
+"""Tables of integers are restored from their bytes, and hostile bytes cost limited time and memory."""
 
 from __future__ import annotations
 

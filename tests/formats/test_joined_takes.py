@@ -32,7 +32,7 @@ def pair(tmp_path_factory):
 
 
 def recovered(folder, raw, name="c.mcap", *options):
-    """What `recover` says of a file of these bytes, and its lines."""
+    """Return the output of `recover` for a file of these bytes, as text and as lines."""
     (folder / name).write_bytes(raw)
     done = hangtime_here("takes", "recover", name, *options, folder=folder)
     return done, done.stdout.splitlines()
@@ -176,7 +176,7 @@ def test_blocks_of_version_1_before_its_first_header_are_read(tmp_path):
 def test_two_takes_of_one_header_are_never_mixed_without_a_word(pair, tmp_path):
     moved = write_take(tmp_path / "b.mcap", replace(a_take(), points=a_take().points + 0.01)).read_bytes()
     begin, end, _ = [chunk for chunk in chunks_of(pair[0]) if "table" in chunk[2]][2]
-    mixed = "two takes have the same header here, or one has lost its own, and their seconds may be mixed"
+    mixed = "two takes share a header in this file, or one has lost its own, and their seconds may be mixed"
     _, lines = recovered(tmp_path, pair[0][:begin] + pair[0][end:] + moved)
     assert lines == [f"c.recovered.mcap: 150 frames, nothing is missing; {mixed}"]
     assert mixed in hangtime_here("takes", "verify", "c.mcap", folder=tmp_path).stdout
@@ -189,13 +189,13 @@ def test_a_take_that_may_be_mixed_keeps_the_doubt_of_its_import(tmp_path):
              for k in range(2)]  # fmt: skip
     raw = b"".join(write_take(tmp_path / "a.mcap", take).read_bytes() for take in takes)
     assert doubts_of(take_of(raw, "both"))[:1] == [
-        "has fewer frames than it states; two takes have the same header here, or one has lost its own, and their "
+        "has fewer frames than it states; two takes share a header in this file, or one has lost its own, and their "
         "seconds may be mixed"
     ]
 
 
 def of_version_1(count, take_id="one"):
-    """The header of a take of version 1, and so many blocks, one after the other, each as the vector's first one."""
+    """The header of a take of version 1, and consecutive blocks, each like the vector's first one."""
     chunks = [content for _, _, content in chunks_of((VECTORS / "version-1.mcap").read_bytes())]
     header = {**next(content for content in chunks if "format" in content), "take_id": take_id}
     block = next(content for content in chunks if "first" in content)

@@ -1,4 +1,4 @@
-"""A take that a fit refuses, or that misleads one, is told at the door with its true cause; an honest take is not."""
+"""A take that a fit refuses, or that misleads a fit, is reported with its true cause; a good take is not."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_cloth_that_is_seen_in_one_of_600_frames_cannot_be_fitted():
     ]  # fmt: skip
 
 
-def test_cloth_that_is_seen_in_less_than_a_tenth_of_the_frames_is_told():
+def test_cloth_that_is_seen_in_less_than_a_tenth_of_the_frames_is_reported():
     take = swung(20.0)
     seldom, enough = (unseen(take, slice(None), np.arange(600) % step != 0) for step in (11, 10))
     assert told(seldom) == [
@@ -93,7 +93,7 @@ def test_cloth_that_is_seen_only_soon_after_a_gap_of_the_hanger_is_not_counted()
     assert finding == ("garment_hardly_seen", True, words)
 
 
-def test_cloth_that_is_lost_together_with_the_hanger_is_told_once():
+def test_cloth_that_is_lost_together_with_the_hanger_is_reported_once():
     both = unseen(without_hanger(swung(10.0), slice(60, 150)), slice(None), slice(60, 150))
     assert named(both) == ["hanger_lost"]
 
@@ -148,7 +148,7 @@ def test_hanger_and_cloth_that_are_seen_together_for_one_second_are_too_short():
 
 
 @pytest.mark.parametrize(("frames", "names"), [(slice(60, 240), ["garment_lost"]), (slice(60, 130), [])])
-def test_cloth_that_is_gone_for_long_in_between_is_told(frames, names):
+def test_cloth_that_is_gone_for_long_in_between_is_reported(frames, names):
     found = judge(unseen(swung(10.0), slice(None), frames))
     assert [one.name for one in found] == names
     for one in found:
@@ -161,16 +161,18 @@ def frozen(take, points, frames):
     return dataclasses.replace(take, points=places)
 
 
-def test_points_that_keep_their_place_while_the_hanger_swings_are_told():
+def test_points_that_keep_their_place_while_the_hanger_swings_are_reported():
     both = frozen(swung(10.0), slice(2, 4), slice(60, 151))
-    words = "bottom_right, bottom_left kept their very place while the hanger moved, for 3.0 s from 2.0 s on at most"
+    words = (
+        "bottom_right, bottom_left kept their exact positions while the hanger moved, for 3.0 s from 2.0 s on at most"
+    )
     assert told(both) == [("points_stand", False, words)]
     longer = frozen(both, 2, slice(60, 181))
     assert told(longer)[0][2].endswith("for 4.0 s from 2.0 s on at most")
     one = frozen(swung(10.0), 2, slice(60, 76))
     assert told(one) == []  # 0.5 s
     (finding,) = told(frozen(swung(10.0), 2, slice(60, 80)))
-    assert finding[2] == "bottom_right kept its very place while the hanger moved, for 0.6 s from 2.0 s on"
+    assert finding[2] == "bottom_right kept its exact position while the hanger moved, for 0.6 s from 2.0 s on"
 
 
 def test_cloth_may_keep_its_place_under_a_hanger_that_rests():
@@ -195,7 +197,7 @@ def test_a_single_bad_sight_of_the_hanger_is_no_motion():
     take = swung(reach=0.0)
     take.markers[90] += [0.1, 0, 0]
     assert [words for name, _, words in told(take) if name == "hardly_moved"] == [
-        "the hanger moved by 0 mm at most, which tells next to nothing of the cloth"
+        "the hanger moved by 0 mm at most, which shows next to nothing of the cloth"
     ]
 
 
@@ -247,7 +249,7 @@ def test_hands_that_are_nearer_together_than_the_cloth_is_wide_fold_the_held_edg
     assert named(imported(dataclasses.replace(with_points(take, points), garment=corners))) == []  # it may sag there
 
 
-def test_held_ends_that_are_exchanged_in_some_frames_are_told_with_number_and_second():
+def test_held_ends_that_are_exchanged_in_some_frames_are_reported_with_number_and_second():
     take = swung(800 / 30)
     frames = np.zeros(800, bool)
     frames[200:215] = frames[500:515] = True
@@ -296,7 +298,7 @@ def test_an_imported_hanger_of_a_late_clock_does_not_put_the_points_far_off():
     assert named(wrong) == ["point_far_off"]
 
 
-def test_a_hanger_that_jumps_is_told_with_its_second():
+def test_a_hanger_that_jumps_is_reported_with_its_second():
     take = swung()
     points = take.points.copy()
     points[90:95, 0] += [0.0, 0.3, 0.0]

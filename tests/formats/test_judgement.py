@@ -1,4 +1,4 @@
-"""Is it a recording at all? What is told of a finished take, on takes of the synthetic world and spoilt ones."""
+"""Findings on finished takes of the synthetic world, good and spoilt ones."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_whole_take_has_no_finding():
     assert judge(swung()) == ()
 
 
-def test_a_hanger_that_was_lost_in_between_is_told_with_its_place():
+def test_a_hanger_that_was_lost_in_between_is_reported_with_its_place():
     """Frames 30 to 59 at 30 a second: from the sight at 0.97 s to that at 2.00 s are 1.03 s."""
     (finding,) = judge(without_hanger(swung(), slice(30, 60)))
     assert (finding.name, finding.is_grave) == ("hanger_lost", False)
@@ -88,7 +88,7 @@ def test_swapped_markers_are_grave():
     assert [(finding.name, finding.is_grave) for finding in found] == [("markers_swapped", True)]
 
 
-def test_swapped_markers_are_told_without_the_points_that_were_looked_for_on_the_wrong_side():
+def test_swapped_markers_are_reported_without_the_points_that_were_looked_for_on_the_wrong_side():
     """Two points were never seen, or the garment for two seconds alone."""
     unseen, short = swung().points_valid.copy(), swung().points_valid.copy()
     unseen[:, 2:4] = short[60:] = False
@@ -108,7 +108,7 @@ def test_another_grave_finding_comes_before_that_of_a_short_take():
 
 
 @pytest.mark.parametrize(("told", "names"), [(0.305, []), (0.295, []), (0.315, ["markers_wrong_distance"])])
-def test_a_wrong_marker_distance_is_told_from_three_percent_on(told, names):
+def test_a_wrong_marker_distance_is_reported_from_three_percent_on(told, names):
     """The markers are 300 mm apart."""
     rig = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(RIG.hanger, marker_distance_m=told))
     assert named(dataclasses.replace(swung(), rig=rig)) == names
@@ -133,7 +133,7 @@ def test_points_that_were_never_seen_are_named():
 @pytest.mark.parametrize(
     ("scale", "names"), [(0.8, ["garment_smaller"]), (0.9, []), (1.05, []), (1.2, ["garment_larger"])]
 )
-def test_a_garment_of_another_size_than_its_file_says_is_told(scale, names):
+def test_a_garment_of_another_size_than_its_file_says_is_reported(scale, names):
     take = swung()
     middle = take.points.mean(1, keepdims=True)
     assert named(with_points(take, middle + scale * (take.points - middle))) == names
@@ -165,7 +165,7 @@ def test_a_take_of_two_seconds_is_too_short():
 
 
 @pytest.mark.parametrize(("degrees", "names"), [(14, []), (16, ["gravity_off"])])
-def test_gravity_that_is_not_where_the_garment_hangs_is_told_from_fifteen_degrees_on(degrees, names):
+def test_gravity_that_is_not_where_the_garment_hangs_is_reported_from_fifteen_degrees_on(degrees, names):
     """The skirt hangs along y of the sensor; the rig says that the sensor looks down."""
     tilted = (0.0, float(np.cos(np.radians(degrees))), float(np.sin(np.radians(degrees))))
     take = swung()

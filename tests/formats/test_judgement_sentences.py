@@ -1,4 +1,4 @@
-"""What is told of a recording that no fitter can use, word for word and on both sides of each bound."""
+"""The exact sentences about a recording that cannot be fitted, on both sides of each limit."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ MEASURE = "measure it again, or choose the file of the garment that hangs there"
          "the markers are 300 mm apart as the sensor sees them, 290 mm as the rig says",
          "measure marker_distance_m again, centre to centre, or run `hangtime calibrate`"),
         (moved_by(0.0303), "hardly_moved", False,
-         "the hanger moved by 30 mm at most, which tells next to nothing of the cloth",
+         "the hanger moved by 30 mm at most, which shows next to nothing of the cloth",
          "swing it to and fro by the width of a hand or more"),
         (unseen(swung(), slice(None)), "garment_never_seen", True, "no point of the garment was ever seen",
          "let it hang free below the hanger, 8 cm or more before any wall"),
@@ -168,7 +168,7 @@ def test_five_points_that_were_never_seen_are_named(count, more):
     assert found.words == f"p0, p1, p2, p3, p4{more} were never seen"
 
 
-def test_sizes_are_told_from_ten_frames_on_in_which_both_points_are_seen():
+def test_sizes_are_reported_from_ten_frames_on_in_which_both_points_are_seen():
     few, enough = (unseen(scaled(1.2), [0, 2], slice(seen, None)) for seen in (9, 10))
     assert [found.name for found in judge(few)] == ["points_hardly_seen"]
     assert [found.name for found in judge(enough)] == ["points_hardly_seen", "garment_larger"]
@@ -184,13 +184,13 @@ def test_points_of_the_held_edge_alone_tell_neither_size_nor_gravity():
     assert judge(take) == ()
 
 
-@pytest.mark.parametrize(("seen", "is_told"), [(9, False), (10, True)])
-def test_gravity_is_told_from_ten_frames_on_in_which_all_that_hangs_is_seen(seen, is_told):
+@pytest.mark.parametrize(("seen", "is_reported"), [(9, False), (10, True)])
+def test_gravity_is_reported_from_ten_frames_on_in_which_all_that_hangs_is_seen(seen, is_reported):
     take = dataclasses.replace(swung(), rig=msgspec.structs.replace(RIG, gravity=(0.6, 0.8, 0.0)))
     found = judge(unseen(take, [2], slice(seen, None)))
-    assert [one.name for one in found] == ["points_hardly_seen", *["gravity_off"] * is_told]
+    assert [one.name for one in found] == ["points_hardly_seen", *["gravity_off"] * is_reported]
     found = found[1:]
-    if is_told:
+    if is_reported:
         assert found[0].words.startswith("the garment hangs 3")
         assert found[0].words.endswith(" degrees off the rig's gravity, along [0.00, 1.00, 0.00]")
         assert found[0].advice == (

@@ -22,7 +22,7 @@ sys.stdin.read()
 
 
 def left_by_a_killed_writer(folder, frames):
-    """The name of the file that a process leaves which is killed after so many frames, and a look at it before."""
+    """Return the file that a process left which was killed after some frames, and its state before."""
     with subprocess.Popen(
         [sys.executable, "-c", WRITER, folder, str(frames)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

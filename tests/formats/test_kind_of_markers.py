@@ -1,4 +1,4 @@
-"""Markers on a skirt count as points of a silhouette until its file states what they are, and the import says so."""
+"""Markers on a skirt count as silhouette points until its file states their kind, and the import warns of that."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ADVICE = 'in format = "hangtime-garment/2" state points_are = "material" for mar
 
 
 @pytest.mark.parametrize(
-    ("garment", "is_told", "tracked"),
+    ("garment", "is_reported", "tracked"),
     [
         (SKIRT, True, "points that count as those of a silhouette: the garment file states no points_are"),
         (msgspec.structs.replace(SKIRT, format="hangtime-garment/2", points_are="material"), False,
@@ -27,9 +27,9 @@ ADVICE = 'in format = "hangtime-garment/2" state points_are = "material" for mar
     ],
     ids=["skirt", "material", "silhouette", "swatch"],
 )  # fmt: skip
-def test_markers_of_no_stated_kind_are_told(tmp_path, garment, is_told, tracked):
+def test_markers_of_no_stated_kind_are_reported(tmp_path, garment, is_reported, tracked):
     take = import_marker_take(write_marker_csv(tmp_path / "a.csv", hanging()), garment)
     told = [(one.words, one.advice, one.is_grave) for one in judge(take) if one.name == "points_of_no_kind"]
     words = "its points count as those of a silhouette, as its garment file states no points_are"
-    assert told == ([(words, ADVICE, False)] if is_told else [])
+    assert told == ([(words, ADVICE, False)] if is_reported else [])
     assert f"tracked   {tracked}" in describe(summarise(take)).splitlines()

@@ -1,4 +1,4 @@
-"""A place that lacks one or two of its coordinates counts as not seen, and the import says where."""
+"""A position that lacks one or two of its coordinates counts as not seen, and the import warns with its frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHERE = {
 
 
 def lacking(*where):
-    """Places of which some numbers are lost."""
+    """Positions of which some coordinates are missing."""
     places = drawn()
     for frame, marker, axes in where:
         places[frame, marker, axes] = np.nan
@@ -36,7 +36,7 @@ def written(tmp_path, name, places):
 
 @pytest.mark.parametrize("axes", [[2], [0], [0, 1]])
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_lost_coordinate_is_told_with_its_line_marker_and_time(tmp_path, name, axes):
+def test_a_lost_coordinate_is_reported_with_its_line_marker_and_time(tmp_path, name, axes):
     found = written(tmp_path, name, lacking((AT, 0, axes)))
     line, time = WHERE[name]
     assert found.warning == ONE.format(line, found.labels[0], time)
@@ -51,7 +51,7 @@ def test_many_are_counted_and_whole_gaps_are_none_of_them(tmp_path, name):
     assert found.warning.startswith(told + found.labels[0])
 
 
-def test_zeros_without_a_coordinate_are_a_gap_and_a_cut_is_told_once(tmp_path):
+def test_zeros_without_a_coordinate_are_a_gap_and_a_cut_is_reported_once(tmp_path):
     body = "".join(f"{k / 10},1.{k},2,3,4,5,6\n" for k in range(30))
     cut = "line 32 may be cut off within its last number, so its last marker counts as not seen there"
     whole = ONE.format("line 32", "a", "3.00")
@@ -60,7 +60,7 @@ def test_zeros_without_a_coordinate_are_a_gap_and_a_cut_is_told_once(tmp_path):
         assert read_marker_tracks(tmp_path / "a.csv").warning == told
 
 
-def test_a_number_of_c3d_that_is_none_is_told_with_its_frame(tmp_path):
+def test_a_number_of_c3d_that_is_none_is_reported_with_its_frame(tmp_path):
     places = np.nan_to_num(drawn(), nan=0.5)
     raw = bytearray(c3d_bytes(1e3 * places, LABELS))
     at = raw.index(struct.pack("<f", 1e3 * places[4, 1, 2]))

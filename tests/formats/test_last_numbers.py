@@ -1,4 +1,4 @@
-"""A last number is whole, cut, short or in doubt, by the numbers around it."""
+"""The last number of a file is complete, cut, short or doubtful, as the numbers around it show."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLANE = [f"{k}.125,{k}.250,0" for k in range(1, 40)]  # one z
 
 
 def ending(lines: list[str], last: str, *, has_end: bool, columns: int = 3, width: int = 3) -> Ending:
-    """What is known of the last number below some lines of so many places and cells."""
+    """Return the state of the last number below lines with these positions and cells."""
     texts = [*lines, last]
     rows = Rows(texts, range(len(texts)), ",", Path("a"), is_cut=not has_end)
     return ending_of(rows, min(len(rows[-1]), columns) - 1, width, writing_of(rows, range(columns)))

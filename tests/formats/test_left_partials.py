@@ -41,7 +41,7 @@ def test_what_cannot_be_read_now_is_put_aside_all_the_same(raw, tmp_path, made):
 
 
 @pytest.mark.unmutated
-def test_one_that_may_not_be_read_and_written_is_told_as_such_and_stays(raw, tmp_path):
+def test_one_that_may_not_be_read_and_written_is_reported_as_such_and_stays(raw, tmp_path):
     """A rename would need no such permission, and would take the file from a recording that somebody else runs."""
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
     write_marker_csv(tmp_path / "m.csv", hanging())

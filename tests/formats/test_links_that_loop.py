@@ -1,4 +1,4 @@
-"""A link that leads to itself, at once or over another one, is told as such, and replaced where that is asked for."""
+"""A link that leads to itself, directly or through another link, is reported as such, and replaced on request."""
 
 from __future__ import annotations
 

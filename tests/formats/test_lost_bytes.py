@@ -72,14 +72,14 @@ def test_two_joined_lines_show_by_the_frames_that_are_missing(tmp_path):
     assert (found.warning, unseen(found)) == (HOLE.format("frame 62 is", 66), [[AT, 0], [AT, 1]])
 
 
-@pytest.mark.parametrize(("lost", "is_told"), [(1, False), (2, True), (10, True)])
-def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is_told):
+@pytest.mark.parametrize(("lost", "is_reported"), [(1, False), (2, True), (10, True)])
+def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is_reported):
     cells = [line.split(",", 2)[2] for line in vicon("{:.4f}".format, places(), 1e-3)]
     lines = [f"{k / 100:.2f},{row}" for k, row in enumerate(cells)]
     head = "time_s," + ",".join(f"{name}_{axis}_m" for name in "ab" for axis in "xyz") + "\n"
     text = head + "\n".join([*lines[:AT], *lines[AT + lost :]]) + "\n"
     found = read(tmp_path, text, None, "own.csv")
-    assert found.warning == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_told else "")
+    assert found.warning == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_reported else "")
 
 
 def test_programs_that_leave_out_frames_in_many_places_lost_no_bytes(tmp_path):

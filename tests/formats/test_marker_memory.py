@@ -1,4 +1,4 @@
-"""Files of markers cost little more memory than their text and their places, and come through pieces unharmed."""
+"""Reading a marker file takes little more memory than its text and positions, and splitting it loses nothing."""
 
 from __future__ import annotations
 

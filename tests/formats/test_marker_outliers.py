@@ -1,4 +1,4 @@
-"""A place that jumps away from its marker's path and back counts as not seen; motion of cloth is read as it is."""
+"""A position that jumps away from its marker's trajectory and back counts as not seen; motion of cloth is unchanged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ONE = "{}: {} jumps {} m away and back, so it counts as not seen there"
 
 
 def swing(frames=120, rate=100.0, markers=2):
-    """Times [s] and places [m] of markers that swing with 0.3 m at 1 Hz, with 0.3 mm of noise."""
+    """Times [s] and positions [m] of markers that swing with 0.3 m at 1 Hz, with 0.3 mm of noise."""
     time = np.arange(frames) / rate
     phase = np.arange(3 * markers).reshape(markers, 3)
     noise = np.random.default_rng(0).normal(0, 3e-4, (frames, markers, 3))
@@ -30,7 +30,7 @@ def jumps(time, where):
 
 
 @pytest.mark.parametrize(("far", "shown"), [(0.1, "0.1"), (2.0, "2"), (888.0, "888"), (-41.5, "42")])
-def test_a_place_that_jumps_for_one_frame_is_taken_out_and_told(far, shown):
+def test_a_place_that_jumps_for_one_frame_is_taken_out_and_reported(far, shown):
     time, where = swing()
     where[AT, 1, 2] += far
     assert jumps(time, where) == (ONE.format("frame 60", "b", shown), [[AT, 1]])
@@ -57,7 +57,7 @@ def test_places_at_the_ends_of_a_path_that_jump_are_taken_out(frames, far):
     assert all(one in told for one in each) or told.startswith(f"frame {frames[0]}: b jumps ")
 
 
-def test_a_place_at_an_end_does_not_come_back_and_is_told_without_that():
+def test_a_place_at_an_end_does_not_come_back_and_is_reported_without_that():
     time, where = swing()
     where[0, 1] += 5
     assert jumps(time, where)[0] == "frame 0: b jumps 8.7 m away, so it counts as not seen there"
@@ -66,11 +66,11 @@ def test_a_place_at_an_end_does_not_come_back_and_is_told_without_that():
 def test_an_end_jumps_by_twice_as_much_as_the_marker_does_elsewhere():
     """A step of 0.4 m that stays is 0.4 m off the line ahead: 0.8 m and 65 mm is the bound."""
     time = np.arange(120) / 100
-    for off, is_told in ((0.86, False), (0.87, True)):
+    for off, is_reported in ((0.86, False), (0.87, True)):
         where = np.ones((120, 1, 3))
         where[AT:, 0, 0] += 0.4
         where[119, 0, 0] += off
-        assert bool(jumps(time, where)[1]) == is_told
+        assert bool(jumps(time, where)[1]) == is_reported
 
 
 @pytest.mark.parametrize("begin", [3, 4, 5, 6])
@@ -103,10 +103,10 @@ def test_noise_hard_swings_gaps_impacts_and_steps_that_stay_are_no_jumps(rate):
 def test_the_jump_that_is_found_grows_with_the_step_of_time():
     """At rest 50 mm and 150 m/s^2 / rate^2."""
     for rate, least in ((1000, 0.05015), (100, 0.065), (20, 0.425)):
-        for times, is_told in ((0.99, False), (1.01, True)):
+        for times, is_reported in ((0.99, False), (1.01, True)):
             where = np.ones((120, 2, 3))
             where[AT, 0, 0] += times * least
-            assert bool(jumps(np.arange(120) / rate, where)[1]) == is_told
+            assert bool(jumps(np.arange(120) / rate, where)[1]) == is_reported
 
 
 def test_a_marker_that_jumps_often_and_times_that_do_not_increase_are_left_to_other_checks():
@@ -122,7 +122,7 @@ def test_a_marker_that_jumps_often_and_times_that_do_not_increase_are_left_to_ot
     assert jumps(time, where)[1] == [[AT, 1]]
 
 
-def test_a_lost_point_in_a_text_is_told_by_its_line_and_in_c3d_by_its_frame(tmp_path):
+def test_a_lost_point_in_a_text_is_reported_by_its_line_and_in_c3d_by_its_frame(tmp_path):
     """888.566 became 888566, and one z of metres was moved."""
     lines = vicon(WRITERS["%.3f"], places())
     cells = lines[AT].split(",")

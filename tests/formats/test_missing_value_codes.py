@@ -1,4 +1,4 @@
-"""A number that stands for a marker that was not seen, such as -9999, is a gap, and the import says so."""
+"""A missing-value code such as -9999 counts as not seen, and the import names the code."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_one_number_far_out_in_all_three_cells_is_a_gap(tmp_path, sign, told, ma
     assert not gap[:, 1 - marker].any()
 
 
-def test_once_is_enough_and_each_sign_is_told(tmp_path):
+def test_once_is_enough_and_each_sign_is_reported(tmp_path):
     lines = with_sign("-9999", frames=1)
     assert imported(tmp_path, lines).warning == SIGN.format("-9999", "1 time", LINE)
     lines[CUT + 2] = with_sign("99999", frames=3)[CUT + 2]

@@ -18,7 +18,7 @@ IN_VIEW = "the markers on the two top corners drive the simulation: record with 
 
 
 def moved(change):
-    """The hanging markers at other places."""
+    """The hanging markers at other positions."""
     tracks = hanging()
     return replace(tracks, positions=change(tracks.positions.copy()))
 

@@ -63,7 +63,7 @@ def test_a_motion_of_less_than_four_millimetres_is_none(rms, kind):
     assert kind_of(moved([0, 0, rms / np.std(WAVE)])) == kind
 
 
-def test_of_a_single_sight_no_motion_is_told():
+def test_of_a_single_sight_no_motion_is_reported():
     take = moved([0, 1, 0])
     once = np.zeros_like(take.held_valid)
     once[7] = True

@@ -90,7 +90,7 @@ def test_a_take_that_was_never_finished_stays_where_it_holds_something(tmp_path)
     )
 
 
-def test_a_folder_or_a_pipe_of_an_unfinished_name_is_told_as_such_and_stays(tmp_path):
+def test_a_folder_or_a_pipe_of_an_unfinished_name_is_reported_as_such_and_stays(tmp_path):
     (tmp_path / "a.mcap.partial").mkdir()
     os.mkfifo(tmp_path / "b.mcap.partial")
     for name, kind in (("a", "folder"), ("b", "pipe or device")):

@@ -1,4 +1,4 @@
-"""A pipe in the place of a file: refused before it is opened, which would wait for ever."""
+"""A pipe in place of a file is refused before it is opened, since opening it would block."""
 
 from __future__ import annotations
 

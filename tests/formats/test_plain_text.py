@@ -45,7 +45,7 @@ def test_a_name_longer_than_a_files_may_be_is_shown_by_its_ends_and_leaves_room_
     assert str(TakeError("is empty", where=path, advice="record again")) == f"{path}: is empty; record again"
 
 
-def test_one_is_told_without_the_letter_of_many():
+def test_one_is_reported_without_the_letter_of_many():
     assert [counted(n, "take") for n in (0, 1, 2)] == ["0 takes", "1 take", "2 takes"]
 
 
@@ -54,5 +54,5 @@ def test_one_is_told_without_the_letter_of_many():
     [(0, "0 bytes"), (1, "1 byte"), (999, "999 bytes"), (1000, "1.0 kB"), (52_000, "52.0 kB"), (3.2e6, "3.2 MB"),
      (322.1e9, "322.1 GB")],
 )  # fmt: skip
-def test_a_number_of_bytes_is_told_in_a_unit_that_fits(count, words):
+def test_a_number_of_bytes_is_reported_in_a_unit_that_fits(count, words):
     assert sized(count) == words

@@ -1,4 +1,4 @@
-"""Numbers of a rig in another unit, place or sign, each refused with its cause, and the same number where it is right.
+"""Numbers of a rig with a wrong unit, position or sign are refused with the cause; correct numbers pass.
 
 The rig is the one that `hangtime sensor synthesise` writes.
 """
@@ -69,10 +69,10 @@ PLAY = "; `hangtime sensor play` tells"
          f"is that millimetres? Give the focal length in pixels{PLAY} it"),
         ({"fx": 50.0, "fy": 50.0}, "sensor.fx = 50 px lets 640 pixels span 162 degrees, a sensor's picture 10 to 150; "
          f"give the focal length in pixels{PLAY} it"),
-        ({"fx": 300.0}, "sensor.fx = 300 and sensor.fy = 575.8 px are of no square pixels; give both focal lengths in "
-         f"pixels{PLAY} them"),
-        ({"fx": 575.8 * 1.21}, "sensor.fx = 696.718 and sensor.fy = 575.8 px are of no square pixels; give both focal "
-         f"lengths in pixels{PLAY} them"),
+        ({"fx": 300.0}, "sensor.fx = 300 and sensor.fy = 575.8 px do not give square pixels; give both focal lengths "
+         f"in pixels{PLAY} them"),
+        ({"fx": 575.8 * 1.21}, "sensor.fx = 696.718 and sensor.fy = 575.8 px do not give square pixels; give both "
+         f"focal lengths in pixels{PLAY} them"),
         ({"gravity": (0.0, -1.0, 0.0)}, f"gravity = [0, -1, 0] points up in the picture{AXES}"),
         ({"gravity": (0.0, -0.51, 0.86)}, f"gravity = [0, -0.51, 0.86] points up in the picture{AXES}"),
         ({"gravity": (0.0, 0.0, 1.0)}, f"gravity = [0, 0, 1] points along the view{AXES}"),

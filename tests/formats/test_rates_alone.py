@@ -1,4 +1,4 @@
-"""A file with a frame rate and no times is refused for its rate, and not for times that nobody wrote."""
+"""A file with a frame rate and no times is refused for its rate, and not for computed times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`--decimal comma` and `--decimal point` say which sign parts decimals, to all readers of text."""
+"""`--decimal comma` and `--decimal point` state the decimal separator for all readers of text."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_the_command_takes_the_option_for_text_alone(tmp_path):
 )
 def test_the_help_says_where_the_option_is_needed_and_there_the_import_asks_for_it(tmp_path, write):
     shown = " ".join(hangtime_here("import", "--help", folder=tmp_path).stdout.split())
-    needed = "Needed where numbers have both signs, or where 1,234 may be 1234 or 1.234; the import then asks for it."
+    needed = "Needed where numbers have both, or where 1,234 may be 1234 or 1.234; the import then asks for it."
     assert needed in shown
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
     (tmp_path / "m.tsv").write_text(table(write)[0])

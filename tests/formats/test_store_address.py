@@ -85,8 +85,8 @@ def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
          "hyphens"),
         ("abfs://box@account/run", "abfs://account/run: 'account' is no server of a storage account; write "
          "abfs://CONTAINER@ACCOUNT.dfs.core.windows.net/NAME"),
-        ("s3://bkt/run%231", "s3://bkt/run%231: has %23 in it, which would be another sign in the bucket; choose a "
-         "name without %23"),
+        ("s3://bkt/run%231", "s3://bkt/run%231: has %23 in it, which would be another character in the bucket; choose "
+         "a name without %23"),
         ("s3://bkt/../run", "s3://bkt/../run: has . or .. as a part of its path, which a bucket does not have; write "
          "the whole name"),
         ("s3://bkt/./run", "s3://bkt/./run: has . or .. as a part of its path, which a bucket does not have; write the "

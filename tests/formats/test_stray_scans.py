@@ -1,4 +1,4 @@
-"""Scans in takes of version 1 that lie outside the take's time: they name no take, and may be of another one."""
+"""Scans in takes of version 1 that lie outside the take's time may belong to another take, since they name none."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_commands_tell_of_a_stray_scan_and_a_recovered_take_keeps_the_doubt(tmp_
     verified = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)
     assert (verified.returncode, verified.stdout.partition(" ")[0]) == (2, "damaged")
     assert verified.stdout.count(told) == 1
-    assert f"\ndoubt     {told}\n" in hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
+    assert f"\nwarning   {told}\n" in hangtime_here("takes", "show", "a.mcap", folder=tmp_path).stdout
     (entry,) = json.loads(hangtime_here("takes", "verify", "a.mcap", "--json", folder=tmp_path).stdout)["takes"]
     assert (entry["state"], entry["doubts"]) == ("damaged", [told])
     assert doubts_of(read_take(tmp_path / "a.mcap")) == [told, "2 blocks of its file are damaged"]

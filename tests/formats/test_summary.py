@@ -19,7 +19,7 @@ FRAMES = 60
 
 
 def made():
-    """Two seconds at 30 frames a second, of which each figure is chosen."""
+    """Two seconds at 30 frames a second, with chosen values for each figure."""
     take = a_take(frames=FRAMES)
     valid = np.ones((FRAMES, 4), bool)
     valid[:15, 0] = False
@@ -81,7 +81,7 @@ def test_a_summary_says_its_figures_in_words():
     assert "INCOMPLETE" in describe(summarise(replace(made(), is_complete=False)))
 
 
-def test_a_summary_is_told_line_by_line():
+def test_a_summary_is_reported_line_by_line():
     """Every line but those of points, which the test above reads; 25 and 7 of 59 steps go over a hole."""
     made_once = made()
     time = made_once.time + np.repeat([0.0, 1.0, 3.0], [30, 20, 10])
@@ -121,7 +121,7 @@ def test_a_summary_is_told_line_by_line():
 
 
 def of_points(count, sd):
-    """A single frame of points of a silhouette, of which each deviates by so much [m]; none was seen without it."""
+    """A single frame of silhouette points with given standard deviations [m]; a point without one was not seen."""
     take = a_take(frames=1)
     garment = msgspec.structs.replace(
         take.garment, points_are="silhouette",
@@ -141,7 +141,7 @@ def of_points(count, sd):
         (13, None, "points    13, seen 0 to 0 %, never seen"),
     ],
 )
-def test_more_than_twelve_points_are_told_in_one_line_and_a_single_frame_has_no_rate(count, sd, line):
+def test_more_than_twelve_points_are_reported_in_one_line_and_a_single_frame_has_no_rate(count, sd, line):
     told = describe(summarise(of_points(count, sd))).splitlines()
     assert told[-1] == line
     assert told[2] == "length    0 s, 1 frame"

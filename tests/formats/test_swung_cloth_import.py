@@ -1,4 +1,4 @@
-"""Swung-cloth recordings become takes whole, or say in one sentence why not."""
+"""Swung-cloth recordings become complete takes, or are refused in one sentence."""
 
 from __future__ import annotations
 

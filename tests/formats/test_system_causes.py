@@ -1,4 +1,4 @@
-"""Whoever cannot write a file says the cause that the system gives, and the step that helps against just that."""
+"""An error about a file that cannot be written names the system's cause, and the step that removes this cause."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def test_a_name_that_is_too_long_while_its_file_is_written_is_refused_before(tmp
         refuse_to_replace(tmp_path / name.rjust(longest + 1, "n"))
 
 
-def test_a_folder_or_a_link_with_the_name_of_a_file_to_be_written_is_told(tmp_path):
+def test_a_folder_or_a_link_with_the_name_of_a_file_to_be_written_is_reported(tmp_path):
     write_take(tmp_path / "a.mcap", a_take(20))
     (tmp_path / "folder.png").mkdir()
     for name in ("link.png", "a.recovered.mcap"):

@@ -1,4 +1,4 @@
-"""What is said of a file that is no take, or of whose take nothing can be read, word for word."""
+"""The exact errors about a file that is no take, or whose take cannot be read."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
         ({"format": "hangtime-take/3"}, "a: is of format version 3; this Hangtime reads 1 to 2; update Hangtime"),
         ({"format": "hangtime-take/0"}, f"a: is of format version 0; this Hangtime reads 1 to 2; {COPY}"),
         ({"format": "hangtime-take/x"}, f"a: is of format version x; this Hangtime reads 1 to 2; {COPY}"),
-        ({"take_id": 3}, "a: its header does not hold: take_id must be text (got a whole number); record it again"),
+        ({"take_id": 3}, "a: its header is invalid: take_id must be text (got a whole number); record it again"),
         (
             {"rig": 3},
-            "a: its rig or garment does not hold: the file must be a table (got a whole number); record it again",
+            "a: its rig or garment is invalid: the file must be a table (got a whole number); record it again",
         ),
         (
             {"garment": None},
-            "a: its rig or garment does not hold: the file must be a table (got nothing); record it again",
+            "a: its rig or garment is invalid: the file must be a table (got nothing); record it again",
         ),
     ],
 )

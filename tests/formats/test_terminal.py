@@ -162,7 +162,7 @@ def test_the_width_of_no_terminal_is_eighty_columns(monkeypatch):
     ("after", "share", "words"),
     [(2.9, 0.5, ""), (3.0, 0.5, "about 3 s left"), (9.0, 0.019, ""), (9.0, 0.02, "about 7 min left"), (9.0, 1.0, "")],
 )
-def test_the_time_that_is_left_is_told_after_three_seconds_and_a_fiftieth_of_the_work(after, share, words):
+def test_the_time_that_is_left_is_reported_after_three_seconds_and_a_fiftieth_of_the_work(after, share, words):
     clock = Clock()
     line = ProgressLine("fit", clock)
     assert line._left(0.0) == ""

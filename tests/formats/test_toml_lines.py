@@ -1,4 +1,4 @@
-"""Every fault of a TOML file has its line: that of the text that is none, or of the field that does not hold."""
+"""Every error about a TOML file names the line of the malformed text or of the wrong field."""
 
 from __future__ import annotations
 

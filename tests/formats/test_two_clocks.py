@@ -171,7 +171,7 @@ def test_a_path_that_is_not_where_the_pictures_have_the_corners_is_refused(tmp_p
     [(-0.3, "0.30 s behind the recording's (or 0.32 s ahead"), (0.12, "0.12 s ahead"), (0.0, "")],
 )  # fmt: skip
 @pytest.mark.parametrize("has_corners", [True, False])
-def test_a_path_on_a_late_clock_is_imported_and_its_shift_is_told(tmp_path, shift, told, has_corners):
+def test_a_path_on_a_late_clock_is_imported_and_its_shift_is_reported(tmp_path, shift, told, has_corners):
     """A swing of 1.6 Hz is as near after 0.625 s. Without corners the held row of the points tells the same."""
     recorded(tmp_path, tcp_t=np.arange(-0.6, 4.2, 0.05) + shift)
     with np.load(tmp_path / "a.npz") as archive:
@@ -193,7 +193,7 @@ def swept(time):
 
 
 def circling(period):
-    """Return the corners that circle by 10 cm in so many seconds, so that every moment of a period is another place."""
+    """Return corners that move on a circle of 10 cm with this period [s], so that each instant has another position."""
 
     def moves(time):
         y, z = (0.1 * turn(2 * np.pi * time / period) for turn in (np.sin, np.cos))
@@ -254,7 +254,7 @@ def test_of_the_shifts_of_a_swing_that_repeats_itself_the_smallest_is_named(peri
         seen = circling(period)(time) + np.random.default_rng(2).normal(0, noise, (len(time), 2, 3))
         found = find_clock_shift(time, seen, swept_arm(circling(period), shift, 30).at)
         assert found.seconds == pytest.approx(smallest, abs=0.01)
-        assert found.is_told == (shift != 0)
+        assert found.is_significant == (shift != 0)
         is_near = [abs(abs(other - smallest) / period - 1) < 0.02 for other in found.others]
         assert any(is_near) == (period - abs(smallest) < 5)
 
@@ -267,7 +267,7 @@ def test_a_shift_is_told_from_none_where_noise_lets_it(noise, least):
     for shift in (0.0, 1.2 * least):
         for _ in range(5):
             found = find_clock_shift(time, swept(time + shift) + rng.normal(0, noise, (len(time), 2, 3)), arm.at)
-            assert found.is_told == (shift > 0)
+            assert found.is_significant == (shift > 0)
             assert abs(found.seconds - shift) < 4.5 * max(found.error, 5e-4)
             assert not found.others
 
@@ -286,7 +286,7 @@ def test_a_shift_planted_in_the_path_of_a_real_arm_is_found_and_no_other(shift):
             time, corners = recording["t"], recording["hanger_corners"]
         found = find_clock_shift(time, corners, replace(arm, time=arm.time + shift).at)
         assert found.seconds == pytest.approx(shift, abs=1e-3), file
-        assert found.is_told == (shift != 0)
+        assert found.is_significant == (shift != 0)
 
 
 def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_corner_that_jumps_is_not(tmp_path):
@@ -355,14 +355,16 @@ def test_the_command_imports_both_and_names_a_path_that_is_not_there(tmp_path):
     assert "arm/a.npz: cannot be read (No such file or directory)" in done.stderr
 
 
-@pytest.mark.parametrize(("first", "last", "is_told"), [(0, 38, False), (1, 37, False), (0, 34, True), (5, 39, True)])
-def test_a_path_over_less_than_nine_tenths_of_the_pictures_says_so(tmp_path, first, last, is_told):
+@pytest.mark.parametrize(
+    ("first", "last", "is_reported"), [(0, 38, False), (1, 37, False), (0, 34, True), (5, 39, True)]
+)
+def test_a_path_over_less_than_nine_tenths_of_the_pictures_says_so(tmp_path, first, last, is_reported):
     """40 pictures: 39 intervals, of which 36 are enough."""
     recorded(tmp_path)
     take = import_swung_cloth(tmp_path / "a.npz")
     at = take.time[first : last + 1]
     found = with_hanger(take, at, np.zeros((len(at), 2, 3)), 0.002)
-    assert hanger_gap(found) == (f", from {at[0]:.1f} to {at[-1]:.1f} s only" if is_told else "")
+    assert hanger_gap(found) == (f", from {at[0]:.1f} to {at[-1]:.1f} s only" if is_reported else "")
     for alone in (FrameState.HANGER_ALONE, FrameState.POINTS_ALONE):
         assert hanger_gap(replace(found, state=np.full(len(found.time), alone, np.uint16))) == ""
 

@@ -1,4 +1,4 @@
-"""An option's value that is not what the option takes is named in plain words."""
+"""The error about an invalid option value names the value in plain words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One writer at a time, and no take in the place of another that nobody named as to be replaced."""
+"""A file has one writer at a time, and no take replaces a file that the user did not name for it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add(writer, frames, first=0):
 
 @pytest.fixture
 def recorder(tmp_path):
-    """Another process that has written two blocks of a take, and ends it when told to."""
+    """Another process that has written two blocks of a take, and ends on request."""
     with subprocess.Popen(
         [sys.executable, "-c", RECORDER, tmp_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

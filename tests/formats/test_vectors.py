@@ -18,7 +18,7 @@ HERE = Path(__file__).parent / "vectors"
 
 
 def nearly(found, wanted):
-    """Alike to 1e-9, the numbers of JSON; its null is a number that is not finite, or a place that was not seen."""
+    """Equal to 1e-9, as JSON numbers; null stands for a number that is not finite, or a position that was not seen."""
     if isinstance(wanted, dict):
         return all(nearly(found[key], value) for key, value in wanted.items())
     if isinstance(wanted, list):

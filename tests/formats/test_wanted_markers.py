@@ -1,4 +1,4 @@
-"""Damage to markers and frames that nobody uses is not told."""
+"""Damage to unused markers and frames is not reported."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FRAMES = 60
 
 
 def with_another(*, jump=None, sign=None, part=None):
-    """The hanging swatch and a marker `spare`; (frame, marker) of which jumps, is -1, or lacks its z."""
+    """The hanging swatch and a marker `spare`, of which one (frame, marker) jumps, is -1, or lacks its z."""
     tracks = hanging(FRAMES)
     places = np.concatenate([tracks.positions, tracks.positions[:, :1] + 0.5], 1)
     places[..., 0] += 0.01 * np.sin(np.arange(FRAMES) / 9)[:, None]

@@ -1,4 +1,4 @@
-"""A file appears whole or not at all."""
+"""A file is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, mon
 
 
 def synced(monkeypatch):
-    """What is put on the disk from now on, by its place, in order."""
+    """Record the paths that are synced to the disk from now on, in order."""
     seen, sync = [], os.fsync
 
     def look(descriptor):

@@ -1,4 +1,4 @@
-"""Which field is wrong is said in words of ours, and never in msgspec's."""
+"""The error about a wrong field uses Hangtime's words, and never msgspec's."""
 
 from __future__ import annotations
 

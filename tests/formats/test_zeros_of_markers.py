@@ -1,4 +1,4 @@
-"""Zeros that may be places of markers are told, and zeros of gaps are not."""
+"""Zeros that may be true positions of markers cause a warning, and zeros of gaps do not."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def written(tmp_path, tracks, ending):
 
 
 @pytest.mark.parametrize(("ending", "where"), [(".csv", "line 2"), (".c3d", "frame 1")])
-def test_zeros_to_which_the_path_of_a_marker_leads_are_told_with_their_number(tmp_path, ending, where):
+def test_zeros_to_which_the_path_of_a_marker_lead_are_reported_with_their_number(tmp_path, ending, where):
     """The corner begins to move in frame 22, by 10 mm; steps are 10 mm at most."""
     found = read_marker_tracks(written(tmp_path, swung(20), ending))
     assert found.warning == (

@@ -36,7 +36,7 @@ def signed(zigzag):
 
 
 def table(raw, rows, columns):
-    """The rows of a table, lists of whole numbers."""
+    """Return the rows of a table as lists of whole numbers."""
     codes, planes = raw[:columns], raw[columns : 5 * columns]
     first = [signed(sum(planes[p * columns + c] << 8 * p for p in range(4))) for c in range(columns)]
     (count,) = struct.unpack_from("<I", raw, 5 * columns)

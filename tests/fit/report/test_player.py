@@ -24,7 +24,7 @@ PDFTOTEXT = shutil.which("pdftotext")  # poppler-utils
 LOST = slice(100, 110)  # frames in which no free point of the second take is seen
 # The page tells the frame that it is in how wide it is laid out, and what its player shows, once that is ready. Before
 # that it is made ready for paper, and counts what stays folded away.
-TOLD = """<script>
+OUTPUT = """<script>
 dispatchEvent(new Event("beforeprint"));
 document.body.dataset.folded = document.querySelectorAll("details:not([open])").length;
 dispatchEvent(new Event("afterprint"));
@@ -52,7 +52,7 @@ def lost_motion():
 def report(tmp_path_factory):
     page = render_report(fit=fit_result(), diagnosis=diagnosis(), motions=[motion(), lost_motion()])
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(page.replace("</body>", TOLD))
+    path.write_text(page.replace("</body>", OUTPUT))
     return path
 
 

@@ -9,11 +9,11 @@ from fit.errors import FitError
 from fit.search.annealing import AnnealingSettings, SearchBox
 from fit.search.chains import ParallelChains
 from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise, search
-from tests.fit.search.test_search_family import SPACE, TOLD, begun, bowl
+from tests.fit.search.test_search_family import OUTPUT, SPACE, begun, bowl
 from tests.fit.search.test_search_least_squares import box
 
 
-@pytest.mark.parametrize("name", [name for name in TOLD if hasattr(begun(name), "space")])
+@pytest.mark.parametrize("name", [name for name in OUTPUT if hasattr(begun(name), "space")])
 def test_a_search_asks_for_one_place_unless_more_are_wanted(name):
     """The start comes first, alone; then so many as are asked for at most."""
     one = begun(name)
@@ -260,7 +260,7 @@ def test_a_slope_is_nothing_where_both_sides_of_a_place_on_its_bound_say_nothing
     assert found.jacobian.tolist() == [[0.0]]
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", OUTPUT)
 def test_a_search_that_has_not_begun_is_not_finished(name):
     """In a saved state as well, which other programs read: true and false, and never nothing."""
     one = begun(name)

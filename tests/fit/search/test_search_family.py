@@ -18,7 +18,7 @@ from fit.search.intervals import PRIOR_SD, LinearModel, block_intervals, draw_in
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import Tempering
 
-TOLD = [name for name in SEARCHES if name not in OBSERVED]
+OUTPUT = [name for name in SEARCHES if name not in OBSERVED]
 SPACE = BoundedSpace(minimum=SI.minimum, maximum=SI.maximum, is_log=SI.is_log)
 OPTIMUM = np.array([0.7, 0.35, 0.6, 0.45, 0.3])  # shares of the box
 
@@ -56,7 +56,7 @@ def run(search, width, distance=bowl, batches=None):
 # --- the family ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", OUTPUT)
 def test_candidates_stay_within_the_bounds_and_the_best_is_the_best_told(name):
     search = begun(name)
     seen = run(search, 16)
@@ -69,7 +69,7 @@ def test_candidates_stay_within_the_bounds_and_the_best_is_the_best_told(name):
         assert search.evaluations == len(seen) == 120
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", OUTPUT)
 def test_the_result_does_not_depend_on_the_batch_width(name):
     searches = [begun(name) for _ in range(3)]
     for search, width in zip(searches, (1, 5, 16), strict=True):
@@ -92,7 +92,7 @@ def test_the_draws_of_tempering_do_not_depend_on_the_batch_width(seed, budget):
         assert np.array_equal(search.best_history, searches[0].best_history)
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", OUTPUT)
 def test_a_search_goes_on_bit_identically_after_a_trip_through_json(name):
     whole, first, second = begun(name), begun(name), begun(name)
     run(whole, 6)
@@ -104,7 +104,7 @@ def test_a_search_goes_on_bit_identically_after_a_trip_through_json(name):
     assert np.array_equal(second.best, whole.best)
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", OUTPUT)
 def test_simulations_that_blow_up_are_counted_and_never_the_best(name):
     search = begun(name)
 

@@ -1,4 +1,4 @@
-"""What `--json` tells of takes is the whole document: a program finds every fact under its name."""
+"""The `--json` documents about takes: a program finds every fact under its key."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ VERIFY = {"frames": 150, "blocks": 5, "left": []}
 WORDS = ("words", "advice")
 SHORT = ("the take lasts 0.3 s, and none below 2.5 s is diagnosed",
          "swing for five seconds or more, then hold still until the cloth hangs")  # fmt: skip
-STILL = ("the hanger moved by 0 mm at most, which tells next to nothing of the cloth",
+STILL = ("the hanger moved by 0 mm at most, which shows next to nothing of the cloth",
          "swing it to and fro by the width of a hand or more")  # fmt: skip
 UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, with nothing before it")
 
@@ -252,7 +252,7 @@ HINT = "; `hangtime takes recover` makes a sound file"
     ],
     ids=lambda words: words[:20] if isinstance(words, str) else None,
 )  # fmt: skip
-def test_the_same_facts_are_told_in_words(desk, words, lines):
+def test_the_same_facts_are_reported_in_words(desk, words, lines):
     told = hangtime_here(*words.split(), folder=desk).stdout.splitlines()
     assert len(told) == len(lines)
     for line, wanted in zip(told, lines, strict=True):

@@ -1,4 +1,4 @@
-"""What all tests of `fit` share."""
+"""Fixtures of all tests of `fit`."""
 
 from __future__ import annotations
 

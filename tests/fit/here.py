@@ -1,4 +1,4 @@
-"""Run the `hangtime` command inside the test's own process, which takes hundredths of a second instead of one."""
+"""Run the `hangtime` command inside the test's own process, which saves a second per call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small recordings made of formulas, for tests of the solver and the diagnosis."""
+"""Small analytic recordings for tests of the solver and the diagnosis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hangtime fit` and `hangtime diagnose` as a user meets them."""
+"""`hangtime fit` and `hangtime diagnose` from a user's view."""
 
 from __future__ import annotations
 

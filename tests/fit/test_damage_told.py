@@ -1,4 +1,4 @@
-"""What is made of a damaged take says so, whichever command makes it."""
+"""Every command that uses a damaged take reports the damage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hangtime fit` and `diagnose` refuse before they say anything about takes."""
+"""`hangtime fit` and `diagnose` refuse invalid requests before any message on takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How Taichi is started."""
+"""The start of Taichi, its cache and its threads."""
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 

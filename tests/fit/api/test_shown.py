@@ -1,4 +1,4 @@
-"""What the terminal shows of a result."""
+"""Tables of results in the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What holds for every test of `hangtime batch`."""
+"""Fixtures of all tests of `hangtime batch`."""
 
 from collections.abc import Iterator
 

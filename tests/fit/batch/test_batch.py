@@ -1,4 +1,4 @@
-"""A night of fits: what is killed, broken or lost costs time and nothing else."""
+"""A batch of fits survives killed, broken and lost processes at the cost of time only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a night ends: after hours, or at a time of the day that is the same for every try."""
+"""End of a batch: after a number of hours, or at a time of day that is the same for every retry."""
 
 from __future__ import annotations
 

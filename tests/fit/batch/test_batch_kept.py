@@ -1,4 +1,4 @@
-"""Results that were damaged are made again; a take that is too large and a disk that is full cost themselves."""
+"""Damaged results are computed again, and an oversized take or a full disk affects no other take."""
 
 from __future__ import annotations
 

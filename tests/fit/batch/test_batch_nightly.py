@@ -1,4 +1,4 @@
-"""The timer, the Slurm recipe and the summary that is read in the morning."""
+"""The systemd timer, the Slurm recipe and the summary of a nightly batch."""
 
 from __future__ import annotations
 

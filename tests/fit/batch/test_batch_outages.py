@@ -1,4 +1,4 @@
-"""What cannot be reached for a while: a bucket, a network, workers. It costs time and no take."""
+"""A temporary outage of bucket, network or workers costs a batch time and no take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folder and bucket keep one contract; the bucket is a real server on the loopback interface."""
+"""Folder and bucket fulfil one contract; the bucket is a real server on the loopback interface."""
 
 from __future__ import annotations
 

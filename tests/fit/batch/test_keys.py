@@ -1,4 +1,4 @@
-"""The key under which a fit of a take is kept: it changes with all that changes the fit, and with nothing else."""
+"""The storage key of a fit changes with everything that changes the fit, and with nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of takes on the page of the morning."""
+"""Names of takes on a batch's summary page."""
 
 from __future__ import annotations
 

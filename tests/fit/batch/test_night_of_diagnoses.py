@@ -1,4 +1,4 @@
-"""`hangtime batch --diagnose`: takes sorted by garment, garments diagnosed, one page for the morning."""
+"""`hangtime batch --diagnose`: takes grouped by garment, garments diagnosed, and one summary page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What cases contain: planted effects seen by hand, nulls that hold nothing, looks that tell nothing."""
+"""Content of blind cases: planted effects checked by hand, nulls without effects, looks without information."""
 
 from __future__ import annotations
 

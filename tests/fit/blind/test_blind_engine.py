@@ -1,4 +1,4 @@
-"""The generator against mechanics worked by hand: pendulum, stretch, plate, energy, drag."""
+"""The generator against closed-form mechanics: pendulum, stretch, plate, energy, drag."""
 
 from __future__ import annotations
 

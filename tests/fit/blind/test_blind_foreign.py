@@ -1,4 +1,4 @@
-"""Other people's engines against mechanics worked by hand, and what they plant. Each test runs the real engine."""
+"""Third-party simulators against closed-form mechanics, and their planted effects, in the real engines."""
 
 from __future__ import annotations
 

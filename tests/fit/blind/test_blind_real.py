@@ -1,4 +1,4 @@
-"""Faults planted in recorded takes: each by hand, against the generator's own, and how the answers are compared."""
+"""Faults planted in recorded takes, against hand calculation and the generator, and the comparison of answers."""
 
 from __future__ import annotations
 

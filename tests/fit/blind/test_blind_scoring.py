@@ -1,4 +1,4 @@
-"""Answers against truth: every rate by answers made by hand, baselines, the report."""
+"""Scoring of answers: every rate on hand-made answers, baselines, the report."""
 
 from __future__ import annotations
 

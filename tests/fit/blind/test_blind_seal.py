@@ -1,4 +1,4 @@
-"""The seal: opens with its key, fails loudly when anything was changed."""
+"""The seal opens with its key, and fails with an error after any change."""
 
 from __future__ import annotations
 

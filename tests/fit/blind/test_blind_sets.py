@@ -1,4 +1,4 @@
-"""Sets of cases from making to the report: resumable, sealed, scored by hand-made answers."""
+"""Sets of blind cases from generation to report: resumable, sealed, scored on hand-made answers."""
 
 from __future__ import annotations
 

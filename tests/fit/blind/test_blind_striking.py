@@ -1,4 +1,4 @@
-"""Scored cases again with what was planted struck from the library, by a stand-in for the diagnosis."""
+"""Repeated diagnosis of scored cases without the planted effect, with a stand-in for the diagnosis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wall between the generator and the tool: neither imports the other, however indirectly."""
+"""Independence of generator and fitter: neither imports the other, directly or indirectly."""
 
 from __future__ import annotations
 

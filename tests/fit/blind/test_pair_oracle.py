@@ -1,4 +1,4 @@
-"""The conditional size of a pair's second effect, by hand."""
+"""The conditional amplitude of a pair's second effect, by hand."""
 
 from __future__ import annotations
 

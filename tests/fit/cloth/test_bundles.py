@@ -1,4 +1,4 @@
-"""What the rollout kernel is given goes by names alone."""
+"""Arguments of the rollout kernel are passed by name only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cloth against closed forms: what the solver computes is what the equations say."""
+"""The cloth solver against closed-form solutions of its equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contact's forces on a cloth that stands still, with itself and with bodies, against numbers worked by hand."""
+"""Contact forces on cloth at rest, with itself and with bodies, against hand calculation."""
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 

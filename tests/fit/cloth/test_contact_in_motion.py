@@ -1,4 +1,4 @@
-"""Contact of a moving cloth with itself and with bodies: falls, folds and swings against numbers worked by hand."""
+"""Contact of moving cloth with itself and with bodies: falls, folds and swings against hand calculation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The benchmarks of cost and speed measure what they say: so many vertices, so many steps, so many takes."""
+"""The benchmarks of cost and speed run the stated numbers of vertices, steps and takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies that move: where they are, how far they went, and what they do to cloth."""
+"""Moving bodies: their poses, their path lengths, and their contact with cloth."""
 
 from __future__ import annotations
 

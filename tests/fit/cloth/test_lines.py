@@ -1,4 +1,4 @@
-"""Fibres, shear and bends by lines are what their stencils say."""
+"""Fibres, shear and bends evaluated by lines equal those by stencils."""
 
 from __future__ import annotations
 

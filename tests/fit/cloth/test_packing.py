@@ -1,4 +1,4 @@
-"""Candidates side by side: the same to the last bit in whatever company, and packed so that few lanes are empty."""
+"""Candidates in SIMD lanes: bitwise independent of each other, and packed with few empty lanes."""
 
 from __future__ import annotations
 

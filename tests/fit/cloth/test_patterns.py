@@ -1,4 +1,4 @@
-"""Garments beyond one plain panel: any outline, holes, a back that is sewn on, cloth cut on the bias."""
+"""Garments beyond one plain panel: any outline, holes, a sewn back, cloth cut on the bias."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The C that the kernel's speed is held against computes the same, and the benchmarks of speed and start still run."""
+"""The scalar C reference of the kernel's speed computes the same, and the speed benchmarks run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The settling benchmark measures what it says."""
+"""The settling benchmark measures the stated quantity."""
 
 from __future__ import annotations
 

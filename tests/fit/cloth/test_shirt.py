@@ -1,4 +1,4 @@
-"""A T-shirt's take, fitted: one that our own cloth made, and one from the depth camera on."""
+"""Fits of T-shirt takes, simulated by our solver and recorded from the synthetic depth camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The step that is said to be stable, against numbers worked by hand and against dense eigenvalues."""
+"""The stable time step, against hand calculation and dense eigenvalues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every effect but those of the measurement (`test_measurement_effects.py`) against a number worked by hand."""
+"""Every effect except those of the measurement (`test_measurement_effects.py`), against hand calculation."""
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 

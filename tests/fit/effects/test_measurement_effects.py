@@ -1,4 +1,4 @@
-"""Every effect of the measurement against a number worked by hand."""
+"""Every measurement effect against hand calculation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Viscosity of stretch that relaxes: the decay of a bounce, the stable step, and what it costs."""
+"""Relaxing stretch viscosity: decay of a bounce, stable step, and cost."""
 
 from __future__ import annotations
 

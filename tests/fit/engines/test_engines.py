@@ -1,4 +1,4 @@
-"""Simulators behind one contract: our own, and Blender where bpy is."""
+"""The engines fulfil one contract: our own, and Blender if bpy is installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The comparison with other people's engines: which rung of a ladder counts; Newton's solvers see one sheet."""
+"""Comparison with third-party simulators: choice of the resolution, and equal sheets for Newton's solvers."""
 
 from __future__ import annotations
 

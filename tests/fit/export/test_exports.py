@@ -1,4 +1,4 @@
-"""Files of a fit for other programs: what is in them, and which orders are refused."""
+"""Exported files of a fit: their content, and refused requests."""
 
 from __future__ import annotations
 

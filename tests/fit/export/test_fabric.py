@@ -1,4 +1,4 @@
-"""The fabric of a fit: its SI quantities, their intervals, and what is said where the takes tell nothing."""
+"""The fabric of a fit: SI quantities, intervals, and status of unidentified quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Presets of Newton and MuJoCo: their numbers by hand, and how a mesh with them bends."""
+"""Presets of Newton and MuJoCo: values by hand, and the bending of a mesh with them."""
 
 from __future__ import annotations
 

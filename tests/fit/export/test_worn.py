@@ -1,4 +1,4 @@
-"""A fitted skirt or T-shirt on a walking figure: what stays apart, what is refused, and what files hold of it."""
+"""A fitted skirt or T-shirt on a walking figure: intersections, refused requests, and exported files."""
 
 from __future__ import annotations
 

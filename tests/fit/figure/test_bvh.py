@@ -1,4 +1,4 @@
-"""BVH files: a walk written and read again, turns worked by hand, and files that are refused."""
+"""BVH files: a walk written and read again, rotations by hand, and refused files."""
 
 from __future__ import annotations
 

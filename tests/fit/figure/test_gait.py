@@ -1,4 +1,4 @@
-"""A walk by rule: feet that stay where they stand, legs that bend as legs do, and a pelvis that rises and falls."""
+"""The procedural walk: feet that do not slide, knees that bend forwards, and a pelvis that rises and falls."""
 
 from __future__ import annotations
 

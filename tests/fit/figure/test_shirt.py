@@ -1,4 +1,4 @@
-"""A T-shirt round a figure: its neck, seams and cuffs, and where it begins."""
+"""A T-shirt on a figure: its neck, seams, cuffs and initial shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A skirt round a figure: its girth, its back, and where it begins."""
+"""A skirt on a figure: its girth, its back and its initial shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A walk as a BVH file, as other programs would write it: y up, centimetres, every joint with its own place."""
+"""A walk as a BVH file of another program: y up, centimetres, and a position for every joint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An observer whose residuals are linear in parameters and amplitudes, so that every figure can be worked by hand."""
+"""An observer with residuals linear in parameters and amplitudes, for figures worked by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes whose residual is linear in base parameters and amplitudes: nothing is simulated, and the truth is known."""
+"""Takes with residuals linear in base parameters and amplitudes, without simulation and with known truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The base fit of linear takes: starts, pulls and the way from one to the other, where the truth is known."""
+"""The base fit of linear takes with known truth: starts, pulls and the choice of the pull."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fits that an interrupted diagnosis keeps."""
+"""Saved fits of an interrupted diagnosis."""
 
 from __future__ import annotations
 

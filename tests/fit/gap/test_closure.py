@@ -1,4 +1,4 @@
-"""Closure, its interval and its tests of significance: closed forms, and coverage on oscillations of known truth."""
+"""Closure, its interval and its significance: closed forms, and coverage on oscillations of known truth."""
 
 from __future__ import annotations
 

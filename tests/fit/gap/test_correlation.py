@@ -1,4 +1,4 @@
-"""How long errors of a model stay correlated: closed forms, and damped oscillations whose truth is known."""
+"""Autocorrelation of model errors: closed forms, and damped oscillations of known truth."""
 
 from __future__ import annotations
 

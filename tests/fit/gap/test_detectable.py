@@ -1,4 +1,4 @@
-"""The sizes that could not have been seen, in words."""
+"""Sentences on undetectable amplitudes."""
 
 from __future__ import annotations
 

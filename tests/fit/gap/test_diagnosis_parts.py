@@ -1,4 +1,4 @@
-"""The parts of the diagnosis that work between its gates and its verdict."""
+"""Steps of the diagnosis between its gates and its verdict."""
 
 from __future__ import annotations
 

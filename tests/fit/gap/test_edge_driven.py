@@ -1,4 +1,4 @@
-"""The cloth held where its edge was tracked: the path found, and the gap that lies between hanger and edge."""
+"""The cloth held at its tracked edge: the estimated path, and the gap between hanger and edge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sizes that the held edge tells by itself, and verdicts that rest on it."""
+"""Amplitudes that the held edge alone identifies, and verdicts based on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verdicts that rest on what the held edge shows, on figures made up so that each rule can be worked by hand."""
+"""Verdicts based on the held edge, on made-up figures that allow hand calculation of each rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures that a verdict rests on, each from errors and sizes that are chosen."""
+"""The figures of a verdict, each from chosen errors and sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a diagnosis says of its gap, its parameters and its limits, from figures that are made up."""
+"""Sentences of a diagnosis on its gap, its parameters and its limits, from made-up figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The diagnosis' fits on linear models whose optimum, deviation and interval have closed forms."""
+"""The diagnosis' fits on linear models with closed forms of optimum, deviation and interval."""
 
 from __future__ import annotations
 

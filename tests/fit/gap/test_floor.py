@@ -1,4 +1,4 @@
-"""The noise floor: measured on the takes, whatever they state, and never larger because a model is wrong."""
+"""The noise floor: measured on the takes whatever they state, and not increased by a wrong model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The diagnosis on takes whose truth is known because our own solver made them on a finer mesh."""
+"""The diagnosis on takes of known truth, which our own solver made on a finer mesh."""
 
 from __future__ import annotations
 

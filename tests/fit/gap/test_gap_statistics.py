@@ -1,4 +1,4 @@
-"""The diagnosis' statistics where there is little to count: few half-seconds, few replicas; and its frequency map."""
+"""Statistics of the diagnosis with few half-seconds or few replicas; and its frequency map."""
 
 from __future__ import annotations
 

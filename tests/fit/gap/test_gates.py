@@ -1,4 +1,4 @@
-"""The gates whose figures come from simulations, on observers that answer by a formula."""
+"""The gates that use simulations, on observers with closed-form answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one part of a diagnosis hands on to the next: hypotheses, evidence, keys of kept fits, other views of takes."""
+"""Data passed between the steps of a diagnosis: hypotheses, evidence, checkpoint keys, observers."""
 
 from __future__ import annotations
 

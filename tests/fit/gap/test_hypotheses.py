@@ -1,4 +1,4 @@
-"""Where refits begin, on a linear model whose best amplitude is known."""
+"""Starts of refits, on a linear model whose best amplitude is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The likelihood of a residual, against covariances that are written out in full."""
+"""The likelihood of a residual, against explicit covariance matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rounds of a diagnosis and the verdict by masses in linear takes, where no simulation runs and the truth is known."""
+"""Rounds of a diagnosis and the verdict by masses on linear takes of known truth, without simulation."""
 
 from __future__ import annotations
 

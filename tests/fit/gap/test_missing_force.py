@@ -1,4 +1,4 @@
-"""What the missing force looks like, in words and of forces that are known."""
+"""The description of the missing force, in words and for known forces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The next recording to make: imagined motions, and what they would tell apart."""
+"""The proposed next recording: simulated motions, and the explanations that they distinguish."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a finer mesh says of a coarse one's error."""
+"""The estimate of a mesh's discretisation error from a finer mesh."""
 
 from __future__ import annotations
 

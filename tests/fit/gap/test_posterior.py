@@ -1,4 +1,4 @@
-"""The search for subsets of effects, in linear worlds whose truth is known: noise, mesh and effects are drawn."""
+"""The search for subsets of effects, on linear takes of known truth with drawn noise, mesh error and effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rounds of a diagnosis: what further effects are tried beside, and which of what was tried is taken."""
+"""The rounds of a diagnosis: starts of further effects, and the choice among the tried hypotheses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verdicts on silhouettes: the way from the raw points, what a camera leaves, and parameters at their bounds."""
+"""Verdicts on silhouettes: closure from raw points, remaining camera faults, and parameters at their bounds."""
 
 from __future__ import annotations
 

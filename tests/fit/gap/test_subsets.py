@@ -1,4 +1,4 @@
-"""The evidence of subsets of effects, against integrals worked by brute force and worlds whose truth is known."""
+"""The evidence of subsets of effects, against numerical integrals and linear models of known truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict and its probabilities, on figures made up so that each rule can be worked by hand."""
+"""The verdict and its probabilities, on made-up figures that allow hand calculation of each rule."""
 
 from __future__ import annotations
 

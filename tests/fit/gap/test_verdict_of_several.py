@@ -1,4 +1,4 @@
-"""Several effects in one verdict, and twins of them, on figures made up so that each rule can be worked by hand."""
+"""Verdicts with several effects and their twins, on made-up figures that allow hand calculation."""
 
 from __future__ import annotations
 

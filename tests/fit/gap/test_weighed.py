@@ -1,4 +1,4 @@
-"""The verdict by masses: figures made up so that each line of the table can be worked by hand."""
+"""The verdict by masses, on made-up figures that allow hand calculation of each line of the table."""
 
 from __future__ import annotations
 

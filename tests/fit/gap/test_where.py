@@ -1,4 +1,4 @@
-"""Where the gap lies: shares of a residual that is put in known places, phases and directions."""
+"""Location of the gap: shares of a residual with known region, phase and direction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hypotheses and evidence with figures made up so that each rule can be worked by hand."""
+"""Hypotheses and evidence with made-up figures that allow hand calculation of each rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop around a search, with an engine that only adds a millimetre of noise to what was measured."""
+"""The loop around a search, with an engine that only adds a millimetre of noise to the measurements."""
 
 from __future__ import annotations
 

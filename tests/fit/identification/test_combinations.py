@@ -1,4 +1,4 @@
-"""What motion can tell whatever the method, by hand."""
+"""Identifiable combinations of parameters for every method, by hand."""
 
 from __future__ import annotations
 

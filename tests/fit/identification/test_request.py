@@ -1,4 +1,4 @@
-"""What `hangtime fit` does unless it is told otherwise."""
+"""Defaults and checks of the options of `hangtime fit`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the searches do on cloth: least squares by looks, descents and short windows; fits that are interrupted."""
+"""Searches on cloth: least squares by looks, descents and short windows, and interrupted fits."""
 
 from __future__ import annotations
 

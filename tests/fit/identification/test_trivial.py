@@ -1,4 +1,4 @@
-"""A rigid sheet stands beside every fit: its swing in closed form, and what a fit that hardly beats it says."""
+"""The rigid-sheet predictor of every fit: its swing in closed form, and the warning of a fit that hardly beats it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The distance D of eq. 1 by hand: which points and frames count, and what a blow-up costs."""
+"""The distance D of eq. 1 by hand: counted points and frames, and blown-up simulations."""
 
 from __future__ import annotations
 

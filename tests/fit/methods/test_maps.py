@@ -1,4 +1,4 @@
-"""The maps from a method's numbers to the solver's material, each term by hand."""
+"""The maps from a method's parameters to the solver's material, each term by hand."""
 
 from __future__ import annotations
 

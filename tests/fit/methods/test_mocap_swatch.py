@@ -1,4 +1,4 @@
-"""The motion capture method as a user meets it."""
+"""The motion capture method from a user's view."""
 
 from __future__ import annotations
 

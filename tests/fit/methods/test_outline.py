@@ -1,4 +1,4 @@
-"""The distance of outlines: what slides along the edge costs nothing, and what leaves it costs its way."""
+"""The distance of outlines: sliding along the edge is free, and leaving the edge counts."""
 
 from __future__ import annotations
 

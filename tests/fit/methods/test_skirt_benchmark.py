@@ -1,4 +1,4 @@
-"""The benchmark of the Kinect method: every motion is judged on by a fit to the others."""
+"""The benchmark of the Kinect method judges every motion by a fit to the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The held edge as evidence: what its tracked points say of the boundary and of the measurement."""
+"""Residuals of the held edge as evidence on the boundary and on the measurement."""
 
 from __future__ import annotations
 

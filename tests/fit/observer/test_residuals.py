@@ -1,4 +1,4 @@
-"""Residuals of points that are given: what is divided by what, and where each number stands."""
+"""Residuals of given points: their normalisation and their layout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes as a depth camera makes them, by formula: a stiff sheet that swings about a clamped edge, and a laid grid."""
+"""Synthetic silhouette takes in closed form: a rigid sheet that swings about a clamped edge, with an even grid."""
 
 from __future__ import annotations
 

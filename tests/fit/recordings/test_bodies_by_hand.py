@@ -1,4 +1,4 @@
-"""Standing and moving bodies, worked by hand."""
+"""Rigid bodies at rest and in motion, by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each bound of the judgement is the fit's own: on one side a take is refused and told as grave, on the other neither.
+"""Each bound of the judgement of takes equals the fit's own: beyond it both refuse the take.
 
 A fit makes every take ready with `ready`, before anything is simulated.
 """

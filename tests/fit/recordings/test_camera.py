@@ -1,4 +1,4 @@
-"""What a camera makes of cloth is taken out before anything is simulated, and said with its size."""
+"""A camera's faults are corrected before any simulation and reported with their sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes that hold frames of one recording, whatever was done to them, and those that are alike by chance alone."""
+"""Takes that share frames of one recording, after any change, and takes that agree by chance only."""
 
 from __future__ import annotations
 

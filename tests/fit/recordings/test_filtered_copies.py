@@ -1,4 +1,4 @@
-"""Copies of a recording whose every place has changed, and other recordings of the same motion."""
+"""Copies of a recording in which every position has changed, and different recordings of one motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a camera made of takes, said of figures that are made up, and lines worked by hand."""
+"""Findings on a camera's faults from made-up values, and robust lines by hand."""
 
 from __future__ import annotations
 

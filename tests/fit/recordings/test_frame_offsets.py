@@ -1,4 +1,4 @@
-"""Offsets of whole frames are found with their size, shrunk as their noise asks, and never where there are none."""
+"""Errors of whole frames are estimated, shrunk by their noise, and absent without errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Grids on a silhouette: recognised, told when askew, and put where they are on the cloth."""
+"""Grids on a silhouette: recognition, skew, and material positions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tracked points on the held edge tell of a slip, against slips that were put there."""
+"""Slip and rotation from tracked points on the held edge, for known slips."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Holding takes out by their motion."""
+"""The choice of held-out takes by their motion."""
 
 from __future__ import annotations
 

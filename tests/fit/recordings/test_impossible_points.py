@@ -1,4 +1,4 @@
-"""Points that are where their cloth cannot be, and a hanger that moves as no hand can."""
+"""Points that the cloth cannot reach, and hangers that move as no hand can."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A take with a hole is used where it is whole, and what is missing is said."""
+"""The used part of a take with missing frames, and the warning on the missing ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes made ready: frames of reference, deviations, paths that no hand makes, and what is held against cloth."""
+"""Preparation of takes: frames of reference, deviations, implausible paths, and scored points."""
 
 from __future__ import annotations
 

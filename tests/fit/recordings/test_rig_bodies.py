@@ -1,4 +1,4 @@
-"""Walls, poles and balls that a rig names: where they are, what the cloth does there, and who cannot be given them."""
+"""Walls, poles and balls of a rig: their positions, their contact with cloth, and refused requests."""
 
 from __future__ import annotations
 

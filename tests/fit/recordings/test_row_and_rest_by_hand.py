@@ -1,4 +1,4 @@
-"""The error of a held row and the lean of resting cloth, worked by hand."""
+"""The error of a held row and the lean of cloth at rest, by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Smooth curves through noisy frames against their transfer functions, and what they leave of noise in the cloth."""
+"""Smoothing splines against their transfer functions, and the remaining noise in the cloth's motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes that are fitted to and judged on together, and kept work that is of these takes and not of others so named."""
+"""Sets of fitted and held-out takes, and the reuse of saved work for the same takes only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The held row says how late its stamps are, with the size, and nothing where nothing can be said."""
+"""The delay of time stamps from the held row, and no estimate where it is not identifiable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stamps of frames, each figure worked by hand: a hanger at constant speed, and a row that lags by a known time."""
+"""Delays of time stamps by hand: a hanger at constant speed, and a row with a known delay."""
 
 from __future__ import annotations
 

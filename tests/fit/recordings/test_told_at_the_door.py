@@ -1,4 +1,4 @@
-"""The judgement tells at the door what a fit refuses of a take, as both look at the same numbers."""
+"""The judgement of takes reports the same faults for which a fit refuses a take."""
 
 from __future__ import annotations
 

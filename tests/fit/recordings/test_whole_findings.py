@@ -1,4 +1,4 @@
-"""What a camera made of a take is told whole: each finding with all that it has, in order, and the clause on them."""
+"""Complete findings on a camera's faults: every field, their order, and the clause on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording has everything that its take tells: kinds of rigs, lost hangers, bodies; and what its points' kind is."""
+"""Complete recordings of takes: kinds of rigs, lost hangers, bodies, and kinds of points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one measure of the report's errors, and the motion that is kept beside a page."""
+"""The error measure of the report, and the motion file beside a page."""
 
 from __future__ import annotations
 

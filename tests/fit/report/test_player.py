@@ -1,4 +1,4 @@
-"""The report's player: motion that travels packed inside the page, and what a browser makes of it."""
+"""The report's player: compressed motion inside the page, and its decoding by a browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report is one file that needs nothing else, says what the records say."""
+"""The report is one self-contained file that agrees with its records."""
 
 from __future__ import annotations
 

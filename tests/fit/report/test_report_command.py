@@ -1,4 +1,4 @@
-"""`hangtime report` makes a page again without a simulation; `hangtime compare` sets results side by side."""
+"""`hangtime report` rebuilds a page without a simulation; `hangtime compare` compares results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture of what is left: errors split by direction, and a file that is a picture."""
+"""The picture of residuals: errors split by direction, in a valid PNG file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The annealing is the printed one, the same for every batch width, and resumes where it stopped."""
+"""The annealing follows the published formulas, is the same for every batch width, and resumes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What searches ask for, step by step, against closed forms."""
+"""The candidates that searches propose, step by step, against closed forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Searches and draws against the printed formulas, written down once more step by step, and small sums by hand."""
+"""Searches and posterior draws against plain implementations of the published formulas, and small sums by hand."""
 
 from __future__ import annotations
 

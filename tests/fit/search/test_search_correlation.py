@@ -1,4 +1,4 @@
-"""How many residuals are independent, against white noise, a swing and a first-order autoregression."""
+"""The effective number of independent residuals, for white noise, a swing and a first-order autoregression."""
 
 from __future__ import annotations
 

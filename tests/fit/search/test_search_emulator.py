@@ -1,4 +1,4 @@
-"""An emulator of residual vectors knows what it was told, and what it proposes finds known answers."""
+"""The emulator of residual vectors interpolates its data, and its proposals find known optima."""
 
 from __future__ import annotations
 

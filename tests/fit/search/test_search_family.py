@@ -1,4 +1,4 @@
-"""What every search that asks and is told promises, and what each adds: known optima, posteriors and spreads."""
+"""The common properties of all searches by distance, and of each: known optima, posteriors and spreads."""
 
 from __future__ import annotations
 

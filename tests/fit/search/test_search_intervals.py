@@ -1,4 +1,4 @@
-"""Intervals in closed form: two, three and four blocks worked by hand, ends in the box, quantiles of draws."""
+"""Intervals in closed form: two to four blocks by hand, limits at the bounds, quantiles of draws."""
 
 from __future__ import annotations
 

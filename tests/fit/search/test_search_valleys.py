@@ -1,4 +1,4 @@
-"""Where a descent that ended in the wrong valley is begun again."""
+"""Starts of further descents after a descent that ended in a wrong local minimum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Virtual fabric tests: by hand, and against the solver's own cloth."""
+"""Virtual fabric tests, by hand and against the solver's cloth."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The same sealed cases under more noise, more gaps and other frame rates: the diagnosis at its limits.
 
 Run: python benchmarks/ladder.py FOLDER [--cases 12] [--nulls 2] [--seed 7] [--workers 2] [--only base n6]. Makes,
-diagnoses and scores a set for every step, in FOLDER/STEP; interrupted, the same command goes on. About six minutes a
+diagnoses and scores a set for every step, in FOLDER/STEP; interrupted, the same command continues. About six minutes a
 step of 14 cases on two cores. "Detectable" is the smallest amplitude that a diagnosis could have seen, by its own
 statement. It is divided by that of the same effect and case under the first step's conditions. The figure is the median
 over cases and effects.

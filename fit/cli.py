@@ -143,8 +143,8 @@ def fit_command(
     Give takes of several motions, and hold one motion out to judge on (--held-out or --held-out-motion). Without a
     held-out take, the command judges on the takes it fitted to, which flatters the result.
 
-    The command writes DIR/fit.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command goes on
-    where it was. The least-squares searches go on from their last finished step.
+    The command writes DIR/fit.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
+    continues from there. The least-squares searches continue from their last finished step.
     """
     from msgspec import to_builtins
 
@@ -180,7 +180,7 @@ def fit_command(
     def show(done: int, total: int, best: float) -> None:
         nonlocal is_resumed
         if is_resumed:
-            say(f"Going on from {done} of {total}.")
+            say(f"Continuing from {done} of {total}.")
             is_resumed = False
         error = f"{1e3 * best:.1f} mm" if request.method.is_in_metres else f"E/N {best:.3f}"
         count = f"step {done} of at most {total}" if request.search in OBSERVED else f"{done}/{total}"
@@ -200,7 +200,7 @@ def fit_command(
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
-        kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
+        kept = f"the search is kept in {checkpoint}. The same command continues." if is_kept else "nothing is kept."
         say(f"Interrupted; {kept}")
         raise typer.Exit(130) from None
     if aside:
@@ -272,7 +272,7 @@ def diagnose_command(
         typer.Option(
             "--by",
             metavar="WHAT",
-            help="The way to decide. rules: rules for held-out takes. evidence: all sets of up to three effects are "
+            help="Decision method. rules: rules for held-out takes. evidence: all sets of up to three effects are "
             "weighed together, on the takes fitted to.",
         ),
     ] = "rules",
@@ -281,7 +281,7 @@ def diagnose_command(
         typer.Option(
             "--arrows",
             metavar="FILE.png",
-            help="Also draw what is left of the first take judged on, as arrows; replaces FILE.png.",
+            help="Also draw the residuals of the first judged take, as arrows; replaces FILE.png.",
         ),
     ] = None,
 ) -> None:
@@ -294,7 +294,7 @@ def diagnose_command(
     Give takes of several strengths of one motion, and hold another motion out (--held-out or --held-out-motion).
 
     The command writes DIR/diagnosis.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
-    goes on with the fits that it has finished. Exit code 4: the verdict is inconclusive.
+    continues with the finished fits. Exit code 4: the verdict is inconclusive.
     """
     from msgspec import to_builtins
 
@@ -344,7 +344,7 @@ def diagnose_command(
     def begun() -> None:
         say_takes(training, testing, spacing)
         if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
-            say(f"Going on with {finished} finished fits.")
+            say(f"Continuing with {finished} finished fits.")
 
     try:
         with alone(out):
@@ -372,7 +372,7 @@ def diagnose_command(
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:
         progress.end()
-        say(f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command goes on.")
+        say(f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command continues.")
         raise typer.Exit(130) from None
     if aside:
         say(aside)

@@ -65,7 +65,7 @@ def batch_command(
             "--patience",
             min=0,
             metavar="MINUTES",
-            help="How long to wait for workers, and for a scheduler or a bucket that is out of reach.",
+            help="How long to wait for workers, and for an unreachable scheduler or bucket.",
         ),
     ] = 10.0,
     hours: Annotated[
@@ -74,7 +74,7 @@ def batch_command(
             "--hours",
             min=0,
             metavar="HOURS",
-            help="Stop after this time. The next run goes on.",
+            help="Stop after this time. The next run continues.",
             show_default="no limit",
         ),
     ] = None,
@@ -87,9 +87,7 @@ def batch_command(
             show_default="no limit",
         ),
     ] = None,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Try the takes and garments again that failed before.")
-    ] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try failed takes and garments again.")] = False,
     diagnose: Annotated[
         bool,
         typer.Option(
@@ -200,7 +198,7 @@ def batch_command(
         needs = [{"who": who, "what": what} for who, what in morning.needs]
         tell(f"{morning.headline}\nMorning page: {page}", morning=str(page), headline=morning.headline, needs=needs)
     if is_interrupted:
-        say("Interrupted; the same command goes on.")
+        say("Interrupted; the same command continues.")
         raise typer.Exit(130)
     is_done = morning is None or all(finding.state in ("diagnosed", "lacking") for finding in morning.findings)
     if not is_done or any(row.state not in ("fitted", "known") for row in rows):

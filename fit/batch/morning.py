@@ -169,7 +169,7 @@ def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
     key = diagnoses.keys[one.name]
     outcome = diagnoses.outcomes.get(key)
     if outcome is None:
-        return Finding(wardrobe=one, state="waiting", sentence="Waiting: the next night goes on.")
+        return Finding(wardrobe=one, state="waiting", sentence="Waiting: the next run continues.")
     if outcome.state != "diagnosed":
         return Finding(wardrobe=one, state=outcome.state, sentence=outcome.sentence)
     try:

@@ -198,7 +198,7 @@ def store_is_full(error: OSError, where: object) -> UnreachableError:
     """Return the error of a store whose disk is full."""
     return UnreachableError(
         f"cannot be written ({error.strerror})", where=where,
-        advice=f"{step_to_write(error)}; finished takes are kept, and the same command goes on",
+        advice=f"{step_to_write(error)}; finished takes are kept, and the same command continues",
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ Set = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set of c
 Answers = Annotated[Path, typer.Argument(metavar="ANSWERS", help="Folder of the answers.", show_default=False)]
 Options = Annotated[
     list[str],
-    typer.Option("--option", metavar="WORD", help="A word passed on to `hangtime diagnose`; may be repeated."),
+    typer.Option("--option", metavar="WORD", help="An argument for `hangtime diagnose`; may be repeated."),
 ]
 Limit = Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")]
 Again = Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")]
@@ -61,7 +61,7 @@ def make_command(
         ),
     ] = None,
     generator: Annotated[
-        str, typer.Option("--generator", metavar="NAME", help="Whose cloth it is: own, mujoco or newton.")
+        str, typer.Option("--generator", metavar="NAME", help="Simulator of the cloth: own, mujoco or newton.")
     ] = "own",
     noise: Annotated[
         float | None,
@@ -94,7 +94,7 @@ def make_command(
     Sets that differ in --noise, --missing or --rate alone hold the same cloths, motions and effects: a ladder.
 
     Writes DIR/cases, DIR/manifest.json with the hash of every file, and DIR/sealed. Interrupt with Ctrl-C at any time;
-    the same command goes on where it was.
+    the same command continues from there.
     """
     from fit.blind.foreign.engines import find_generator
     from fit.blind.making import make_real_set, make_set
@@ -138,7 +138,7 @@ def run_command(
     takes: Annotated[
         int | None,
         typer.Option(
-            "--takes", min=1, max=3, help="Diagnose so many takes of each case alone, and judge on them too.",
+            "--takes", min=1, max=3, help="Number of takes of each case to diagnose alone, and to judge on too.",
             show_default="three, and two others to judge on",
         ),
     ] = None,
@@ -146,7 +146,7 @@ def run_command(
     """Diagnose every case of a set with `hangtime diagnose`.
 
     Cases that are done are skipped; one that fails counts as inconclusive. Interrupt with Ctrl-C at any time; the same
-    command goes on where it was.
+    command continues from there.
     """
     from fit.blind.running import run_set
 
@@ -195,7 +195,7 @@ def score_command(
 
 
 def print_score(score: Score, beside: Score | None = None) -> None:
-    """Print every rate, also by size, and the rivals'; beside: of other answers, which stand beside them."""
+    """Print every rate, also by size, and the rivals' rates; beside: score of other answers, in a second column."""
     from fit.blind.page import ROWS, figure
 
     bins = [name for name, rates in score.by_size.items() if rates.cases]
@@ -214,13 +214,13 @@ def print_score(score: Score, beside: Score | None = None) -> None:
 
 
 def print_rates(rates: Iterable[tuple[str, Rate]]) -> None:
-    """Print titled rates, a line each."""
+    """Print titled rates, one per line."""
     for title, rate in rates:
         tell(f"{title:<48} {rate}")
 
 
 def print_real(score: RealScore) -> None:
-    """Print what planted faults changed in the diagnosis of real takes, case by case and in sum."""
+    """Print the effect of planted faults on the diagnosis of real takes, case by case and in sum."""
     tell(f"{len(score.cases)} planted cases, opening {score.look} of this seal; answers {score.answers}")
     for case, said in score.untouched.items():
         tell(f"untouched takes {case}: {said}")
@@ -240,7 +240,7 @@ def print_real(score: RealScore) -> None:
         tell(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
 
 
-@blind.command("strike", short_help="Diagnose scored cases without what was planted in the library.")
+@blind.command("strike", short_help="Diagnose scored cases with a library that lacks the planted effect.")
 def strike_command(
     folder: Set,
     answers: Answers,
@@ -256,9 +256,9 @@ def strike_command(
     again: Again = False,
     workers: Workers = 1,
 ) -> None:
-    """Diagnose scored cases of one effect again with that effect struck from the library: is `unknown` said then?
+    """Diagnose scored cases of one effect again with a library without this effect: is the verdict `unknown` then?
 
-    Finished answers are skipped. Interrupt with Ctrl-C at any time; the same command goes on where it was.
+    Finished answers are skipped. Interrupt with Ctrl-C at any time; the same command continues from there.
     """
     from fit.blind.striking import STRUCK, strike_set
 
@@ -303,13 +303,13 @@ def report_command(
 
 @contextmanager
 def counting(title: str, kept: str) -> Iterator[Callable[..., None]]:
-    """Count cases on a line, and say what is kept when they are interrupted."""
+    """Context that shows a progress line of cases, and reports the kept part after an interruption."""
     line = CountLine(title)
     try:
         yield line.show
     except KeyboardInterrupt:
         line.end()
-        say(f"Interrupted; {kept}. The same command goes on.")
+        say(f"Interrupted; {kept}. The same command continues.")
         raise typer.Exit(130) from None
     line.end()
 
@@ -321,7 +321,7 @@ class CountLine:
         self._line = ProgressLine(title)
 
     def show(self, done: int, total: int, failed: int = 0) -> None:
-        """Show how many are done, and how many of them without a diagnosis."""
+        """Show the number of finished cases, and of those without a diagnosis."""
         without = f", {failed} without a diagnosis" if failed else ""
         self._line.show(done / max(total, 1), f"{done}/{total} cases{without}")
 

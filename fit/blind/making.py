@@ -224,7 +224,7 @@ def _made(folder: Path, truths: list[Truth], how: tuple[str, float], workers: in
     except BrokenProcessPool as error:
         raise FitError(
             "a process ended while it simulated a case", where=folder,
-            advice="the same command goes on; with little memory, use fewer --workers",
+            advice="the same command continues; with little memory, use fewer --workers",
         ) from error  # fmt: skip
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -54,7 +54,7 @@ def run_set(
     """
     manifest = read_manifest(folder)
     if not manifest.complete:
-        raise FitError("the set is not complete", where=folder, advice="the same `hangtime blind make` goes on with it")
+        raise FitError("the set is not complete", where=folder, advice="the same `hangtime blind make` completes it")
     changed = changed_files(folder, manifest)
     if changed:
         raise FitError(

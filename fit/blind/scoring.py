@@ -101,7 +101,7 @@ def hash_answers(folder: Path, answers: Path, *, some: bool = False) -> tuple[st
     if missing and not (some and answered):
         raise FitError(
             f"{len(missing)} cases have no answer, first {missing[0]}", where=answers,
-            advice="the same `hangtime blind run` goes on with them; the seal stays closed until then, or until "
+            advice="the same `hangtime blind run` continues with them; the seal stays closed until then, or until "
             "the others shall count alone (--answered)",
         )  # fmt: skip
     raw = ("\n".join(lines) + "\n").encode()

@@ -1,17 +1,17 @@
 """Contact of the cloth with itself and with simple bodies: contact law and contact surface.
 
 Nodes stand 30 to 50 mm apart, and cloth is a millimetre thick. Spheres round nodes would let layers through or keep
-them a node's distance apart. So contact acts between places and pieces of the surface. Every element is divided into
-`division` by `division` quads. The quads' corners are the samples y_s = sum_n N_sn x_n, with the element's own shape
-functions N. Sample i has the area A_i and the velocity w_i. It meets the mean plane of quad q with corners y_a y_b /
-y_c y_d:
+them a node's distance apart. So contact acts between sample points and facets of the surface. Every element is divided
+into `division` by `division` quads. The quads' corners are the samples y_s = sum_n N_sn x_n, with the element's own
+shape functions N. Sample i has the area A_i and the velocity w_i. It meets the mean plane of quad q with corners y_a
+y_b / y_c y_d:
 
     c = mean of y_k,  t_1 = (y_b - y_a + y_d - y_c)/2,  t_2 = (y_c - y_a + y_d - y_b)/2,  n = t_1 x t_2 / |t_1 x t_2|
     gap g = n.(y_i - c),  y_i - c - g n = xi_1 t_1 + xi_2 t_2,  psi = s(xi_1) s(xi_2),  s(xi) = clip(3/2 - 2 |xi|, 0, 1)
 
 The window s falls from 1 to 0 about the quad's edge. So the windows psi of neighbouring quads add up to 1. At the
 cloth's edge s falls a quarter of a side farther out. The corners have the weights h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2.
-The place below the sample is sum_k h_k y_k, and dg = n.(dy_i - sum_k h_k dy_k) exactly.
+The point below the sample is sum_k h_k y_k, and dg = n.(dy_i - sum_k h_k dy_k) exactly.
 
 A pressure p acts on the sample along n sign(g), and -h_k p on the corners. This pressure is the gradient of an energy,
 and has neither resultant nor torque. The gradient of psi is left out; it sums to zero if neighbouring planes agree.
@@ -132,7 +132,7 @@ class Surface:
     - `reach` [m], (quads,): distance from its centre within which a quad meets samples
     - `may_meet`, (samples, quads): whether a sample and a quad are far enough apart along the cloth
     - `carried`: largest displacement of a sample while each node moves by 1 at most
-    - `rate`: largest eigenvalue of contact at unit stiffness and density, all samples bound to their places
+    - `rate`: largest eigenvalue of contact at unit stiffness and density, all samples bound to fixed positions
     """
 
     samples: Stencils

@@ -96,11 +96,11 @@ class Elements:
         self.node_area = np.asarray(np.bincount(self.cells.ravel(), self.cell_area.ravel()), float)
 
     def jacobian(self, xi: float, eta: float) -> Floats:
-        """Return d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""
+        """Return d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at one local point of every element."""
         return 0.5 * bilinear_slopes(np.array([[xi + 1, eta + 1]]) / 2)[0] @ self.corners
 
     def size(self, xi: float, eta: float) -> Floats:
-        """Return the area that a place of every element stands for [m^2], (cells,)."""
+        """Return the area per unit of local coordinates at one point of every element [m^2], (cells,)."""
         return np.abs(np.linalg.det(self.jacobian(xi, eta)))
 
     def gradient(self, xi: float, eta: float) -> tuple[Floats, Floats]:
@@ -137,7 +137,7 @@ def _local(xi: float, eta: float, order: int) -> Floats:
 
 
 def _without_dust(weights: Floats) -> Floats:
-    """Return the weights with those that are only rounding set to zero."""
+    """Return the weights, with rounding errors set to zero."""
     return np.where(np.abs(weights) > 1e-9 * np.abs(weights).max(), weights, 0.0)
 
 
@@ -156,7 +156,7 @@ class Grid(Elements):
 
 
 def quad_elements(places: Floats, quads: Integers, grain: float = 0.0) -> Elements:
-    """Return cubic elements on quadrilaterals, (n, 4), clockwise from the top left, whose corners are `places`.
+    """Return cubic elements on quadrilaterals, (n, 4), clockwise from the top left, with the corners `places`.
 
     Nodes come corners first, then those of the sides, then those inside.
     """
@@ -183,19 +183,19 @@ def quad_elements(places: Floats, quads: Integers, grain: float = 0.0) -> Elemen
 
 
 def bilinear(places: Floats) -> Floats:
-    """Return the weights of the top left, top right and bottom corners, (n, 4), at places across and down, (n, 2)."""
+    """Return the weights of the top left, top right and bottom corners, (n, 4), at local coordinates, (n, 2)."""
     s, t = places.T
     return np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], 1)
 
 
 def bilinear_slopes(places: Floats) -> Floats:
-    """Return the slopes of those weights across and down, (n, 2, 4)."""
+    """Return the derivatives of these weights across and down, (n, 2, 4)."""
     s, t = places.T
     return np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 1)
 
 
 def joined_stencils(nodes: list[Integers], weights: list[Floats]) -> Stencils:
-    """Put stencils, each (n,) nodes and (n, kinds) weights, one after the other."""
+    """Concatenate stencils, each of (n,) nodes and (n, kinds) weights."""
     return Stencils(
         first=np.cumsum([0, *(len(n) for n in nodes)]).astype(np.int32),
         nodes=np.concatenate(nodes).astype(np.int32),
@@ -204,7 +204,7 @@ def joined_stencils(nodes: list[Integers], weights: list[Floats]) -> Stencils:
 
 
 class Lines:
-    """Samples along rows (axis 0) or columns (1); lines of nodes that two elements share are sampled once.
+    """Fibre samples along rows (axis 0) or columns (1); a line that two elements share is sampled once.
 
     of, (cells, 3, 4): sample at each Gauss point of each line of nodes of an element
     width: nodes of every sample
@@ -220,7 +220,7 @@ class Lines:
         parts = [
             [grid.gradient(*((g, line) if axis == 0 else (line, g))) for line in spectral.LOBATTO_NODES] for g in at
         ]
-        # On a grid askew to the fibres every node of the element enters each sample.
+        # On a grid oblique to the fibres every node of the element enters each sample.
         most = max(int((gradient[:, axis] != 0).sum(1).max()) for line in parts for gradient, _ in line)
         self.width = (
             spectral.NODES_ALONG_ELEMENT if most <= spectral.NODES_ALONG_ELEMENT else spectral.NODES_ALONG_ELEMENT**2
@@ -261,7 +261,7 @@ def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Indices, 
 
 
 def within(points: Floats, corners: Floats) -> tuple[Integers, Floats]:
-    """Return the element in or nearest to each point, (points,), and the place there, (points, 2) within -1 to 1."""
+    """Return the element at or nearest to each point, (points,), and its local coordinates, (points, 2) in -1 to 1."""
     cells, places = [], []
     for point in points:
         found = inverted(np.broadcast_to(point, (len(corners), 2)), corners)
@@ -272,26 +272,26 @@ def within(points: Floats, corners: Floats) -> tuple[Integers, Floats]:
 
 
 def inverted(points: Floats, corners: Floats) -> Floats:
-    """Return places across and down quadrilaterals, (points, 2), by Newton's method; corners, (points or 1, 4, 2)."""
+    """Return local coordinates in quadrilaterals, (points, 2), by Newton's method; corners, (points or 1, 4, 2)."""
     places = np.full((len(points), 2), 0.5)
     for _ in range(20):
         along = bilinear_slopes(places) @ corners
         missed = points - np.squeeze(bilinear(places)[:, None] @ corners, 1)
-        # Far outside a slanting quadrilateral the map folds over: such a point is not in it anyway.
+        # Far outside a slanting quadrilateral the map is not unique, but such a point is not inside it.
         along = np.where(np.abs(np.linalg.det(along))[:, None, None] > 1e-12, along, np.eye(2))
         places = np.clip(places + np.linalg.solve(along.transpose(0, 2, 1), missed[..., None])[..., 0], -9.0, 9.0)
     return places
 
 
 def grid_places(points: Floats, outline: Floats) -> Floats:
-    """Return the places across and down a four-cornered outline, (points, 2) within 0 to 1."""
+    """Return local coordinates across and down a four-cornered outline, (points, 2) in 0 to 1."""
     return np.clip(inverted(points, outline[[0, 1, 3, 2]]), 0.0, 1.0)
 
 
 def interpolation(points: Floats, grid: Elements, *, front: int | None = None) -> Stencils:
     """Return stencils of value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are.
 
-    front: so many of the first elements have the points; others lie behind them, in the same places
+    front: number of elements, counted from the first, that have the points; further layers have the same positions
     """
     nodes, parts = [], []
     for element, (xi, eta) in zip(*within(points, grid.corners[:front]), strict=True):

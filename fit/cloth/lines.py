@@ -51,7 +51,7 @@ def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Indices, Singles]:
 
 
 def twist_scales(mesh: ClothMesh) -> Singles:
-    """Return each twist's weights over the unit slopes at its place in the element, (twists,)."""
+    """Return each twist's weights over the unit slopes at the same point of the element, (twists,)."""
     weights = mesh.bends.twist_weights.reshape(-1, spectral.POLYNOMIAL_ORDER, spectral.NODES_ALONG_ELEMENT)
     return np.asarray(weights[:, :, 0] / D[:, 0], np.float32).ravel()
 

@@ -1,4 +1,4 @@
-"""Name the base model's numbers: one frozen set in SI that means the same on any mesh."""
+"""Material parameters of the base model in SI units, independent of the mesh."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class ClothMesh:
     - `shear_area` [m^2], (shear samples,)
     - `node_area` [m^2], (nodes,)
     - `held_nodes`, (held,)
-    - `held_fraction`, (held,): place along the held edge, 0 at its left end
+    - `held_fraction`, (held,): position along the held edge, 0 at its left end
     - `points`: value, d/dX [1/m] and d/dY at the tracked points
     - `pull_points`, (nodes, 3)
     - `pull_weights`, (nodes, 3): how a correction at the points spreads over the nodes
@@ -299,7 +299,7 @@ def _triangles(cells: Integers) -> Indices:
 
 
 def _barycentric(place: Floats, corners: Floats) -> Floats:
-    """Return the barycentric coordinates of `place` (2,) in triangles (n, 3, 2)."""
+    """Return the barycentric coordinates of a point `place`, (2,), in triangles, (n, 3, 2)."""
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     r = place - corners[:, 0]
     doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]

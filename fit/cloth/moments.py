@@ -1,10 +1,10 @@
-"""Moments inside the cloth, for candidates side by side: bending, viscosity and friction in it, and rest curvature.
+"""Bending moments for candidates in SIMD lanes: elasticity, viscosity, friction and rest curvature.
 
     M = B (kappa + tau dkappa/dt - kappa_0 n) + Dahl friction along the normal n,   kappa = x_uu, x_vv, x_uv
 
-Bends and stencils are those of `fit.cloth.bends`, arrays those of `fit.cloth.stencils`. Bends are linear in the places,
-and their damping time is much longer than a step. So they come from x + tau v (`ahead`), whose second derivative is
-kappa + tau dkappa/dt. Friction needs the rates themselves; `ahead` then holds v.
+Bends and stencils are those of `fit.cloth.bends`, arrays those of `fit.cloth.stencils`. Bends are linear in the
+positions, and their damping time is much longer than a step. So they come from x + tau v (`ahead`), whose second
+derivative is kappa + tau dkappa/dt. Friction needs the rates themselves; `ahead` then holds v.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -22,7 +22,7 @@ from fit.cloth.stencils import line_curvatures, push, push_pair, stencil, weight
 def damped_moment(
     centre, e, root, modulus, k0, k1, k2, r0, r1, r2, facing: ti.template(), law: ti.template()
 ):  # fmt: skip
-    """Return the moment of a second derivative k that changes at the rate r, with what effects add to it.
+    """Return the moment of a second derivative k with rate r, including the contributions of effects.
 
     Derivatives and moment are times the root of the area. Bundles, of `fit.cloth.bundles`: Facing, BendLaw.
     """
@@ -49,7 +49,7 @@ def bent(
 ):  # fmt: skip
     """Return the moment of one bend for its unit weights.
 
-    m: second derivative of `ahead`, n: of the places, by those weights
+    m: second derivative of `ahead`, n: of the positions, by these weights
     """
     if ti.static(with_bends):
         m0, m1, m2 = damped_moment(
@@ -66,7 +66,7 @@ def bent(
 def long_sum(
     y: ti.template(), home, begin, end, nodes: ti.template(), weights: ti.template(), total: ti.template(), place
 ):  # fmt: skip
-    """Return the weighted sum of a field over a stencil of whole pieces, summed up at `total[place]`."""
+    """Return the weighted sum of a field over a stencil of whole pieces, accumulated in `total[place]`."""
     for c in ti.static(range(3)):
         total[place + c] = 0.0 * y[home + c]
     for piece in range((end - begin) // STENCIL_NODES):
@@ -112,7 +112,7 @@ def bending(
     kind: ti.template(),
     sums: ti.template(),
 ):
-    """Push the nodes with the moments of second derivatives; sums: memory that is free from `place.first_slope` on.
+    """Add the nodal forces of bending moments; sums: scratch memory from `place.first_slope` on.
 
     Bundles, of `fit.cloth.bundles`: Place, Motion, Stencils, Facing, Row, BendLaw, Kind.
     """

@@ -117,8 +117,8 @@ class Course:
     - `steps`, `lags` [s], (frames,): whole steps to a frame, and the rest
     - `paths`: of each part, (steps, 3 handles, its lanes)
     - `start` [m], (lanes, nodes, 3)
-    - `targets`: of each part places and velocities, (samples, points, 6, lanes or 1), trust, (samples, points), and its
-      number of lanes
+    - `targets`: of each part positions and velocities, (samples, points, 6, lanes or 1), trust, (samples, points), and
+      its number of lanes
     - `every`: steps between two targets
     """
 

@@ -63,7 +63,7 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
 
 
 def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
-    """Return the distance of places, (n, 2), to the nearest side of any loop [m], (n,)."""
+    """Return the distance of points, (n, 2), to the nearest side of any loop [m], (n,)."""
     nearest = np.full(len(places), np.inf)
     for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
@@ -73,7 +73,7 @@ def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
 
 
 def is_inside(places: Floats, loops: Sequence[Floats]) -> Booleans:
-    """Return whether places, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
+    """Return whether points, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
     crossings = np.zeros(len(places), int)
     for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):

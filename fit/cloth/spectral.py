@@ -26,7 +26,7 @@ def gauss(count: int) -> tuple[Floats, Floats]:
 
 
 def values(at: Floats) -> Floats:
-    """Return the values of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
+    """Return the values of the four shape functions, (..., 4), at coordinates `at` in [-1, 1]."""
     at = np.asarray(at, float)[..., None]
     found = np.ones((*at.shape[:-1], NODES_ALONG_ELEMENT))
     for i in range(NODES_ALONG_ELEMENT):
@@ -36,7 +36,7 @@ def values(at: Floats) -> Floats:
 
 
 def slopes(at: Floats) -> Floats:
-    """Return the slopes of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
+    """Return the derivatives of the four shape functions, (..., 4), at coordinates `at` in [-1, 1]."""
     at = np.asarray(at, float)
     found = np.zeros((*at.shape, NODES_ALONG_ELEMENT))
     for i in range(NODES_ALONG_ELEMENT):
@@ -49,7 +49,7 @@ def slopes(at: Floats) -> Floats:
 
 
 def curvatures(at: Floats) -> Floats:
-    """Return second derivatives of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
+    """Return second derivatives of the four shape functions, (..., 4), at coordinates `at` in [-1, 1]."""
     scale = np.array([np.prod(node - np.delete(LOBATTO_NODES, i)) for i, node in enumerate(LOBATTO_NODES)])
     # 2 (3 x - sum of the other nodes), and all of them add up to zero.
     return np.asarray(2 * (3 * np.asarray(at, float)[..., None] + LOBATTO_NODES) / scale)

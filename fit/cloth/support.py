@@ -81,7 +81,7 @@ Supporting = Callable[[ClothMesh], Support]
 class Clamp:
     """A clamp over part of the cloth.
 
-    - `holds`: places on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
+    - `holds`: positions on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
     - `frame`: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
     """
 
@@ -112,7 +112,7 @@ def clamps(
     """Return clamps, or no support if none is given.
 
     - `start` [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest
-    - `stir`: places on the flat cloth [m], (n, 2) -> (n,) [m], how far out of its plane it begins.
+    - `stir`: positions on the flat cloth [m], (n, 2) -> initial displacement out of its plane [m], (n,).
 
     Raises:
         FitError: raised by the returned function, if a clamp holds no node of the mesh.

@@ -28,7 +28,7 @@ AT_CORNER = 0.12  # of the garment's smaller side: points nearer to a corner of 
 
 @dataclass(frozen=True)
 class CornerErosion(Effect):
-    """Distance by which free corners, and the whole border, are seen inside their true places."""
+    """Distance by which free corners, and the whole border, are seen inside their true positions."""
 
     name: ClassVar[str] = "corner_erosion"
     title: ClassVar[str] = "an eroded silhouette"

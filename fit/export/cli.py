@@ -76,14 +76,14 @@ def export_command(
         typer.Option(
             "--thickness",
             metavar="METRES",
-            help="The fabric's thickness, which no motion tells. It turns weight into density in usd-physics.",
+            help="The fabric's thickness, which motion does not identify. It turns weight into density in usd-physics.",
             show_default="0.001",
         ),
     ] = None,
     spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
+    """Write a fit for other programs: its fabric in SI units, with intervals and provenance.
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
@@ -122,7 +122,7 @@ def animate_command(
     fit_file: FitFile,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FILE", help="File to write; its end decides: .mp4, .webm, .gif, .usdc or .glb."),
+        typer.Option("--out", metavar="FILE", help="File to write: .mp4, .webm, .gif, .usdc or .glb."),
     ],
     take: Annotated[
         Path | None,
@@ -135,7 +135,7 @@ def animate_command(
         typer.Option(
             "--motion",
             metavar="KIND",
-            help="Move the hanger anew: sideways, face-on, up-and-down, twist or mixed. Without --take, a swatch of "
+            help="New hanger motion: sideways, face-on, up-and-down, twist or mixed. Without --take, a swatch of "
             "the fabric hangs from its two top corners.",
         ),
     ] = "",

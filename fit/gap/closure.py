@@ -153,7 +153,7 @@ def closure(
 ) -> tuple[float, tuple[float, float]] | None:
     """Return closure and its 90 % interval, or None if there is hardly a gap.
 
-    floor_error_mm: standard error of the floor, a mean over so many replicas
+    floor_error_mm: standard error of the floor, a mean over `replicas` draws
     """
     if not has_share(base, floor_mm):
         return None

@@ -34,7 +34,7 @@ MOST_LEFT = 0.6  # share of the gap that a cause may leave unexplained, beyond n
 # three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
 STUDENT_95 = 2.92  # Student's t, 95 % one-sided, two degrees of freedom: for the mean of three replicas of the noise
-# One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
+# Factor for one more draw of the noise, in standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or

@@ -200,7 +200,7 @@ def notes(
     if not any(map(has_static, observer.recordings)):
         said.append(
             "Points of a silhouette sit constantly a little beside the material, so each point's mean offset was taken "
-            "out. Effects that only move the cloth's resting place cannot be seen."
+            "out. Effects that only move the cloth's resting position cannot be seen."
         )
     if not held_out:
         said.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")

@@ -64,7 +64,7 @@ KINECT_SKIRT = Parameterisation(
     not_identified=(
         "Mass is not identified: density, stiffnesses and drag times the same factor give the same motion. "
         "Only ratios to the density are; `--method kinect-skirt-weighed` takes the garment's weight as known. "
-        "Air and Velocity are told apart by nothing."
+        "Motion does not distinguish Air from Velocity."
     ),
     degenerate=("mass", "struct", "bend", "air", "velocity"),
     search="annealing",
@@ -80,6 +80,6 @@ KINECT_SKIRT_WEIGHED = dataclasses.replace(
     name="kinect-skirt-weighed",
     parameters=KINECT_SKIRT.parameters[1:],
     to_materials=_weighed_materials,
-    not_identified="The weight is taken from the garment's description. Air and Velocity are told apart by nothing.",
+    not_identified="The weight is taken from the garment's description. Motion does not distinguish Air from Velocity.",
     degenerate=("air", "velocity"),
 )

@@ -156,7 +156,7 @@ def curvature_seen(seen: Booleans) -> Booleans:
 
 
 def marker_grid(places: Floats, where: object) -> Integers:
-    """Return the indices of a full grid of markers, (rows, columns), top row first, from flat places [m], (points, 2).
+    """Return the indices of a full grid of markers, (rows, columns), top row first, from flat positions, (points, 2).
 
     Raises:
         FitError: the points are no full grid, or too few.

@@ -1,7 +1,7 @@
 """Residuals of the tracked points on the held edge: evidence on how the cloth is held and on the measurement.
 
 Hanger and effects alone place a simulated edge; no parameter of the cloth moves it. In each frame the displacements d_p
-= y_p - x_p of the edge's points are split by least squares. The points lie at places s_p from their middle:
+= y_p - x_p of the edge's points are split by least squares. The points lie at positions s_p from their middle:
 
     d_p = m + s_p q,   four numbers: m (3), and the stretch q . b along the bar b, times the rms of s_p
 
@@ -12,7 +12,7 @@ numbers are split in two parts. The noise of points and path limits the varying 
     dynamic  (d - mean d) / sqrt(sigma^2 + path^2)
     static  mean d / sqrt(offset^2 + ends^2 + (sigma^2 + path^2) / n)
 
-with the error `ends` of the held ends' places on the hanger, if the rig states one.
+with the error `ends` of the held ends' positions on the hanger, if the rig states one.
 
 The middle of a silhouette's row has an error of its own, which its points share (`fit.recordings.row_and_rest`). It
 adds to `path`.

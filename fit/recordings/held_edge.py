@@ -5,7 +5,7 @@ These points measure the boundary, not the cloth.
 The displacements of the edge's points are measured from the straight line between the held ends, perpendicular to the
 bar: level, and upwards. They give
 
-    turn     slopes over the place along the edge: yaw and roll of the edge against the path
+    turn     slopes over the position along the edge: yaw and roll of the edge against the path
     slip     the instant at which one side drops and stays down: the largest step of the mean height of a side's
              points, |sum_k<=m (z_k - mean z)| / (sigma sqrt(m (n - m) / n)), where it is beyond what slow noise makes;
              else, and where no point of the edge is tracked, just after the hanger's hardest jerk

@@ -87,7 +87,7 @@ class Recording:
     - `windows`: the observer's pull acts and residuals count inside these; None: everywhere
     - `held_error` [m]: constant error of the held ends on the hanger, per axis, if the rig states one
     - `offset_sd` [m]: constant offset of a point from its material point, per axis
-    - `is_calibrated`: false for a sensor whose rig nobody measured (`hangtime calibrate`)
+    - `is_calibrated`: false for a sensor whose rig was never measured (`hangtime calibrate`)
     - `is_imported`: gravity and held edge are as an imported file states them
     - `bodies`: the standing bodies near the cloth, in the world frame
     - `impossible`: share of observed positions that the cloth cannot reach (`formats.impossible_points`)

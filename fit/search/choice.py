@@ -21,7 +21,7 @@ SEARCHES = {
     "restarts": "the same iterations shared out over four chains from different seeds",
     "tempering": "parallel tempering; its intervals are of the posterior",
     "cma-es": "covariance matrix adaptation with restarts",
-    "least-squares": "the points' residuals, emulated between the places looked at; then Levenberg-Marquardt",
+    "least-squares": "the points' residuals, emulated between simulated parameters; then Levenberg-Marquardt",
     "short-windows": "descents from several starts, by stretches of two seconds between which a pull catches the cloth",
 }
 OBSERVED = ("least-squares", "short-windows")  # they minimise the points' residuals, not distances
@@ -79,11 +79,11 @@ class Search(Protocol):
         ...
 
     def state(self) -> dict[str, Any]:
-        """Return everything needed to go on, as JSON can hold it."""
+        """Return the state as plain values for JSON, from which `restore` continues."""
         ...
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a saved state."""
+        """Continue from a saved state."""
         ...
 
 

@@ -22,9 +22,9 @@ from formats.arrays import Floats
 SCATTER_MARGIN = 0.1  # of the box, left out at each end: rarely true, often costly
 SCATTERED = 16  # places with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)
-NEAREST = 0.01  # share of the box: two places differ by as much in one parameter at least
-NEAR_BLOW_UP = 0.1  # the same about a place whose simulation blew up
-MOST_EMULATED = 60  # the emulator uses so many of the best places: its work grows with their third power
+NEAREST = 0.01  # share of the box: least difference of two places in one parameter
+NEAR_BLOW_UP = 0.1  # the same around a place whose simulation blew up
+MOST_EMULATED = 60  # best places that the emulator uses at most: its work grows with their third power
 DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
 DESCENTS = 3  # of them from which the least is sought
 
@@ -70,7 +70,7 @@ def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start
 def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:
     """Return the next places to simulate, (candidates, parameters), or none if too few simulations stayed finite.
 
-    units, (places, parameters), looked at so far; residuals, (places, numbers), not finite where it blew up; start,
+    units, (places, parameters), simulated so far; residuals, (places, numbers), not finite where it blew up; start,
     (parameters,): the prior's mean.
     """
     is_sound = np.isfinite(residuals).all(1)

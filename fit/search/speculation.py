@@ -1,8 +1,8 @@
 """Choose the future proposals of a sequential chain that one batch evaluates before their predecessors are decided.
 
-Iteration t+1 starts from one of two places, depending on whether iteration t was accepted; so the later proposals form
-a binary tree. The chain reaches a node with the product of the guessed probabilities along the node's path. A batch
-advances the chain by the number of its nodes on the true path. The expected advance is the sum of the nodes'
+Iteration t+1 starts from one of two candidates, depending on whether iteration t was accepted; so the later proposals
+form a binary tree. The chain reaches a node with the product of the guessed probabilities along the node's path. A
+batch advances the chain by the number of its nodes on the true path. The expected advance is the sum of the nodes'
 probabilities. A child is never likelier than its parent. Taking the likeliest node again and again therefore gives the
 tree of the greatest expected advance. Without acceptances the tree is a line of rejections. With a probability of one
 half the tree is full.

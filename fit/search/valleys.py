@@ -19,7 +19,7 @@ import numpy as np
 from formats.arrays import Floats
 
 HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range: displacements of one parameter
-HOPPED = 2  # places at most that are returned
+HOPPED = 2  # returned places at most
 LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
 
 

@@ -78,7 +78,7 @@ def unidentified_of(result: FitResult) -> dict[str, Span]:
 
 
 def number_of(sheet: Sheet, place: str) -> float:
-    """Return one number of a sheet; `place` is one of `NUMBERS`, or a hysteresis."""
+    """Return one number of a sheet by its path `place`, one of `NUMBERS` or a hysteresis."""
     return float(operator.attrgetter(place)(sheet))
 
 

@@ -3,9 +3,9 @@
 `fit.engines.blender` runs this program with any Python that has `bpy`. The program imports nothing of Hangtime. A job
 is an .npz file with
 
-    quads (faces, 4), pinned (n,), fps, and path (frames, nodes, 3) [m], z up: frame 0 is the flat cloth, whose
-    lengths are its rest lengths; afterwards only the pinned nodes' places count; settings, (candidates, 6): mass,
-    tension, bending, damping, air, shear, as Blender's cloth settings want them; quality, if not QUALITY
+    quads (faces, 4), pinned (n,), fps, and path (frames, nodes, 3) [m], z up: frame 0 is the flat cloth, whose lengths
+    are its rest lengths; afterwards only the pinned nodes' positions count; settings, (candidates, 6): mass, tension,
+    bending, damping, air, shear, as Blender's cloth settings want them; quality, if not QUALITY
 
 The answer is an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost. Its `seconds`
 is the processor time of this process.

@@ -127,7 +127,7 @@ def test_every_note_is_told_whole_and_in_its_order():
         "The takes state that their points are off by 2.0 mm. The diagnosis measured 1.0 mm, and takes the noise floor "
         "from that.",
         "Points of a silhouette sit constantly a little beside the material, so each point's mean offset was taken "
-        "out. Effects that only move the cloth's resting place cannot be seen.",
+        "out. Effects that only move the cloth's resting position cannot be seen.",
         "No held-out take: closure is measured on the motion it was fitted to and flatters.",
         "One or two takes: the same cloth, hung anew, may differ from them by more than their noise.",
     ]

@@ -122,9 +122,9 @@ def test_an_interrupted_fit_says_from_where_it_goes_on(monkeypatch, tmp_path, ca
         patch.setattr("formats.terminal.ProgressLine.show", interrupt)
         with pytest.raises(typer.Exit):
             fit_command([tmp_path / "a.mcap"], **asked)
-    assert "Going on" not in capsys.readouterr().err
+    assert "Continuing" not in capsys.readouterr().err
     fit_command([tmp_path / "a.mcap"], **asked)
-    assert re.search(r"^Going on from \d+ of 40\.$", capsys.readouterr().err, re.MULTILINE)
+    assert re.search(r"^Continuing from \d+ of 40\.$", capsys.readouterr().err, re.MULTILINE)
 
 
 def test_a_saved_search_of_another_version_of_the_engine_is_refused(engine, monkeypatch, tmp_path):
@@ -201,7 +201,7 @@ def test_a_narrow_box_tells_nothing_that_the_points_do_not():
     ("is_there", "sentence"),
     [
         (False, "Interrupted; nothing is kept."),
-        (True, "the search is kept in out/fit.partial.json. The same command goes on."),
+        (True, "the search is kept in out/fit.partial.json. The same command continues."),
     ],
 )
 def test_what_is_promised_after_an_interruption_is_there(

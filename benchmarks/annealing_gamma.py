@@ -1,4 +1,4 @@
-"""The annealed distance against gamma, the one factor that the paper does not give.
+"""The distance that annealing reaches as a function of gamma, the one factor that the paper does not give.
 
 Two stand-ins for D [m] have the paper's six parameters and bounds. They have a floor of 0.03 and about 0.13 at the
 paper's initial values (its Fig. 6: 0.1276 before, 0.0467 after). `smooth` has bumps a few millimetres high, as of
@@ -19,17 +19,17 @@ from formats.arrays import Floats
 
 GAMMAS = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # 1/m
 BOX = SearchBox(KINECT_SKIRT.minimum, KINECT_SKIRT.maximum, KINECT_SKIRT.interval)
-# Best struct, bend, spring, air, velocity as shares of their ranges, and how many metres a whole range costs.
+# Optimal struct, bend, spring, air and velocity as shares of their ranges, and the cost [m] of a whole range.
 BEST = np.array([0.75, 0.12, 0.55, 0.25, 0.72])
 COST = np.array([0.16, 0.08, 0.08, 0.17, 0.22])
 TRAP = np.array([0.25, 0.60, 0.10, 0.75, 0.30])
 
 
 def smooth(candidates: Floats) -> Floats:
-    """Return a made-up D [m], (candidates,), of parameters, (candidates, 6)."""
+    """Return an artificial objective D [m], (candidates,), of parameters, (candidates, 6)."""
     shares = (candidates - BOX.minimum) / (BOX.maximum - BOX.minimum)
     apart = shares[:, 1:] - BEST
-    apart[:, [0, 3]] += 0.03 * (candidates[:, :1] ** 0.5 - 1)  # more mass is made up for by more stiffness and air
+    apart[:, [0, 3]] += 0.03 * (candidates[:, :1] ** 0.5 - 1)  # more stiffness and air compensate more mass
     bowl = np.sqrt(((COST * apart) ** 2).sum(1) + 1e-4) - 1e-2
     bumps = (
         0.004
@@ -50,7 +50,7 @@ STAND_INS: dict[str, Callable[[Floats], Floats]] = {"smooth": smooth, "trap": tr
 
 
 def anneal(distance: Callable[[Floats], Floats], settings: AnnealingSettings, seed: int, width: int = 16) -> Annealing:
-    """Run one whole chain on a stand-in."""
+    """Run one whole annealing chain on an artificial objective."""
     chain = Annealing(KINECT_SKIRT.initial, BOX, settings, np.random.default_rng(seed))
     while not chain.is_finished:
         candidates = chain.ask(width)

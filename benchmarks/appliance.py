@@ -1,7 +1,7 @@
-"""The appliance's figures, from the real daemon: start, memory, processor, reaction to the button, and kills.
+"""Measure the real daemon: start-up, memory, processor time, response to the button, and losses by kills.
 
 The sensor is a drawn recording that is played as a live one (30 frames a second, 640 x 480). The button is a pipe of
-input events, and the lamp is a folder. Playing the recording costs memory and time of the daemon's own process; its
+input events, and the lamp is a folder. Playing the recording costs memory and time of the daemon's process; its
 thread's time is shown separately. After each kill this script starts the daemon again, as systemd would.
 
 Run: python benchmarks/appliance.py [--seconds 20] [--kills 25] [--at-once 1] [--seed 1]. 500 kills take about half an
@@ -30,8 +30,8 @@ TARGETS = {
     "start to ready": (3.0, "s"), "memory, ready": (70.0, "MB"), "memory, recording": (110.0, "MB"),
     "processor, ready": (2.0, "% of a core"), "press to first frame": (100.0, "ms"),
 }  # fmt: skip
-TAKE_SECONDS = 6.0  # of a take that may be killed
-STARTING = 1.2  # of the last start's seconds: so long after its begin a daemon that starts may be killed
+TAKE_SECONDS = 6.0  # s, length of a take that may be killed
+STARTING = 1.2  # of the last start's duration: latest kill of a starting daemon
 SLACK = 2.0  # s of the running take that a kill may cost
 
 
@@ -41,14 +41,14 @@ def resident(process: psutil.Process) -> float:
 
 
 def spent(process: psutil.Process) -> tuple[float, float]:
-    """Return the processor time [s] of a process, and the part of it that fetched frames: its busiest other thread."""
+    """Return the processor time [s] of a process, and that of its busiest other thread, which reads frames."""
     times = process.cpu_times()
     others = [thread.user_time + thread.system_time for thread in process.threads() if thread.id != process.pid]
     return times.user + times.system, max(others, default=0.0)
 
 
 def measure(seconds: float, folder: Path) -> dict[str, float]:
-    """Start the daemon before a bare wall and before a hanger; return the figures by the names of `TARGETS`."""
+    """Run the daemon with a bare wall and with a hanger in view; return the figures by the names of `TARGETS`."""
     from tests.capture.appliance.virtual_appliance import VirtualAppliance, draw_recording
 
     found: dict[str, float] = {}
@@ -62,12 +62,12 @@ def measure(seconds: float, folder: Path) -> dict[str, float]:
             found["start to ready"] = max(found.get("start to ready", 0.0), time.monotonic() - begun)
             process = psutil.Process(appliance.process.pid)
             if has_hanger:
-                appliance.wait_until(lambda told: told["pre_roll_s"] >= 2.0, "armed")
+                appliance.wait_until(lambda status: status["pre_roll_s"] >= 2.0, "armed")
                 begun = time.monotonic()
                 appliance.press()
-                told = appliance.wait_for("recording")
+                status = appliance.wait_for("recording")
                 found["press to first frame"] = 1e3 * (time.monotonic() - begun)
-                found["pre-roll"] = told["recording"]["pre_roll_s"]
+                found["pre-roll"] = status["recording"]["pre_roll_s"]
             before, fetched = spent(process)
             begun, most = time.monotonic(), 0.0
             while time.monotonic() - begun < seconds:
@@ -81,15 +81,15 @@ def measure(seconds: float, folder: Path) -> dict[str, float]:
             found[f"processor, {kind}"] = 100 * (after - before) / took
             found[f"of this the player, {kind}"] = 100 * (fetched_after - fetched) / took
             if has_hanger:
-                told = appliance.ask("status")["recording"]
-                found["frames"], found["dropped"] = told["frames"], told["dropped"]
+                status = appliance.ask("status")["recording"]
+                found["frames"], found["dropped"] = status["frames"], status["dropped"]
     return found
 
 
 def kill_often(kills: int, seed: int, folder: Path, at_once: int = 1) -> dict[str, float]:
-    """Kill daemons at random moments, several of them at once; return what became of the takes.
+    """Kill daemons at random moments, several in parallel; return the counts of kept and lost takes.
 
-    A third of the kills meets a start, which opens the sensor and salvages what the kill before left.
+    A third of the kills hits the start, in which the daemon opens the sensor and recovers the last take.
     """
     from tests.capture.appliance.virtual_appliance import draw_recording
 
@@ -107,13 +107,13 @@ def kill_often(kills: int, seed: int, folder: Path, at_once: int = 1) -> dict[st
 
 
 def kill_one(kills: int, seed: int, recording: Path, folder: Path) -> dict[str, float]:
-    """Kill one daemon at random moments of starting, recording and saving; return what became of its takes."""
+    """Kill one daemon at random moments of starting, recording and saving; return the counts of its takes."""
     from capture.appliance.spool import Spool
     from formats.archive import read_take, verify_take
     from tests.capture.appliance.virtual_appliance import VirtualAppliance
 
     rng = random.Random(seed)
-    promised: dict[int, float] = {}  # by number: seconds that its daemon told of the take before the kill
+    promised: dict[int, float] = {}  # by number: seconds of the take that the daemon reported before the kill
     found = {"kills": 0, "while it started": 0, "takes": 0, "lost": 0, "doubled": 0, "damaged": 0}
     found["most lost of a running take"] = 0.0
     with VirtualAppliance(folder, recording) as appliance:
@@ -164,7 +164,7 @@ def kill_one(kills: int, seed: int, recording: Path, folder: Path) -> dict[str, 
 
 
 def last_number(spool: Path) -> int:
-    """Return the last number that a spool gave to a take, 0 where it gave none yet."""
+    """Return the last number that a spool assigned to a take, 0 if none yet."""
     path = spool / "sequence"
     return int(path.read_text()) if path.exists() else 0
 

@@ -1,4 +1,4 @@
-"""Size and speed of take archives, beside their targets and the entropy of what they hold.
+"""Measure size and speed of take archives against their targets and the entropy of their content.
 
 Run: python benchmarks/archive.py
 
@@ -6,7 +6,7 @@ One take has ten minutes at 30 frames a second, with five points, two held ends 
 minute at 100 frames a second, with 81 markers and 0.3 mm of noise. All swing by 0.1 m. Times are of the processor,
 without the disk's.
 
-PYTHONPATH=CHECKOUT measures the code of another checkout beside this one, so that times become ratios:
+PYTHONPATH=CHECKOUT measures the code of another checkout, for ratios of times:
 `git worktree add CHECKOUT 4e6aed36^` has the last code of version 1. That code stops at the second take, as it keeps
 steps of 0.1 mm alone.
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1]))  # behind PYTHONPATH, see above
+sys.path.append(str(Path(__file__).parents[1]))  # after PYTHONPATH, see above
 
 from formats.archive import read_take, write_take
 from formats.garment import Garment, TrackedPoint
@@ -36,7 +36,7 @@ FIVE = Garment(
 
 
 def a_swing(garment: Garment, frames: int, rate: float, noise: float) -> Take:
-    """Return a drawn take: every place swings by 0.1 m sideways, the lower the farther, and has white noise."""
+    """Return a synthetic take: every point swings sideways by up to 0.1 m, lower ones farther, with white noise."""
     rng = np.random.default_rng(0)
     clock = np.arange(frames) / rate
     flat = np.array([point.at_m for point in garment.points])
@@ -59,7 +59,7 @@ def a_swing(garment: Garment, frames: int, rate: float, noise: float) -> Take:
 
 
 def entropy(whole: np.ndarray) -> float:
-    """Return the entropy [bytes a row] of columns of whole numbers, each from how often its values come."""
+    """Return the entropy [bytes a row] of columns of whole numbers, from the frequencies of their values."""
     bits = 0.0
     for column in whole.T:
         share = np.unique(column, return_counts=True)[1] / len(column)

@@ -1,6 +1,6 @@
-"""Fiducial markers through motion blur and behind a finger: how often placed, how often read by id, how far off.
+"""Rates of located and decoded fiducial markers, and their errors, under motion blur and behind a finger.
 
-Drawn markers of 60 mm at 1.6 m, swung sideways; colour is averaged over the exposure. Placed and read count both
+Drawn markers of 60 mm at 1.6 m, swung sideways; colour is averaged over the exposure. Both rates count both
 markers, of which a finger covers the left one only. Errors are rms over all axes.
 
 Run: python benchmarks/blur_and_cover.py

@@ -1,4 +1,4 @@
-"""Contact of the cloth with itself: does anything pass, how much does the thickness matter, what does it cost.
+"""Measure self-contact of the cloth: penetrations, the influence of the thickness, and the cost.
 
 Run: python benchmarks/contact.py. Two scenes:
 
@@ -6,8 +6,8 @@ Run: python benchmarks/contact.py. Two scenes:
     tube     a skirt of 0.35 m x 0.45 m, front and back sewn together at the sides, swung for five seconds by 80 mm
 
 "Height" is that of the upper layer over the lower one at the end, 30 mm from the carried edge. "Crossings" are edges of
-quads that pierce the surface elsewhere, summed over ten pictures a second. They are counted on the quads of contact,
-and on quads 20 mm wide. The smaller quads also see pieces that are too near along the cloth to meet.
+quads that pierce the surface elsewhere, summed over ten samples a second. They are counted on the quads of contact,
+and on quads 20 mm wide. The smaller quads also count pieces that are too near along the cloth for contact.
 
 Distances are against cloth 5 mm thick, rms over the nodes or points. The fold's nodes count at the end, the tube's
 tracked points in seconds 0 to 1 and 1 to 5. Cost is the processor time of 16 candidates in the lanes of one thread, the
@@ -42,7 +42,7 @@ FINE = 0.02  # m between the samples of the finer count
 
 
 def turned_over(thickness: float) -> tuple[Simulator, Floats]:
-    """Carry one edge of a sheet on a floor over to the other side: the simulator and the nodes, frame by frame."""
+    """Fold a sheet on a floor by moving one edge to the other side; return simulator and nodes, frame by frame."""
     garment = sheet(width=SIDE, height=SIDE, mass=DENSITY * SIDE**2)
     time = np.arange(0, 3.0, 1 / 30)
     recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
@@ -70,7 +70,7 @@ def turned_over(thickness: float) -> tuple[Simulator, Floats]:
 
 
 def height_of_upper_layer(simulator: Simulator, shape: Floats) -> Floats:
-    """Heights [m] of the row of samples 30 mm from the edge that was carried over."""
+    """Return the heights [m] of the row of samples 30 mm from the moved edge."""
     samples = simulator.surface.samples
     return np.asarray(samples.apply(shape)[np.abs(samples.apply(simulator.mesh.rest)[:, 1] + 0.03) < 1e-6, 2])
 

@@ -1,4 +1,4 @@
-"""Cost of the cloth against its vertices and its seconds, and the gain from a second core.
+"""Measure the simulation's cost against the number of vertices and simulated seconds, and the gain of a second core.
 
 Run: python benchmarks/cost.py. The sheet of 0.4 m x 0.4 m and 300 N/m is clamped, with eight candidates in the lanes of
 one thread. The cost is processor time, which other work on the machine hardly changes: the least of five runs after one
@@ -61,7 +61,7 @@ def by_thread() -> dict[str, float]:
 
 
 def allowed(run: Callable[[], object]) -> float:
-    """Return how many times as fast as one idle processor two would be, as the run's work is split over its threads."""
+    """Return the possible speed-up of two idle processors over one, from the run's split of work over threads."""
     before = by_thread()
     run()
     spent_by = {name: after - before.get(name, 0.0) for name, after in by_thread().items()}
@@ -70,7 +70,7 @@ def allowed(run: Callable[[], object]) -> float:
 
 
 def spent(run: Callable[[], object]) -> tuple[float, float]:
-    """Seconds that a run takes on the clock, and of processor time."""
+    """Return the wall-clock time and the processor time [s] of a run."""
     clock, processor = time.perf_counter(), time.process_time()
     run()
     return time.perf_counter() - clock, time.process_time() - processor
@@ -83,7 +83,7 @@ def least(run: Callable[[], object]) -> float:
 
 
 def by_size() -> list[tuple[int, float, float, float]]:
-    """Vertices, step [s], and cost [s] per candidate and vertex: of a step, and of a second."""
+    """Return vertices, step [s], and cost [s] per candidate and vertex, of a step and of a simulated second."""
     found = []
     for elements in ELEMENTS:
         step = runner(elements, 0.1, 8)[2]
@@ -94,7 +94,7 @@ def by_size() -> list[tuple[int, float, float, float]]:
 
 
 def by_seconds() -> list[tuple[float, float]]:
-    """Seconds simulated, and cost [s] of a candidate for each of them, 25 x 25 vertices."""
+    """Return simulated times [s], and the cost [s] per candidate and simulated second, with 25 x 25 vertices."""
     return [(seconds, least(runner(8, seconds, 8)[0]) / (8 * seconds)) for seconds in SECONDS]
 
 
@@ -106,7 +106,7 @@ def _prepare(threads: str) -> None:
 
 
 def _kept_run(elements: int) -> Callable[[], object]:
-    """In a process of its own: 32 candidates, run once already."""
+    """Set up 32 candidates and run them once, in a separate process."""
     if elements not in _kept:
         _kept[elements] = runner(elements, 2.0, 32)[0]
         _kept[elements]()
@@ -144,12 +144,12 @@ def by_cores(elements: int, turns: int) -> tuple[Floats, float]:
 
 
 def spread(values: list[float]) -> float:
-    """Largest over smallest, less one, in percent."""
+    """Return the largest over the smallest value, minus one, in percent."""
     return 100 * (max(values) / min(values) - 1)
 
 
 def linear(costs: list[float]) -> str:
-    """Return as text how far costs are from one line through nothing, and from each other."""
+    """Return as text the costs' deviation from a line through the origin, and from each other."""
     apart = spread(costs)
     about = 100 * (np.sqrt(1 + apart / 100) - 1)
     return f"within {about:.0f} % of one line; largest over smallest {apart:.0f} %"

@@ -1,4 +1,4 @@
-"""Count how often the demo's diagnosis names its air drag: other recordings, other seeds of the diagnosis.
+"""Count how often the demo's diagnosis names its air drag, over recordings and seeds of the diagnosis.
 
     benchmarks/demo_seeds.py [RECORDINGS [SEEDS]]
 
@@ -7,8 +7,8 @@ and noise. Each is diagnosed SEEDS times (10 unless given) by `hangtime diagnose
 named effects, the drag with its 90 % interval, and the closure; 1.2 is planted. Verdicts are right where air drag is
 named. They are wrong and sure where another effect is named without "may" or "probably".
 
-The planted coefficient falls with the angle of attack, and the fitter's does not. So a constant coefficient that pushes
-the recorded cloth most alike is printed first. Over faces of area A with speeds v_n along their normals it is
+The planted coefficient falls with the angle of attack, and the fitter's does not. So the equivalent constant
+coefficient on the recorded cloth is printed first. Over faces of area A with speeds v_n along their normals it is
 
     c = sum(A v_n^4 C(a)) / sum(A v_n^4)
 """
@@ -31,7 +31,7 @@ MOTIONS = ("mixed", "gentle", "swing")
 
 
 def hangtime(folder: Path, *words: object) -> None:
-    """Run one command in a folder; exit code 4 says that takes cannot decide."""
+    """Run one command in a folder; exit code 4 means that the takes cannot decide."""
     command = [sys.executable, "-m", "hangtime", *map(str, words)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 4):
@@ -39,7 +39,7 @@ def hangtime(folder: Path, *words: object) -> None:
 
 
 def record(folder: Path, number: int) -> None:
-    """Make the demo's takes with hands and noise of their own."""
+    """Record the demo's takes with new hand motions and noise."""
     for place, motion in enumerate(MOTIONS):
         seed = 1000 * number + place
         hangtime(folder, "sensor", "synthesise", motion, "--name", motion, "--motion", motion, "--effect", "air_drag",
@@ -49,7 +49,7 @@ def record(folder: Path, number: int) -> None:
 
 
 def equivalent_drag(grids: list[tuple[Floats, Floats]]) -> float:
-    """Return the constant drag coefficient that pushes most like the planted one.
+    """Return the constant drag coefficient whose force is nearest to the planted one's.
 
     grids: times [s], (frames,), and the cloth [m], (frames, rows, columns, 3), of each motion
     """

@@ -1,4 +1,4 @@
-"""Cost of a diagnosis: simulations a take and time, for three takes of three to four seconds with a 9 x 9 grid.
+"""Measure the cost of a diagnosis: simulations a take and time, for three takes of three to four seconds, 9 x 9 points.
 
 The case comes from the blind check's generator, with air drag. All effects of the library are tested, and two more
 takes are held out. Simulations on the finer and coarser meshes count like any other.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or results depend on the number of processors
 
 from msgspec.structs import replace
 

@@ -1,8 +1,8 @@
-"""Memory of the recording process and frames it loses in a long recording, beside a process that takes a whole core.
+"""Measure memory and lost frames of a long recording, while another process occupies a whole core.
 
 Three processes run. One publishes pictures 30 times a second, as a live sensor's driver does, and keeps only the
-newest. One records as `hangtime record` does (precedence, queue, tracking, take on the disk). One keeps a processor
-busy. Once in `HITCH_EVERY` seconds tracking stands still for `HITCH` seconds, as on a disk that does not answer. A
+newest. One records as `hangtime record` does (priority, queue, tracking, take on the disk). One keeps a processor
+busy. Every `HITCH_EVERY` seconds tracking halts for `HITCH` seconds, as on a disk that does not respond. A
 frame is lost if the recorder never got it, by the publisher's own count.
 
 Run: python benchmarks/endurance.py [--minutes 30] [--hogs 1] [--ordinary]. Without an option it takes one minute. The
@@ -30,19 +30,19 @@ sys.path.insert(0, str(ROOT))
 WIDTH, HEIGHT, FPS = 640, 480, 30.0
 DEPTH_BYTES, COLOUR_BYTES = 2 * WIDTH * HEIGHT, 3 * WIDTH * HEIGHT
 SLOT = DEPTH_BYTES + COLOUR_BYTES
-SLOTS = 4  # the newest frame, the one that is being written, and time to read what was the newest
+SLOTS = 4  # the newest frame, the frame being written, and one that is still being read
 MOST_MEMORY = 110.0  # MB
 FLAT = 2.0  # MB from the first third of the recording to the last
-WARM_UP = 5.0  # s after which memory is looked at
+WARM_UP = 5.0  # s after which memory is measured
 HITCH, HITCH_EVERY = 1.0, 20.0  # s
-CLOSEST = 0.9  # of a frame's time between two pictures; a sensor that is late does not hurry after it
-HARDWARE = 50  # real-time priority of what stands for it, the kernel's own for interrupts
-COLOUR_NOISE = 3.0  # of 255, in light so dim that packing a picture saves hardly a third
+CLOSEST = 0.9  # of a frame's time between two images; a late sensor does not catch up
+HARDWARE = 50  # real-time priority of the publisher, that of the kernel's interrupt threads
+COLOUR_NOISE = 3.0  # of 255, in light so dim that compression saves hardly a third
 LOOP = 30  # pictures, a hanger that swings to and fro once
 
 
 class Board:
-    """A noticeboard of pictures for another process: a counter and two slots, the newest overwrites the oldest."""
+    """Shared memory of images for another process: a counter and slots, of which the newest overwrites the oldest."""
 
     SIZE = 64 + SLOTS * SLOT
 
@@ -56,13 +56,13 @@ class Board:
         return depth, self._memory[at + DEPTH_BYTES : at + SLOT].reshape(HEIGHT, WIDTH, 3)
 
     def put(self, number: int, pictures: tuple[np.ndarray, np.ndarray]) -> None:
-        """Put up picture `number`, from 1."""
+        """Publish image `number`, from 1."""
         for place, picture in zip(self._slot(number), pictures, strict=True):
             place[:] = picture
         self.count[0] = number
 
     def get(self) -> tuple[int, np.ndarray, np.ndarray]:
-        """Return the newest picture and its number, copied."""
+        """Return a copy of the newest image, and its number."""
         while True:
             number = int(self.count[0])
             depth, colour = (np.array(place) for place in self._slot(number))
@@ -87,7 +87,7 @@ def swung_pictures() -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def publish(path: Path, seconds: float) -> None:
-    """Put up pictures 30 times a second for so long, then -1 as the counter."""
+    """Publish images 30 times a second for a time [s], then set the counter to -1."""
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(HARDWARE))
     board = Board(path)
@@ -108,7 +108,7 @@ def publish(path: Path, seconds: float) -> None:
 
 
 def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
-    """Record from the board and say how much memory that took, and when."""
+    """Record from the shared memory; report the memory use over time."""
     from capture.recording.frame_queue import QueuedSensor
     from capture.recording.precedence import Precedence
     from capture.recording.session import record
@@ -119,7 +119,7 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
     camera = Sensor(width=WIDTH, height=HEIGHT, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 
     class BoardSensor(DepthSensor):
-        """The board as a live sensor."""
+        """The shared memory as a live sensor."""
 
         def __init__(self) -> None:
             self._board, self._last, self.missed = Board(path), 0, 0
@@ -148,17 +148,17 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
 
     rig = Rig(format="hangtime-rig/1", name="endurance", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=camera)
     memory: list[tuple[float, float]] = []
-    told, hitches, behind = 0, 0, 0.0  # no lists of frames: their memory would be counted as the recorder's
+    reported, hitches, behind = 0, 0, 0.0  # no lists of frames: their memory would be counted as the recorder's
     begun = time.monotonic()
     print("ready", flush=True)
 
     def look(frame: SensorFrame, *sights: object) -> None:
-        nonlocal told, behind, hitches
+        nonlocal reported, behind, hitches
         now = time.monotonic() - begun
         if now >= HITCH_EVERY * (hitches + 1):
             hitches += 1
             time.sleep(HITCH)
-        told += frame.dropped_before
+        reported += frame.dropped_before
         behind = max(behind, time.monotonic() - frame.host_time_s)
         if not memory or now - memory[-1][0] >= 1.0:
             memory.append((now, resident()))
@@ -169,7 +169,7 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
         report = record(sensor, rig, GARMENT, out, take_id="endurance", created="now", watch=look)
     print(
         json.dumps(
-            {"frames": report.frames, "with_hanger": report.with_hanger, "told": told, "missed": board.missed,
+            {"frames": report.frames, "with_hanger": report.with_hanger, "reported": reported, "missed": board.missed,
              "memory": memory, "behind_ms": 1e3 * behind, "first": precedence.is_granted, "hitches": hitches}
         ),
         flush=True,
@@ -177,13 +177,13 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
 
 
 def resident() -> float:
-    """Memory of this process that is in use now [MB = 10^6 bytes], without the board, which stands for the driver's."""
+    """Return the current memory of this process [MB = 10^6 bytes], without the shared memory, which is the driver's."""
     lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
     return sum(int(line[1]) for line in lines if line[0] in {"RssAnon:", "RssFile:"}) * 1024 / 1e6
 
 
 def measure(seconds: float, hogs: int = 1, *, is_ordinary: bool = False) -> dict[str, float]:
-    """Run all processes; return frames published, recorded, lost and told of, memory [MB], its growth, delays [ms]."""
+    """Run all processes; return frames published, recorded, lost and reported, memory [MB], its growth, delays [ms]."""
     me = [sys.executable, "-W", "ignore", str(Path(__file__).resolve())]
     running: list[subprocess.Popen[str]] = []
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
@@ -222,7 +222,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--hogs", type=int, default=1, help="processes that take a core each")
-    parser.add_argument("--ordinary", action="store_true", help="the recorder asks for no precedence")
+    parser.add_argument("--ordinary", action="store_true", help="the recorder requests no real-time priority")
     for part in ("--publish", "--record", "--out", "--seconds"):
         parser.add_argument(part, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -236,7 +236,9 @@ def main() -> None:
         print(f"{found['published']:.0f} frames in {options.minutes:g} minutes beside {beside}")
         rank = "before ordinary programs" if found["first"] else "an ordinary program"
         print(f"recorder {rank}, tracking stood still for {HITCH:g} s {found['hitches']:.0f} times")
-        print(f"lost     {found['lost']:6.0f} frames   (target 0), {found['told']:.0f} of them told of in the take")
+        print(
+            f"lost     {found['lost']:6.0f} frames   (target 0), {found['reported']:.0f} of them reported in the take"
+        )
         print(
             f"         {found['missed']:6.0f} of them while the fetching thread was late, others found the queue full"
         )

@@ -1,8 +1,8 @@
-"""Exports: a strip in other people's simulators against the closed form, and what films of sewn garments cost.
+"""Test exports: a strip in other simulators against closed forms, and the cost of animations of sewn garments.
 
     python benchmarks/export.py [--film SECONDS] [--walk SECONDS] [--only strips|film|walk]
 
-A strip of 6 cm x 50 cm and 100 N/m hangs and swings in each simulator whose Python is named: HANGTIME_NEWTON_PYTHON,
+A strip of 6 cm x 50 cm and 100 N/m hangs and swings in each simulator whose Python is set: HANGTIME_NEWTON_PYTHON,
 HANGTIME_MUJOCO_PYTHON. A strip of 3 cm x 10 cm and 3.2 mN m, clamped at its end, sags there.
 
 The film is of a skirt with front and back, 0.4 m x 0.5 m, that hangs from its top edge. The skirt moves in four ways at
@@ -58,7 +58,7 @@ def strips() -> None:
 
 
 def sags() -> None:
-    """Print how far a clamped strip sags in each simulator."""
+    """Print the sag of a clamped strip in each simulator."""
     print(f"right: {1e3 * SAG:.3f} mm")
     solvers, cloth = ("SolverStyle3D", "SolverVBD", "SolverSemiImplicit"), strip(0.03, CLAMPED + CELL, CELL)
     for title, found in in_each_simulator("cantilever", CELL, solvers, cloth, {"bending_stiffness": RIGID}, str(CELL)):
@@ -68,11 +68,11 @@ def sags() -> None:
 def in_each_simulator(
     trial: str, spacing: float, solvers: Sequence[str], cloth: Sheet, values: dict[str, float], *words: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name of each simulator whose Python is named, and what a trial of an exported strip finds in it.
+    """Yield the name of each simulator whose Python is set, and the result of a trial of an exported strip in it.
 
     - `trial`: of the scripts newton_TRIAL.py and mujoco_TRIAL.py beside the tests
-    - `values`: parameters of the fit that are not its usual ones
-    - `words`: what MuJoCo's script is told besides its file
+    - `values`: parameters of the fit that replace the defaults
+    - `words`: further arguments of MuJoCo's script
     """
     result = a_fit(values={"velocity_damping": 0.02} | values)
     fabric, simulators = fabric_of(result), {name: find_generator(name).foreign for name in ("mujoco", "newton")}
@@ -84,16 +84,16 @@ def in_each_simulator(
         if simulators["newton"].is_installed():
             (folder / "strip.usda").write_bytes(usd_physics(result, fabric, cloth, 5e-4))
             runs += [(f"Newton {s}", "newton", [folder / "strip.usda", folder / "strip.json", s]) for s in solvers]
-        for title, simulator, told in runs:
+        for title, simulator, further in runs:
             foreign = simulators[simulator]
             if foreign.is_installed():
-                yield title, answer(foreign, f"{simulator}_{trial}.py", *told)
+                yield title, answer(foreign, f"{simulator}_{trial}.py", *further)
             else:
                 print(f"{title}: {foreign.variable} names no Python that has it")
 
 
 def film(seconds: float) -> None:
-    """Print what a film of a sewn skirt costs."""
+    """Print the cost of an animation of a sewn skirt."""
     skirt = msgspec.structs.replace(
         sheet(width=0.4, height=0.5, mass=0.08), format="hangtime-garment/2", seams=((1, 2), (3, 0))
     )
@@ -108,7 +108,7 @@ def film(seconds: float) -> None:
 
 
 def walks(seconds: float) -> None:
-    """Print how a figure walks in a skirt and in a T-shirt, and what the film costs."""
+    """Print the results and the cost of animations in which a figure walks in a skirt and in a T-shirt."""
     for garment in GARMENTS:
         scene = Scene(result=a_fit(effects={"air_drag": 1.0}), seconds=seconds, figure=FigureOrder(wear=garment))
         with tempfile.TemporaryDirectory() as name:

@@ -1,4 +1,4 @@
-"""The effect of noise on the hanger's path on simulated cloth, and its rest after smoothing.
+"""Measure the error of simulated cloth from noise on the hanger's path, before and after smoothing.
 
 Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator without any effect are each made twice from
 the same seed, with and without noise. The tool's cloth has the generator's stiffnesses. The true path drives the cloth,
@@ -36,20 +36,20 @@ TRAINING = 3  # takes of a case
 
 
 def cubic(recording: Recording) -> Recording:
-    """The same recording with a path that a cubic spline at 6 Hz has smoothed."""
+    """Return the same recording with a path smoothed by a cubic spline at 6 Hz."""
     spline = smoothing_spline(recording.time, recording.held_seen)
     return dataclasses.replace(recording, held=lambda t: np.asarray(spline(np.clip(t, 0.0, recording.time[-1]))))
 
 
 def moved(recordings: list[Recording], truth: Truth) -> list[Floats]:
-    """Simulated points on every recording's path, each (frames, points, 3) [m]."""
+    """Return the simulated points for every recording's path, each (frames, points, 3) [m]."""
     vector = true_vector(truth)
     observer = Observer(recordings, SI, (), frequency=0.0, resolution=fine_enough(recordings[0]))
     return [points[0] for points in observer.trajectories(vector[None], observer.off[None])]
 
 
 def off_by(number: int) -> tuple[float, float, float]:
-    """Deviation of the markers, and how far the cloth is off with the cubic and with the path's own spline [mm]."""
+    """Return the markers' deviation, and the cloth's error with the cubic and with the path's own spline [mm]."""
     truth = draw_truth(f"n{number}", "null", (), (SEED, number))
     still = msgspec.structs.replace(truth, look=msgspec.structs.replace(truth.look, noise=1e-6))
     noisy, clean = ([prepare(take) for take in make_takes(t)[:TRAINING]] for t in (truth, still))

@@ -1,14 +1,14 @@
-"""Fit the coefficients of `capture.garment.folding` to the development sets, and judge them on cloths left out.
+"""Fit the coefficients of `capture.garment.folding` to the development sets, with cross-validation over cloths.
 
 Run: python benchmarks/hidden_corners.py [--keep FOLDER] [--sets development development-2 ...]. Half a minute a scene,
 6 scenes a set, to draw them; a few seconds a scene once they are kept (50 MB each).
 
     maximise  sum_n [y_n ln P_n + (1 - y_n) ln(1 - P_n)] - L / 2 sum_k (s_k c_k)^2
 
-by Newton's iteration, s_k the trace's standard deviation. The belief of the frame before is a trace, too, and depends
-on the weights. So the weights are fitted `ROUNDS` times, first without this trace. Examples are the corners in doubt of
-the hard swings that are clearly hidden (y = 1) or clearly visible (0, `firmware_host.synthetic.visibility`). Scenes of
-one cloth at several distances are one motion, so that `DISTANCES` do, and all are left out together. A hidden corner
+by Newton's iteration, s_k the feature's standard deviation. The previous frame's log-odds are also a feature and depend
+on the weights. So the weights are fitted `ROUNDS` times, first without this feature. Examples are the corners in doubt
+of the hard swings that are clearly hidden (y = 1) or clearly visible (0, `firmware_host.synthetic.visibility`). Scenes
+of one cloth at several distances are one motion, so that `DISTANCES` do, and all are left out together. A hidden corner
 that is not in doubt counts as missed. Only depth is drawn; the held edge's ends are the true ones with the noise that
 tracked ones have.
 """
@@ -45,10 +45,10 @@ FEW = 20  # pixels
 
 @dataclass(frozen=True)
 class Examples:
-    """Corners of one scene: time [s], (n,); traces, (n, 4, traces), NaN where not in doubt; the truth, (n, 4).
+    """Corners of one scene: time [s], (n,); features, (n, 4, features), NaN where not in doubt; the truth, (n, 4).
 
-    - `pixels`, (n, 4): how many show the corner's neighbourhood
-    - `told`, (n, 4): the answer of today's tracker, which also considers things in front and the picture's border;
+    - `pixels`, (n, 4): number of pixels that show the corner's neighbourhood
+    - `reported`, (n, 4): the current tracker's answer, which also considers objects in front and the image's border;
       corners from the top left clockwise
     """
 
@@ -58,7 +58,7 @@ class Examples:
     hidden: np.ndarray
     visible: np.ndarray
     pixels: np.ndarray
-    told: np.ndarray
+    reported: np.ndarray
 
     @property
     def asked(self) -> np.ndarray:
@@ -67,11 +67,11 @@ class Examples:
 
     @property
     def learnt(self) -> np.ndarray:
-        """Return which are in doubt, and clearly hidden or clearly visible, (n, 4)."""
+        """Return which corners are in doubt, and clearly hidden or clearly visible, (n, 4)."""
         return self.asked & (self.hidden | self.visible)
 
     def followed(self, weights: Weights) -> tuple[np.ndarray, np.ndarray]:
-        """Return with weights the log-odds of what was before, and how probable it is that it is hidden, (n, 4)."""
+        """Return, for given weights, the prior log-odds and the probability of being hidden, (n, 4) each."""
         belief = Belief(self.traces.shape[1], weights)
         pairs = [(belief.before(float(t)), belief.update(found, float(t)))
                  for t, found in zip(self.time, self.traces, strict=True)]  # fmt: skip
@@ -80,7 +80,7 @@ class Examples:
 
 
 def depth_frames(scene: Scene, world: World) -> dict[str, np.ndarray]:
-    """Draw a scene's depth, the ends of the held edge [m], (n, 2, 3), and what is seen of each corner, (n, 5)."""
+    """Render a scene's depth, the ends of the held edge [m], (n, 2, 3), and each corner's visibility, (n, 5)."""
     renderer = world.renderer()
     noise = np.random.default_rng(scene.seed)
     numbers = np.flatnonzero((world.time >= FIRST) & (world.time < LAST))
@@ -102,22 +102,22 @@ def depth_frames(scene: Scene, world: World) -> dict[str, np.ndarray]:
 
 
 def examples(scene: Scene, drawn: dict[str, np.ndarray]) -> Examples:
-    """Track a drawn scene and keep what is known of the corners in doubt."""
+    """Track a rendered scene and return the features of the corners in doubt."""
     tracker = SilhouetteTracker(GARMENTS[scene.garment](), RIG, CorrelationMeter())
-    found, told = [], []
+    found, reported = [], []
     for depth, held, time in zip(drawn["depth"], drawn["held"], drawn["time"], strict=True):
-        told.append(tracker.track(depth, held, float(time)).hidden)
+        reported.append(tracker.track(depth, held, float(time)).hidden)
         found.append(tracker.traces)
     sight = PointSight(drawn["in_view"], drawn["pixels"], drawn["share"])
     corners = np.s_[:, :CORNERS]
     return Examples(
         f"{scene.garment}-{scene.seed % 1000}", drawn["time"], np.array(found), sight.hidden[corners],
-        sight.visible[corners], sight.pixels[corners], np.array(told)[corners],
+        sight.visible[corners], sight.pixels[corners], np.array(reported)[corners],
     )  # fmt: skip
 
 
 def all_examples(sets: list[str], keep: Path | None) -> Iterator[Examples]:
-    """Yield the hard swings' examples, drawn or kept."""
+    """Yield the hard swings' examples, rendered or from the cache."""
     for chosen in sets:
         for scene, make in scenes(chosen):
             if scene.swing != "hard" or scene.distance not in DISTANCES:
@@ -135,7 +135,7 @@ def all_examples(sets: list[str], keep: Path | None) -> Iterator[Examples]:
 
 
 def fit(traces: np.ndarray, hidden: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the constant and the coefficients, (traces,), of the most probable logistic regression."""
+    """Return the constant and the coefficients, (features,), of the most probable logistic regression."""
     spread = np.maximum(traces.std(0), 1e-9)
     rows = np.column_stack([np.ones(len(traces)), traces / spread])
     penalty = np.diag([1e-6] + [PENALTY] * len(spread))
@@ -179,19 +179,19 @@ def print_wrong(found: list[Examples], probable: list[np.ndarray], threshold: fl
     """Print the false and the missed answers at a threshold, by kind."""
     wrong = few = sleeves = others = unasked = 0
     for e, p in zip(found, probable, strict=True):
-        told, missed = (p > threshold) & e.visible, e.asked & e.hidden & ~(p > threshold)
-        wrong, few = wrong + np.count_nonzero(told), few + np.count_nonzero(told & (e.pixels <= FEW))
+        alarms, missed = (p > threshold) & e.visible, e.asked & e.hidden & ~(p > threshold)
+        wrong, few = wrong + np.count_nonzero(alarms), few + np.count_nonzero(alarms & (e.pixels <= FEW))
         tips = np.count_nonzero(missed[:, :2]) if e.cloth.startswith("t-shirt") else 0
         sleeves, others = sleeves + tips, others + np.count_nonzero(missed) - tips
         unasked += np.count_nonzero(e.hidden & ~e.asked)
-    print(f"told wrongly: {wrong}, of these seen through {FEW} pixels or fewer: {few}")
-    print(f"in doubt and not told: {sleeves} tips of sleeves, {others} others; never in doubt: {unasked}")
+    print(f"wrongly reported as hidden: {wrong}, of these seen through {FEW} pixels or fewer: {few}")
+    print(f"hidden, in doubt, not reported: {sleeves} tips of sleeves, {others} others; never in doubt: {unasked}")
 
 
 def main() -> None:
-    """Print coefficients, threshold, and what they reach on cloths left out."""
+    """Print coefficients, threshold, and the precision and recall on cloths left out."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep drawn depth there, 50 MB a scene")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="cache rendered depth there, 50 MB a scene")
     parser.add_argument("--sets", nargs="+", choices=sorted(SEEDS), default=DEVELOPMENT, help="which seeds")
     chosen = parser.parse_args()
     found = list(all_examples(list(chosen.sets), chosen.keep))
@@ -208,7 +208,7 @@ def main() -> None:
         precision, recall = rates(found, p, threshold)
         print(f"threshold {threshold:.2f}: precision {100 * precision:.1f} %, recall {100 * recall:.1f} %")
     print_wrong(found, p, best)
-    precision, recall = rates(found, [e.told.astype(float) for e in found], 0.5)
+    precision, recall = rates(found, [e.reported.astype(float) for e in found], 0.5)
     print(f"the tracker as it is: precision {100 * precision:.1f} %, recall {100 * recall:.1f} %")
     weights = fit_to(found)
     print(f"{weights.constant:8.2f}  constant")

@@ -1,9 +1,9 @@
-"""The same sealed cases under more noise, more gaps and other frame rates: the diagnosis at its limits.
+"""Diagnose the same sealed cases under more noise, more gaps and other frame rates.
 
 Run: python benchmarks/ladder.py FOLDER [--cases 12] [--nulls 2] [--seed 7] [--workers 2] [--only base n6]. Makes,
 diagnoses and scores a set for every step, in FOLDER/STEP; interrupted, the same command continues. About six minutes a
-step of 14 cases on two cores. "Detectable" is the smallest amplitude that a diagnosis could have seen, by its own
-statement. It is divided by that of the same effect and case under the first step's conditions. The figure is the median
+step of 14 cases on two cores. "Detectable" is the detectable amplitude that a diagnosis states. It is divided by the
+detectable amplitude of the same effect and case under the first step's conditions. The figure is the median
 over cases and effects.
 """
 
@@ -38,7 +38,7 @@ Detectable = dict[tuple[str, str], float]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make and diagnose what is not there yet; print a row for every step."""
+    """Make and diagnose the missing sets; print a row for every step."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--cases", type=int, default=12)
@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
         numbers = {"single": chosen.cases, "null": chosen.nulls, "pair": 0, "unknown": 0}
         make_set(folder / "set", numbers, OWN_GENERATOR.plants([]), chosen.seed, workers=chosen.workers, sensor=sensor)
         run_set(folder / "set", folder / "answers", workers=chosen.workers)
-        if not (folder / "answers" / SCORE).exists():  # every opening counts
+        if not (folder / "answers" / SCORE).exists():  # every opening is recorded
             score_set(folder / "set", folder / "answers")
         score = load_score(folder / "answers")
         found = detectable(folder / "answers", score)
@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def detectable(answers: Path, score: Score) -> Detectable:
-    """Smallest amplitude that could have been seen, of every effect in every case that was diagnosed."""
+    """Return the detectable amplitude of every effect in every diagnosed case."""
     known: Detectable = {}
     for case in score.cases:
         said = answer_of(answers, case.id)
@@ -73,7 +73,7 @@ def detectable(answers: Path, score: Score) -> Detectable:
 
 
 def row(sensor: dict[str, float], score: Score, found: Detectable, first: Detectable) -> str:
-    """One step of the ladder in words."""
+    """Return one step of the ladder as a row of text."""
     singles = [j for j in score.cases if j.kind == "single" and j.is_tested]
     large = rate_of(bool(j.right_first) for j in singles if (j.ratio or 0.0) >= 2)
     wrong = sum(bool(j.named) and not j.right_first for j in singles)

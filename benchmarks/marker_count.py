@@ -1,11 +1,11 @@
-"""How few markers tell a fabric: fits to 81, 49, 25, 16, 9 and 5 of a swatch's markers, judged on all 81.
+"""Fit a fabric to 81, 49, 25, 16, 9 and 5 of a swatch's markers, and measure the error on all 81.
 
 The swatch is the motion capture paper's, of a synthetic fabric whose cloth is not the fitter's
 (`firmware_host.synthetic.swatch`). It is held along its whole top edge, because one that hangs from two corners chooses
 its folds by chance. The method is `si`, fitted by least squares to the motion `swing`. The markers are rows and columns
 nearest to even ones; five are the corners and the middle. Error: mean distance of all judged markers
 on the motion `other`, which no fit sees. Width: end over beginning of the 90 % interval; "-" where the markers do not
-identify the parameter. With --svg the picture goes there. Fits are kept in --folder, and used again.
+identify the parameter. With --svg the figure is written there. Fits are cached in --folder.
 
 Run: python benchmarks/marker_count.py [--fabric cotton ...] [--seed 0] [--svg FILE] [--folder DIR]
 """
@@ -53,7 +53,7 @@ SPACING = 0.05  # m
 
 
 def chosen(count: int) -> Integers:
-    """Return which of the 81 markers are left."""
+    """Return the indices of the chosen markers among the 81."""
     if count == 5:
         return np.array([0, 8, 40, 72, 80])
     lines = np.unique(np.round(np.linspace(0, SWATCH_SIDE - 1, GRIDS[count])).astype(int))
@@ -61,7 +61,7 @@ def chosen(count: int) -> Integers:
 
 
 def fewer(take: Take, count: int) -> Take:
-    """Return a take that has seen fewer markers."""
+    """Return a take with fewer markers."""
     left = chosen(count)
     garment = msgspec.structs.replace(take.garment, points=tuple(take.garment.points[k] for k in left))
     hidden = None if take.points_hidden is None else take.points_hidden[:, left]
@@ -116,7 +116,7 @@ def widths(result: FitResult) -> dict[str, float]:
 def fitted(fabric: str, folder: Path, seed: int) -> dict[int, tuple[float, float, FitResult]]:
     """Return for each number of markers the error before and after [m] on all markers of the other motion, and the fit.
 
-    Fits that the folder has are used again.
+    Fits in the folder are reused.
     """
     takes = {motion: recorded(fabric, motion, folder) for motion in ("swing", "other")}
     method = find_method("si")
@@ -135,7 +135,7 @@ def fitted(fabric: str, folder: Path, seed: int) -> dict[int, tuple[float, float
 
 
 def svg(errors: dict[str, list[float]], spread: dict[str, list[float]]) -> str:
-    """Return the picture: errors [mm] on the left, interval widths on a log scale on the right, against markers."""
+    """Return the figure: errors [mm] and, on a log scale, interval widths against the number of markers."""
     counts = list(GRIDS)
     colours = ("#2b6cb0", "#c05621", "#2f855a", "#6b46c1", "#b7791f")
     parts = [
@@ -164,12 +164,12 @@ def svg(errors: dict[str, list[float]], spread: dict[str, list[float]]) -> str:
         parts.append(f'<text x="{left + 155}" y="306" text-anchor="middle" fill="#555">markers</text>')
         for number, (name, values) in enumerate(lines.items()):
             colour = colours[number % len(colours)]
-            told = [(k, v) for k, v in enumerate(values) if np.isfinite(v)]
-            path = " ".join(at(k, v) for k, v in told)
+            known = [(k, v) for k, v in enumerate(values) if np.isfinite(v)]
+            path = " ".join(at(k, v) for k, v in known)
             parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>')
             parts += [
                 f'<circle cx="{x}" cy="{y}" r="3.5" fill="{colour}"/>'
-                for x, y in (at(k, v).split(",") for k, v in told)
+                for x, y in (at(k, v).split(",") for k, v in known)
             ]  # fmt: skip
             parts.append(
                 f'<text x="{left + 150}" y="{48 + 16 * number}" fill="{colour}">{name.replace("_", " ")}</text>'
@@ -184,22 +184,22 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--svg", type=Path)
     parser.add_argument("--folder", type=Path)
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     errors, spread = {}, {}
     with tempfile.TemporaryDirectory() as temporary:
-        folder = told.folder or Path(temporary)
-        for fabric in told.fabric:
-            found = fitted(fabric, folder, told.seed)
+        folder = options.folder or Path(temporary)
+        for fabric in options.fabric:
+            found = fitted(fabric, folder, options.seed)
             names = list(widths(found[81][2]))
             print(f"{fabric:16} {'before':>7} {'error':>7}   " + " ".join(f"{n:>20}" for n in names))
             for count, (before, after, result) in found.items():
                 cells = " ".join(f"{w:20.2f}" if np.isfinite(w) else f"{'-':>20}" for w in widths(result).values())
                 print(f"{count:8} markers {1e3 * before:7.2f} {1e3 * after:7.2f}   {cells}", flush=True)
             errors[fabric] = [1e3 * after for _, after, _ in found.values()]
-            if fabric == told.fabric[0]:
+            if fabric == options.fabric[0]:
                 spread = {n: [widths(r)[n] for _, _, r in found.values()] for n in names}
-    if told.svg is not None:
-        told.svg.write_text(svg(errors, spread))
+    if options.svg is not None:
+        options.svg.write_text(svg(errors, spread))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
-"""The motion capture method on four synthetic fabrics: manual against optimised, on the takes fitted and on another
-motion.
+"""Compare manual and optimised parameters of the motion capture method on four synthetic fabrics.
+
+Errors are of the fitted takes and of another motion.
 
 The cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`), the start is `fit.methods.fabrics`.
 Cotton is the fabric that choices were made on; read the other three. Run: python benchmarks/mocap_swatch.py [--fabric
@@ -44,7 +45,7 @@ def fit_one(
         takes.append(import_marker_take(csv, load_garment(garment)))
     chosen = find_method(method)
     chosen = chosen.starting_from(find_fabric(fabric).start, fabric)
-    # In units of L metres E is x/L, v/L, kappa L; divided by 1/L only the curvature's factor changes.
+    # In units of L metres E is x/L, v/L, kappa L; after division by 1/L only the curvature's factor changes.
     fit.methods.swatch_error.GAMMA = 2.0 * length_unit**2
     chosen = dataclasses.replace(chosen, gamma=chosen.gamma if length_unit == 1.0 else 1e5)
     request = request_of(chosen, list(effects), iterations=iterations, seed=seed, spacing=spacing, search=search)
@@ -92,10 +93,10 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
             ]
             both = f"{whole.before:7.3f} > {whole.after:6.3f}" if whole is not None else ""
             print(f"{fabric:16} {both:>16} " + " ".join(cells), flush=True)
-            told = "; ".join(
-                f"{c.name} {c.fitted:.3g}{'' if c.is_identified else ' (untold)'}" for c in found.combinations
+            listed = "; ".join(
+                f"{c.name} {c.fitted:.3g}{'' if c.is_identified else ' (not identified)'}" for c in found.combinations
             )
-            print(f"{'':16} {found.simulations} simulations; {told}", flush=True)
+            print(f"{'':16} {found.simulations} simulations; {listed}", flush=True)
     return results
 
 

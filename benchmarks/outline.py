@@ -1,8 +1,8 @@
-"""The outline alone against points: three fits to the same take, judged on all 81 markers of another motion.
+"""Compare fits to the outline alone with fits to points: fits to one take, errors on all markers of another motion.
 
 The takes are those of `benchmarks/marker_count.py`: a synthetic swatch held along its top edge, whose cloth is not the
-fitter's. `si` by least squares and by CMA-ES sees all markers. `si-outline` by CMA-ES sees where the edge of the cloth
-is, from the front, and not which piece of it. Each parameter stands beside the truth.
+fitter's. `si` by least squares and by CMA-ES uses all markers. `si-outline` by CMA-ES uses the edge of the cloth as
+seen from the front, without material points. Each parameter stands beside the truth.
 
 Run: python benchmarks/outline.py [--fabric cotton ...] [--iterations 350] [--seed 0] [--folder DIR]
 """
@@ -49,16 +49,16 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--iterations", type=int, default=350)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path)
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as temporary:
-        folder = told.folder or Path(temporary)
-        for fabric in told.fabric:
+        folder = options.folder or Path(temporary)
+        for fabric in options.fabric:
             true = TRUE_FABRICS[fabric].physics
             print(
                 f"{fabric}: true stretch {true.stretch_stiffness:g}, shear {true.shear_stiffness:g}, bending "
                 f"{true.bending_stiffness:g}, damping {true.linear_damping:g}"
             )
-            for name, error, result in fitted(fabric, folder, iterations=told.iterations, seed=told.seed):
+            for name, error, result in fitted(fabric, folder, iterations=options.iterations, seed=options.seed):
                 values = ", ".join(f"{p.name} {p.fitted:.3g}" for p in result.parameters)
                 print(f"{name:24} {1e3 * error:6.2f} mm, {result.simulations} simulations; {values}", flush=True)
 

@@ -1,12 +1,12 @@
-"""Pairs by what a diagnosis that knew the planted effects could have told of them.
+"""The upper limit for pairs: the rates of an oracle that knows the planted effects and only fits them.
 
 Run: python benchmarks/pair_oracle.py SET ANSWERS [ANSWERS ...] [--out FILE.json].
-SET is a scored set of the blind check, so that its seal is open. ANSWERS are folders of answers to the set.
+SET is a scored set of the blind check, whose seal is open. ANSWERS are folders of answers to the set.
 
-A planted effect of a pair may be large alone and yet change nothing that the other one does not change as well. So
-the oracle fits both effects together from their planted sizes, and each alone from where that fit ended. The held-out
-takes judge the three fits. The true pair leaves less than the best true single. The conditional size k compares that
-gain with the least one for which the rules may name a second effect:
+A planted effect of a pair may be large alone and yet collinear with the other one. So the oracle fits both effects
+together from their planted sizes, and each alone from the result of that fit. The held-out takes judge the three fits.
+The true pair leaves a smaller error than the best true single. The conditional size k compares this gain with the
+least gain for which the rules may name a second effect:
 
     k^2 = (E_single^2 - E_pair^2) / needed,   needed = max(share N^2, (1.2 - 1) F^2).
 
@@ -45,14 +45,14 @@ from formats.archive import read_take
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis
 
-ITERATIONS = 12  # of every fit, which begins near its end
+ITERATIONS = 12  # bound on every fit, which begins near its minimum
 BINS = (("k >= 2", 2.0, np.inf), ("1 <= k < 2", 1.0, 2.0), ("k < 1", -np.inf, 1.0))
 TRUE = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_damping")
 
 
 @dataclass(frozen=True)
 class Known:
-    """Findings of the oracle about one pair; errors in mm, on held-out takes."""
+    """The oracle's results for one pair; errors in mm, on held-out takes."""
 
     case: str
     planted: tuple[str, ...]
@@ -93,7 +93,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def known_of(folder: Path, truth: Truth, said: Diagnosis, answers: list[Path]) -> Known:
-    """Fit the planted effects of a case together and alone, and judge the fits."""
+    """Fit the planted effects of a case together and alone; return their held-out errors."""
     case = folder / "cases" / truth.id
     takes = ready(*([read_take(p) for p in sorted(case.glob(f"{kind}-*.mcap"))] for kind in ("take", "held-out")))
     with one_thread_of_algebra():
@@ -122,16 +122,16 @@ def known_of(folder: Path, truth: Truth, said: Diagnosis, answers: list[Path]) -
 
 
 def conditional_size(gain: float, floor_mm: float, numerics_mm: float, share: float) -> float:
-    """Return k, of a gain [mm^2] and of the share of mesh and solver error that the second effect must remove."""
+    """Return k, from a gain [mm^2] and the share of mesh and solver error that the second effect must remove."""
     needed = max(share * numerics_mm**2, (SIGNIFICANT_GAP - 1) * floor_mm**2)
     return float(np.sqrt(max(gain, 0.0) / needed))
 
 
 def nearest(observer: Observer, truth: Truth, said: Diagnosis) -> tuple[Floats, Floats]:
-    """Return the true parameters and sizes, in the observer's words, with the signs that fit best.
+    """Return the true parameters and sizes as the observer's parameters, with the signs that fit best.
 
-    Signs of the generator may not be the library's. So both ways of every sign are tried, beside the true parameters
-    and beside the answer's base parameters. The generator has no bending viscosity; the answer's stands for it.
+    The generator's signs may differ from the library's. So both values of every sign are tried, with the true
+    parameters and with the answer's base parameters. The generator has no bending viscosity, so the answer's is used.
     """
     base = np.array([p.fitted for p in said.base_parameters])
     true = base.copy()

@@ -1,4 +1,4 @@
-"""The cost of a swung swatch in foreign engines against ours: CPU seconds per candidate at equal error.
+"""Compare the cost of a swung swatch in other engines and ours: CPU seconds per candidate at equal error.
 
 Run: python benchmarks/peers.py [--peer NAME ...]. The swatch measures 0.4 m x 0.4 m and is held along its top edge. It
 has 0.2 kg/m^2, stretch 300 N/m, shear 30 N/m and bending 1e-5 N m. It is swung for 4 s with a damping of 0.5 1/s.
@@ -10,7 +10,7 @@ shown as a miss. The ratio is the median of REPEATS turns of ours and theirs.
 Costs are CPU seconds of the stepping loop in one thread, without settling, start and building. Ours are of a batch of
 sixteen candidates, with the packing of their arrays, times the unsettled share of the simulated seconds. Explicit
 engines, ours among them, go up to 0.98 of the step that is stable by their linear bound. Shared machines slow all
-alike: look at ratios.
+alike, so only ratios are meaningful.
 
 Each peer runs in a Python that a variable names: HANGTIME_MUJOCO_PYTHON and the same for NEWTON, PYPBD, PYBULLET and
 BLENDER. A missing peer is skipped and reported. Newton's steps are recorded as a graph and replayed, without Python in
@@ -40,10 +40,10 @@ from fit.blind.sheet import make_grid
 from fit.errors import FitError
 from fit.foreign.process import BLENDER, Foreign, ForeignProcess
 
-ERROR = 0.03  # of the swing, rms: what the fitter's usual mesh of 50 mm keeps
+ERROR = 0.03  # of the swing, rms: the error of the fitter's default mesh of 50 mm
 SIZE, DURATION, SETTLE = 0.4, 4.0, 1.0  # m, s, s
 CLOTH = Cloth(width=SIZE, height=SIZE, density=0.2, stretch=300.0, shear=30.0, bending=1e-5, damping=0.5)
-GRID = 6  # points a side, of which the held row is not judged
+GRID = 6  # points a side, of which the held row does not count
 PLACES = np.array([(x, y) for y in np.linspace(0, -SIZE, GRID)[1:] for x in np.linspace(-0.5, 0.5, GRID) * SIZE])
 REPEATS = 5
 WORKERS = Path(__file__).with_name("peer_workers")
@@ -64,7 +64,7 @@ Run = Callable[[], tuple[np.ndarray, float]]  # points (frames, points, 3) and C
 
 
 def path() -> np.ndarray:
-    """Ends of the held edge [m], (samples, 6): face-on at 0.8 Hz and 60 mm, ramped in over 0.6 s."""
+    """Return the ends of the held edge [m], (samples, 6): face-on at 0.8 Hz and 60 mm, ramped in over 0.6 s."""
     now = np.arange(round(DURATION * SAMPLES_A_SECOND) + 1) / SAMPLES_A_SECOND
     ramp = np.clip(now / 0.6, 0, 1) ** 3 * (10 - 15 * np.clip(now / 0.6, 0, 1) + 6 * np.clip(now / 0.6, 0, 1) ** 2)
     ends = np.zeros((len(now), 6))
@@ -74,7 +74,7 @@ def path() -> np.ndarray:
 
 
 def ours() -> Iterator[tuple[str, Run]]:
-    """Our own cloth: sixteen candidates in lanes."""
+    """Run our cloth with sixteen candidates in lanes."""
     from fit.cloth.model import Resolution
     from fit.cloth.simulator import Simulator
     from fit.recordings.recording import prepare
@@ -124,7 +124,7 @@ def implicit(solver: str, rungs: Sequence[tuple[int, int, int]]) -> Iterator[tup
 
 
 def sheet_of(cells: int) -> Engine:
-    """The cloth on a grid of so many cells a side."""
+    """Return the cloth on a grid with this number of cells a side."""
     return Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
 
 
@@ -142,7 +142,7 @@ def job_run(process: ForeignProcess, cells: int, step: float, **settings: str | 
 
 
 def at_frames(seen: np.ndarray, time: np.ndarray, instants: np.ndarray) -> np.ndarray:
-    """Points at other instants, linear between."""
+    """Return points at other instants, by linear interpolation."""
     columns = seen.reshape(len(seen), -1).T
     return np.stack([np.interp(instants, time, c) for c in columns], 1).reshape(len(instants), -1, 3)
 
@@ -193,16 +193,16 @@ def blender_run(process: ForeignProcess, cells: int, quality: int) -> Run:
             quality=np.array(quality),
         )
         nodes = answer["nodes"].astype(float)[:, round(SETTLE * FRAMES) :]
-        # a second of settling is a fifth of the frames
+        # one second of settling, a fifth of the frames
         return points_on(sheet, nodes, PLACES)[0], float(answer["seconds"]) * DURATION / (DURATION + SETTLE)
 
     return run
 
 
 def cheapest(name: str, ladder: Iterator[tuple[str, Run]]) -> tuple[Run, bool]:
-    """Climb a ladder, whose last rung is the reference; print every rung.
+    """Run the settings of a ladder, of which the last is the reference; print every result.
 
-    Return the cheapest run within ERROR and true, or the one of the least error and false.
+    Return the cheapest run within ERROR and True, or the run of the least error and False.
     """
     rungs = []
     for title, run in ladder:
@@ -227,13 +227,13 @@ def cheapest(name: str, ladder: Iterator[tuple[str, Run]]) -> tuple[Run, bool]:
 
 
 def in_turns(one: Run, other: Run) -> tuple[float, float, float]:
-    """Quartiles and median, in this order low, middle, high, of how many times the cost of one the other's is."""
+    """Return lower quartile, median and upper quartile of the ratio of the other's cost to the first one's."""
     ratios = [other()[1] / one()[1] for _ in range(REPEATS)]
     low, middle, high = np.percentile(ratios, [25, 50, 75])
     return float(low), float(middle), float(high)
 
 
-# Single precision spoils XPBD above 5000 steps a second, so that its finest run is not of the finest mesh.
+# Single precision limits XPBD above 5000 steps a second, so its reference is not on the finest mesh.
 XPBD_RUNGS = (
     (6, 1000, 1), (8, 1200, 1), (10, 1600, 1), (11, 1600, 1), (12, 1600, 1), (12, 1600, 2), (13, 1600, 1),
     (13, 2000, 1), (13, 2000, 2), (14, 2000, 1), (16, 2400, 1), (24, 3200, 2),
@@ -254,7 +254,7 @@ PEERS: dict[str, tuple[Foreign, Callable[[], Iterator[tuple[str, Run]]]]] = {
 
 
 def main() -> None:
-    """Print the cost of every engine at equal error, and how many times ours that is."""
+    """Print the cost of every engine at equal error, and its ratio to ours."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--peer", action="append", choices=sorted(PEERS), help="only this one; may be repeated")
     asked = parser.parse_args().peer or list(PEERS)

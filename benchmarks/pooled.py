@@ -1,4 +1,4 @@
-"""The rates of several scored sets together, as the blind check's tables quote them.
+"""Print the pooled rates of several scored sets, as the blind check's tables quote them.
 
 Run: python benchmarks/pooled.py ANSWERS [ANSWERS ...], folders that `hangtime blind score` has scored. Opens no seal.
 """
@@ -15,7 +15,7 @@ from fit.blind.scoring import load_score, summarise
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print every rate of all cases, and those that no single set prints."""
+    """Print every rate of all cases, and the rates that single sets omit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("answers", type=Path, nargs="+")
     scores = [load_score(folder) for folder in parser.parse_args(arguments).answers]

@@ -1,18 +1,18 @@
-"""Ask real recordings, without any cloth, about what the points of one frame have in common.
+"""Test on real recordings, without a cloth model, whether the points of one frame share an error.
 
     benchmarks/real_cloth_frames.py FOLDER
 
-FOLDER holds the `.npz` recordings (docs/notebook/real-cloth.md). Each line is one take with its stamps mended and its
-skewed grids left out. The mean distance of the lower half of the points across the cloth is a smooth curve over time.
-A Gaussian process of Matern's kernel 5/2 foretells each frame from all others. Printed is the root mean square error
-[mm], and the log density of a frame, of three ways to see the points:
+FOLDER holds the `.npz` recordings (docs/notebook/real-cloth.md). Each line is one take with corrected timestamps and
+without skewed grids. The mean distance of the lower half of the points across the cloth is a smooth curve over time.
+A Gaussian process of Matern's kernel 5/2 predicts each frame from all others. Printed are the root mean square error
+[mm], and the log density of a frame, for three treatments of the points:
 
 - `path`: about the hanger's path
-- `moved`: frames moved back by what the held row is off (`fit.recordings.frame_offsets`)
+- `moved`: frames shifted back by the held row's offset (`fit.recordings.frame_offsets`)
 - `row`: about the held row of the same frame, with its noise
 
 A wrong assumption about frames makes the curve rougher. Length, noise and size of the process are the likeliest of a
-grid, for each way by itself.
+grid, for each variant separately.
 Source: C. E. Rasmussen & C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), equations 5.10 to 5.12.
 """
 
@@ -34,11 +34,11 @@ from formats.importers.swung_cloth import import_swung_cloth
 
 LENGTHS = (0.15, 0.2, 0.3, 0.45, 0.6)  # s
 NOISES = (2e-3, 4e-3, 8e-3, 15e-3)  # m
-SIZES = (1.0, 2.0)  # deviations of the curve
+SIZES = (1.0, 2.0)  # standard deviations of the curve
 
 
-def foretold(time: Floats, curve: Floats) -> tuple[float, float]:
-    """Return the root mean square error [m] and the mean log density of frames foretold from all others.
+def predicted(time: Floats, curve: Floats) -> tuple[float, float]:
+    """Return the root mean square error [m] and the mean log density of frames predicted from all others.
 
     time [s], (frames,); curve [m], (frames,)
     """
@@ -77,7 +77,7 @@ def main(folder: Path) -> None:
         take = import_swung_cloth(path)
         time, below, held = curves(prepare(take, CameraSteps(frames=False)))
         moved_time, moved, _ = curves(prepare(take))
-        seen = [foretold(t, c - c.mean()) for t, c in ((time, below), (moved_time, moved), (time, below - held))]
+        seen = [predicted(t, c - c.mean()) for t, c in ((time, below), (moved_time, moved), (time, below - held))]
         every.append(seen)
         print(f"{path.stem:16s} " + " ".join(f"{1e3 * error:6.1f} {density:7.2f}" for error, density in seen))
     middle = np.mean(every, axis=0)

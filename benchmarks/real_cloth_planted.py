@@ -1,4 +1,4 @@
-"""Plant a camera's faults in real recordings of swung cloth, and count how often what is found moves most for it.
+"""Plant a camera's faults in real recordings of swung cloth, and count how often the matching figure responds most.
 
     benchmarks/real_cloth_planted.py FOLDER [TOGETHER]
 
@@ -7,7 +7,7 @@ given), as one diagnosis reads them. Four faults are planted in every group:
 
 - stamps 60 ms late
 - gravity tilted by 2 degrees across the cloth
-- depths 1.5 % too long from the rig's origin
+- depth 1.5 % too long from the rig's origin
 - every border eaten by 10 mm
 
 The findings of a fit's or a diagnosis' camera section (`fit.recordings.camera_findings`) are read before and after. The
@@ -40,7 +40,7 @@ from formats.importers.swung_cloth import import_swung_cloth
 from formats.take import Take
 
 LATE, TILT, DEPTH, BORDER = 0.06, np.radians(2.0), 0.015, 0.01  # s, rad, share, m
-TYPICAL_OF = {  # what a figure counts in: the typical size of an effect
+TYPICAL_OF = {  # unit of a figure: the typical size of an effect
     "latency": "time_offset", "publish_time": "frame_timing", "held_edge": "attachment_offset",
     "eaten_border": "corner_erosion", "eaten_by_pose": "eroded_outline", "depth_scale": "depth_scale",
     "lean": "gravity_tilt",
@@ -48,7 +48,7 @@ TYPICAL_OF = {  # what a figure counts in: the typical size of an effect
 
 
 def late(take: Take) -> Take:
-    """Return the take as it would be with later stamps: the path has gone on meanwhile."""
+    """Return the take with later timestamps: the path continues meanwhile."""
     known = take.held_valid.all(1)
     seen, time = take.held.reshape(-1, 6)[known], take.time[known]
     later = held_curve(time, seen, best_cut_off(time, seen))(take.time + LATE).reshape(take.held.shape)
@@ -57,7 +57,7 @@ def late(take: Take) -> Take:
 
 
 def tilted(take: Take) -> Take:
-    """Return the take with a rig whose gravity is turned across the cloth, so that its own lean grows."""
+    """Return the take with the rig's gravity rotated across the cloth, which increases the apparent lean."""
     ends = np.nanmean(np.where(take.held_valid[..., None], take.held, np.nan), axis=0)
     down = np.asarray(take.rig.gravity) / np.linalg.norm(take.rig.gravity)
     out = np.cross(-down, ends[1] - ends[0])
@@ -66,12 +66,12 @@ def tilted(take: Take) -> Take:
 
 
 def too_deep(take: Take) -> Take:
-    """Return the take with points that are read too far from the origin."""
+    """Return the take with points measured too far from the origin."""
     return dataclasses.replace(take, points=(1 + DEPTH) * take.points)
 
 
 def eaten(take: Take) -> Take:
-    """Return the take with its grid laid anew within a border that is not seen, bilinearly between its points."""
+    """Return the take with its grid resampled bilinearly within an invisible border."""
     grid = grid_of(take.garment)
     assert grid is not None
     rows, columns = grid.at.shape
@@ -113,7 +113,7 @@ def figures(recordings: Sequence[Recording]) -> dict[str, float]:
 
 
 def main(folder: Path, together: int) -> None:
-    """Print what moves for each fault, group by group, and the counts."""
+    """Print the response of the figures to each fault, group by group, and the counts."""
     takes = [import_swung_cloth(path) for path in sorted(folder.glob("*.npz"))]
     groups = [takes[k :: len(takes) // together] for k in range(len(takes) // together)]
     typical = {name: find_effects([effect])[0].typical for name, effect in TYPICAL_OF.items()}

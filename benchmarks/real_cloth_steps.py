@@ -1,4 +1,4 @@
-"""Go step by step from raw recordings of swung cloth to the error that is left, and show the worth of each step.
+"""Prepare raw recordings of swung cloth step by step, and print the held-out error after each step.
 
     benchmarks/real_cloth_steps.py FOLDER [--pictures DIR] [TAKE ...]
 
@@ -10,7 +10,7 @@ of the held-out takes, root mean square in millimetres:
 - `surface`: from the raw points to the simulated cloth, wherever along it they are
 
 With `--pictures`, each row draws what it leaves of one held-out take, as `DIR/step-N.png`.
-Only the second is measured on the same points in every row, but for stamps and skewed grids.
+Only `surface` uses the same points in every row, except for timestamps and skewed grids.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from formats.take import Take
 FITTED = ("range30_rep1", "range60_rep4", "range90_rep2", "range120_rep1")  # one of each size of swing
 DRAWN = "range90_rep3"  # the held-out take of the pictures
 SPACING = 0.033  # m, a ninth of the cloth: the diagnosis' own mesh
-FINE = 10  # places between neighbours of the grid, at which the simulated surface is sampled: 4 mm
+FINE = 10  # samples of the simulated surface between neighbours of the grid: 4 mm
 RAW = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
 PLACED = CameraSteps(stamps=False, skew=False, frames=False)
 TIMED = CameraSteps(frames=False)
@@ -59,7 +59,7 @@ ROWS: tuple[tuple[str, CameraSteps, tuple[str, ...]], ...] = (
 
 
 def prepared(paths: list[Path], steps: CameraSteps) -> list[Recording]:
-    """Return recordings with these steps; without places the points are judged as if they stayed on the cloth."""
+    """Return recordings with these steps; without material positions the points count as fixed to the cloth."""
     takes = [import_swung_cloth(path) for path in paths]
     if not steps.places:
         takes = [_as_material(take) for take in takes]
@@ -71,7 +71,7 @@ def _as_material(take: Take) -> Take:
 
 
 def to_points(recordings: list[Recording], simulated: list[Floats]) -> float:
-    """Root mean square distance of the judged points [mm]."""
+    """Return the root mean square distance of the judged points [mm]."""
     apart = [np.linalg.norm(s - r.points, axis=2)[r.counted] for r, s in zip(recordings, simulated, strict=True)]
     return 1e3 * float(np.sqrt((np.concatenate(apart) ** 2).mean()))
 
@@ -109,7 +109,7 @@ def shown(name: str, recordings: list[Recording], simulated: list[Floats], more:
 
 
 def main(folder: Path, names: tuple[str, ...], pictures: Path | None) -> None:
-    """Print the table, and draw what each row leaves of the held-out take `DRAWN`, or of the first."""
+    """Print the table, and draw each row's residuals of the held-out take `DRAWN`, or of the first."""
     every = sorted(folder.glob("*.npz"))
     training = [path for path in every if path.stem in names]
     testing = [path for path in every if path.stem not in names]

@@ -1,4 +1,4 @@
-"""Check the ends of fits: the diagnosis' fits against fits that begin at the truth.
+"""Check for local minima: compare the diagnosis' fits with fits that begin at the truth.
 
 Cases of the blind check's generator with one effect each (development seed: no published rate rests on it) are
 diagnosed whole. Two ratios are printed per case. One is the cost of the base fit over that of a base fit begun at the
@@ -27,7 +27,7 @@ from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from formats.arrays import Floats
 
-NEARLY = 1.05  # times the cost from the truth: the same valley
+NEARLY = 1.05  # times the cost of the fit from the truth: counts as the same valley
 IN_BASE = {e.name for e in LIBRARY if e.in_base in {p.name for p in SI.parameters}}
 
 
@@ -41,7 +41,7 @@ def true_vector(truth: Truth) -> Floats:
 
 
 def ratios(truth: Truth) -> tuple[float, float | None]:
-    """Cost over that from the truth, of the base fit and of the planted effect's refit, None where there is none."""
+    """Return both cost ratios, of the base fit and of the planted effect's refit, None where a fit is missing."""
     takes = make_takes(truth)
     (planted,) = truth.planted
     found = diagnose(takes[:3], takes[3:])

@@ -1,4 +1,4 @@
-"""Count how often a fit whose start moved by a rounding error ends inside the intervals of its twins.
+"""Count how often a fit ends inside the intervals of twins, whose starts differ by a rounding error.
 
     benchmarks/rounding.py [--sets 3] [--truths 5] [--jitters 3] [--spacing 0.1] [--air-drag 1.2] [--takes FOLDER]
 
@@ -48,7 +48,7 @@ TRUTHS_FROM = 100  # as in `benchmarks/search.py`
 
 
 def recorded(folder: Path, number: int) -> list[Take]:
-    """Return the takes of a set; they are made where the folder does not hold them."""
+    """Return the takes of a set; record those that the folder lacks."""
     place = folder / str(number)
     place.mkdir(parents=True, exist_ok=True)
     found = []
@@ -78,7 +78,7 @@ class Count:
 
     def __init__(self) -> None:
         self.held: list[Floats] = []
-        self.told: list[Booleans] = []
+        self.identified: list[Booleans] = []
         self.truth: list[Floats] = []
         self.changes: list[Floats] = []
 
@@ -87,26 +87,31 @@ class Count:
         values = np.array([[p.fitted for p in fit.parameters] for fit in fits])
         low = np.array([[p.interval_low for p in fit.parameters] for fit in fits], dtype=float)
         high = np.array([[p.interval_high for p in fit.parameters] for fit in fits], dtype=float)
-        told = np.array([[bool(p.is_identified) for p in fit.parameters] for fit in fits])
+        identified = np.array([[bool(p.is_identified) for p in fit.parameters] for fit in fits])
         for one in range(len(fits)):
             others = np.arange(len(fits)) != one
             self.held += list((low[one] <= values[others]) & (values[others] <= high[one]))
-            self.told += [told[one]] * (len(fits) - 1)
-            self.changes += list(told[others] != told[one])
+            self.identified += [identified[one]] * (len(fits) - 1)
+            self.changes += list(identified[others] != identified[one])
         if truth is not None:
-            self.truth.append(np.where(told, (low <= truth) & (truth <= high), np.nan))
+            self.truth.append(np.where(identified, (low <= truth) & (truth <= high), np.nan))
         for k, p in enumerate(fits[0].parameters):
             spans = (f"{v:.3g} [{a:.3g}, {b:.3g}]{'' if t else ' -'}" for v, a, b, t in
-                     zip(values[:, k], low[:, k], high[:, k], told[:, k], strict=True))  # fmt: skip
+                     zip(values[:, k], low[:, k], high[:, k], identified[:, k], strict=True))  # fmt: skip
             print(f"  {p.name:22} {'   '.join(spans)}")
 
     def show(self, name: str) -> None:
         """Print the counts."""
-        held, told, changes = np.array(self.held), np.array(self.told), np.array(self.changes)
+        held, identified, changes = np.array(self.held), np.array(self.identified), np.array(self.changes)
         if not held.size:
             return
-        print(f"{name}: held {held.mean():.1%} of all, {held[told].mean():.1%} of the {told.sum()} identified ones")
-        print(f"{name}: {told.mean():.0%} are called identified; {changes.mean():.1%} of the pairs disagree on it")
+        print(
+            f"{name}: held {held.mean():.1%} of all, "
+            f"{held[identified].mean():.1%} of the {identified.sum()} identified ones"
+        )
+        print(
+            f"{name}: {identified.mean():.0%} are called identified; {changes.mean():.1%} of the pairs disagree on it"
+        )
         if self.truth:
             inside = np.concatenate(self.truth)
             print(f"{name}: truth held by {np.nanmean(inside):.1%} of the {np.isfinite(inside).sum()} identified ones")

@@ -1,12 +1,12 @@
-"""The plain rollout against the same method in C, `scalar/rollout.c`: one thread, processor time, in turns.
+"""Compare the simulation kernel's speed with the same method in C, `scalar/rollout.c`, on one thread.
 
 Run: python benchmarks/scalar.py [--seconds 8] [--rounds 15]. The scene is that of `speed.py`: a sheet of 0.4 m x 0.45
 m, 8 s of swing, a mesh of 50 mm. The candidates are as many as the kernel has lanes. The machine's gcc compiles the C
-each time, with -O3 -march=native -ffast-math and with further flags. The C works on the very arrays of
-`fit.cloth.launch`; its lanes are gcc's vectors. Ways run one after the other in every round, so that other work of the
+each time, with -O3 -march=native -ffast-math and with further flags. The C uses the same arrays as
+`fit.cloth.launch`; its lanes are gcc's vectors. The variants run in turn in every round, so that other work of the
 machine affects all alike. The script prints medians and quartiles over the rounds, of ratios within a round. Calls are
-one call of the C against one of the kernel. Whole runs are `Simulator.run`, which also packs the arrays and takes the
-results apart.
+one call of the C against one of the kernel. Whole runs are `Simulator.run`, which also packs the arrays and unpacks the
+results.
 
 Both settle. The kernel also computes a pull in the first fifth of settling, which the C leaves out. The pull is zero
 here since no point is seen, and costs the kernel less than 1 %. The kernel keeps the rounding error of each step, which
@@ -52,7 +52,7 @@ LANES = max(runtime.lane_widths())  # 16 on Intel's processors with AVX-512, for
 GIVEN = ("-O3", "-march=native", "-ffast-math")  # the flags that the targets name
 WIDE, EAGER, UNROLLED = "-mprefer-vector-width=512", "-fvect-cost-model=unlimited", "-funroll-loops"
 APART = "-ffp-contract=off"  # products are not fused with sums, as in the kernel
-FURTHER = ((), (UNROLLED,), (WIDE,), (EAGER,), (EAGER, UNROLLED), (APART,))  # what else may help the C, or tell why
+FURTHER = ((), (UNROLLED,), (WIDE,), (EAGER,), (EAGER, UNROLLED), (APART,))  # may help the C, or explain its speed
 ALWAYS = ("-std=gnu11", "-fPIC")
 TARGETS = (
     (f"one of {LANES} in the kernel's lanes, times as fast as scalar C", 6.0),
@@ -92,7 +92,7 @@ class Task(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class Call:
-    """One call of the kernel: what it was made with, and its arguments by their names."""
+    """One call of the kernel: its compile-time options, and its arguments by name."""
 
     kernel: Callable[..., None]
     made_with: Kind
@@ -106,7 +106,7 @@ class Call:
             self.kernel(**self.arguments)
 
     def begin(self) -> None:
-        """Put the nodes back where they were, at rest, and forget what was seen."""
+        """Reset the nodes to their initial positions, at rest, and clear the recorded points."""
         for name in ("x", "ahead"):
             self.arguments[name][...] = self.start[: len(self.arguments[name])]
         for name in ("v", "f"):
@@ -114,14 +114,14 @@ class Call:
         self.arguments["seen"][...] = np.nan
 
     def lane(self, number: int) -> Call:
-        """The same call for one of its candidates alone, for C only: arrays of one lane."""
+        """Return the same call for one candidate, for C only: arrays of one lane."""
         own = {name: np.ascontiguousarray(self.arguments[name][..., number : number + 1]) for name in IN_LANES}
         start = np.ascontiguousarray(self.start[..., number : number + 1])
         return replace(self, arguments={**self.arguments, **own}, start=start)
 
     @property
     def seen(self) -> Singles:
-        """Return what it last saw [m], (frames, points, 3, lanes), as a copy."""
+        """Return a copy of the recorded points [m], (frames, points, 3, lanes)."""
         return self.arguments["seen"][0].copy()
 
 
@@ -129,7 +129,7 @@ class InC:
     """A call of the kernel made in C, on the same arrays."""
 
     def __init__(self, call: Call, library: ctypes.CDLL) -> None:
-        """Refuse what rollout.c does not know.
+        """Prepare a call; refuse features that rollout.c lacks.
 
         Raises:
             ValueError: a call of more than one group, with effects, or with other stencils.
@@ -144,10 +144,10 @@ class InC:
         if unknown:
             raise ValueError("rollout.c knows one group of plain, held panels whose threads run along the mesh")
         self.call, self._function = call, library.rollout
-        # To the kernel node i is the number 3 i, which is where its first vector stands.
-        told = {**given, **{name: given[name] // 3 for name in TIMES_THREE}}
-        told |= {name: np.array(getattr(lines, name.upper()), np.float32) for name in UNITS}
-        arrays = {name: told[name] for name in IN_LANES + OF_THE_CLOTH}
+        # The kernel refers to node i as 3 i, the index of its first vector.
+        changed = {**given, **{name: given[name] // 3 for name in TIMES_THREE}}
+        changed |= {name: np.array(getattr(lines, name.upper()), np.float32) for name in UNITS}
+        arrays = {name: changed[name] for name in IN_LANES + OF_THE_CLOTH}
         for name, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype not in (np.float32, np.int32):
                 raise ValueError(f"{name} is not a contiguous array of single numbers")
@@ -175,7 +175,7 @@ class InC:
 
 @contextlib.contextmanager
 def heard() -> Iterator[list[Call]]:
-    """Note every call of the kernel that happens inside, with the arrays as they were given."""
+    """Record every call of the kernel inside this context, with copies of its arrays."""
     calls: list[Call] = []
     make = rollout.make_rollout
 
@@ -201,7 +201,7 @@ def only_call(run: Callable[[], object]) -> Call:
 
 
 def find_compiler() -> str | None:
-    """Return where the machine's gcc is; None where there is none."""
+    """Return the path of gcc, or None."""
     return shutil.which("gcc")
 
 
@@ -222,7 +222,7 @@ def build(compiler: str, folder: Path, lanes: int, further: tuple[str, ...] = ()
 
 
 def scene(seconds: float) -> tuple[Simulator, Floats]:
-    """A swung sheet of which no point is seen, so that nothing pulls it while it settles, and LANES candidates."""
+    """Return LANES candidates of a swung sheet without valid points, so that no pull acts while it settles."""
     garment = sheet()
     instants = np.arange(0, seconds, 1 / 30)
     recording = prepare(take_of(garment, instants, swing(instants), hung(garment, instants)))
@@ -237,7 +237,7 @@ class Cost:
     """Processor time [s] of one candidate in every round, (rounds,).
 
     - `scalar`, `lanes`: of C, (flags, rounds) in the order of `FURTHER`
-    - `narrow`: of C with as many lanes as the kernel gives one alone
+    - `narrow`: of C with the kernel's number of lanes for a single candidate
     - `kernel`: of its calls
     - `whole`: of `Simulator.run`
     """
@@ -270,7 +270,7 @@ def in_turns(runs: Sequence[Callable[[], object]], rounds: int) -> Floats:
 
 
 def measure(compiler: str, seconds: float, rounds: int) -> tuple[Cost, float]:
-    """Return what each way costs, and the largest difference of a coordinate [m] between any C and the kernel."""
+    """Return the cost of each variant, and the largest difference of a coordinate [m] between any C and the kernel."""
     with patch.dict(os.environ, HANGTIME_THREADS="1"), tempfile.TemporaryDirectory() as folder:
         simulator, rows = scene(seconds)
         many, alone = only_call(lambda: simulator.run(rows)), only_call(lambda: simulator.run(rows[:1]))
@@ -302,7 +302,7 @@ def ratios(cost: Cost, scalar: Floats, lanes: Floats) -> list[tuple[Floats, Floa
 
 
 def show(cost: Cost, furthest: float) -> None:
-    """Print what each way costs, and the ratios beside their targets."""
+    """Print the cost of each variant, and the ratios beside their targets."""
     rows = {
         **{" ".join(("scalar C", *flags)): row for flags, row in zip(FURTHER, cost.scalar, strict=True)},
         **{" ".join((f"C, {LANES} lanes", *flags)): row for flags, row in zip(FURTHER, cost.lanes, strict=True)},
@@ -316,7 +316,7 @@ def show(cost: Cost, furthest: float) -> None:
     print(f"largest difference of a coordinate between any C and the kernel: {1e3 * furthest:.3f} mm")
     against = {
         f"C with {' '.join(GIVEN)}": (cost.scalar[0], cost.lanes[0]),
-        "C with what of the further flags is quickest": (quickest(cost.scalar), quickest(cost.lanes)),
+        "C with the fastest of the further flags": (quickest(cost.scalar), quickest(cost.lanes)),
     }
     for name, ways in against.items():
         print(f"against {name}:")
@@ -330,7 +330,7 @@ def show(cost: Cost, furthest: float) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print the cost of each way, and the ratios beside their targets."""
+    """Print the cost of each variant, and the ratios beside their targets."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=8.0, help="of swing; default %(default)s")
     parser.add_argument("--rounds", type=int, default=15, help="default %(default)s")

@@ -1,4 +1,4 @@
-"""The result of each search with the same number of simulated candidates, and the truth of its intervals.
+"""Compare the searches at the same number of simulated candidates: their results and their intervals' coverage.
 
 Takes come from our own solver with known parameters. So the figures concern searches, not models. A swatch is held
 along its edge and moved twice for six seconds, ending at rest. Every coordinate of its five points has 2 mm of white
@@ -44,7 +44,7 @@ from fit.search.intervals import PRIOR_SD
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
 
-SEEDS_FROM = 100  # below are those that the searches were developed on
+SEEDS_FROM = 100  # smaller seeds were used to develop the searches
 NOISE = 2e-3  # m a coordinate, between the 1.9 and 2.9 mm measured of a depth camera at rest
 MOTIONS = ((0.05, 0.7), (0.03, 1.0))  # m and Hz, both with 20 mm sideways
 # In the order of the `si` parameters: the middle of what fabrics have, and damping that ends a swing within seconds.
@@ -65,7 +65,7 @@ class Case:
     effects: tuple[Effect, ...]
 
     def request(self, **options: Any) -> Request:
-        """Return what to ask of a search."""
+        """Return the request to a search."""
         return Request(method=SI, effects=self.effects, resolution=self.mesh, **options)
 
 
@@ -73,7 +73,7 @@ class Case:
 class Run:
     """One search on one case: distance [m] after each candidate, at the end the result's; its parameters.
 
-    spent: candidates until it ended
+    spent: number of candidates until its end
     """
 
     history: Floats
@@ -119,7 +119,7 @@ def run(case: Case, search: str, budget: int, seed: int, trials: int) -> Run:
 
 
 def run_observed(case: Case, search: str, budget: int, seed: int, trials: int) -> Run:
-    """Least squares know the distance after each candidate; short windows where a descent has ended, for one more."""
+    """Run least squares with its distance after each candidate; after a descent's end, with short windows."""
     recordings = [prepare(take) for take in case.takes]
     request = case.request(search=search, seed=seed)
     initial = np.array([p.initial for p in request.parameters])
@@ -169,7 +169,7 @@ def main(
 
 
 def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
-    """Print what is reached with a tenth and with all of the budget, and when each search is as good as annealing."""
+    """Print the distances at a tenth and all of the budget, and the candidates until annealing's distance."""
     budget = len(next(iter(runs.values()))[0].history)
     models = [Model([prepare(t) for t in case.takes], case.request()) for case in cases]
     truth = 1e3 * np.array([m.distances(c.truth[None])[0] for m, c in zip(models, cases, strict=True)])
@@ -190,44 +190,45 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
 
 
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
-    """Print how often each parameter is found, told by the data, and held by its interval."""
-    print("parameters: found within 5 %, told by the data, intervals that hold the truth: all (those told)")
+    """Print how often each parameter is found, identified, and covered by its interval."""
+    print("parameters: found within 5 %, identified, intervals that hold the truth: all (of identified ones)")
     truth = np.array([case.truth for case in cases])
     noise, straight = (np.array(found) for found in zip(*map(known_by_noise, cases), strict=True))
     can = (noise < GOOD) & straight
-    ideal = erf(TWO_SIDED_95 * GOOD / noise / np.sqrt(2.0))  # how often an estimate that noise alone moves is found
+    ideal = erf(TWO_SIDED_95 * GOOD / noise / np.sqrt(2.0))  # probability, if noise is the only error
     for k, parameter in enumerate(cases[0].request().parameters):
         print(
             f"the noise      {parameter.name:22} straight in {straight[:, k].sum()} of {len(cases)}; there known to "
             f"{spread(100 * noise[straight[:, k], k], '.2g') if straight[:, k].any() else '-'} %"
         )
     for name, found in runs.items():
-        fitted, ends, told = (
+        fitted, ends, identified = (
             np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_identified")
         )
         right = np.abs(fitted / truth - 1) <= GOOD
         held = (ends[..., 0] <= truth) & (truth <= ends[..., 1])
         for k, parameter in enumerate(cases[0].request().parameters):
             print(
-                f"{name:14} {parameter.name:22} {100 * right[:, k].mean():4.0f} %  {intervals(told[:, k], held[:, k])}"
+                f"{name:14} {parameter.name:22} {100 * right[:, k].mean():4.0f} %  "
+                f"{intervals(identified[:, k], held[:, k])}"
                 f"  {knowable(can[:, k], right[:, k], ideal[:, k])}"
             )
-        print(f"{name:14} {'all together':22}         {intervals(told, held)}  {knowable(can, right, ideal)}")
+        print(f"{name:14} {'all together':22}         {intervals(identified, held)}  {knowable(can, right, ideal)}")
 
 
 def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) -> str:
-    """Return as text how many parameters could be known, found, and would be if noise were all."""
+    """Return as text the number of parameters that are knowable, found, and findable with noise as the only error."""
     return (
         f"could be known to 5 %: {can.sum()}, of these found: {right[can].sum()}, by noise alone {ideal[can].sum():.1f}"
     )
 
 
 def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the least possible interval of each parameter, and a mark for a straight way to it, (parameters,) each.
+    """Return the smallest possible interval of each parameter, and whether its path is straight, (parameters,) each.
 
     The first is half of the relative 95 % interval by Cramer and Rao's bound. It comes from the residuals' slopes at
-    the truth with the search's own prior. The way is straight if the slopes over 5 % and over 1 % differ by less than
-    the slope itself. Cloth that folds otherwise for a change of 5 % leads no search to the truth.
+    the truth with the search's own prior. The path is straight if the slopes over 5 % and over 1 % differ by less than
+    the slope itself. If cloth folds differently after a change of 5 %, no search finds the truth.
     """
     recordings, count = [prepare(take) for take in case.takes], len(case.truth)
     space = case.request().space
@@ -244,10 +245,10 @@ def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
     return TWO_SIDED_95 * np.maximum(*deviations), is_straight
 
 
-def intervals(told: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:
+def intervals(identified: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:
     """Return as text the number of parameters whose intervals hold the truth: all, and of the identified ones."""
-    of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
-    return f"{100 * told.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_told})"
+    of_identified = f"{100 * held[identified].mean():.0f} %" if identified.any() else "-"
+    return f"{100 * identified.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_identified})"
 
 
 if __name__ == "__main__":
@@ -257,6 +258,6 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", choices=list(SEARCHES), default=[])
     parser.add_argument("--spacing", type=float, default=SPACING, help="mesh of truths and fits [m]")
     parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the truths, fitted too")
-    parser.add_argument("--trials", type=int, default=TRIALS, help="times at most that least squares begin")
+    parser.add_argument("--trials", type=int, default=TRIALS, help="largest number of trials of least squares")
     given = parser.parse_args()
     main(given.truths, given.budget, given.only, given.spacing, given.air_drag, given.trials)

@@ -1,17 +1,17 @@
-"""The cloth's distance from its rest at the beginning of a take.
+"""Measure the distance of the settled cloth from its true rest at the beginning of a take.
 
 Run: python benchmarks/settling.py [--fabrics 6]. Swatches of 0.30 and 0.45 m have ten nodes a side. Fabrics are drawn
 from the `si` method's box without its edges (log-uniform, 0.2 kg/m^2). A swatch is held at the edge, or at two corners
 by clips. The clips are as far apart as the cloth is wide, or 15 mm nearer. Five or 81 tracked points have 2 mm of white
 noise at 60 frames a second.
 
-The points show a rest of the same fabric or of another fabric, or the same rest swung aside by 60 mm at the bottom. The
+The points show a rest of the same fabric or of another fabric, or the same rest displaced by 60 mm at the bottom. The
 last stands for a take that begins in motion. Rests come from 30 s of settling from a stirred sheet, without a pull.
 
-Two distances are means over the points [mm]. One is from the first frame to its place after another 30 s at rest, the
+Two distances are means over the points [mm]. One is from the first frame to the position after another 30 s, the
 remainder of settling. The other is from the first frame to the rest of the points, if the rest is the fabric's own. It
-shows which of several folds was found. Printed are median, 90th percentile and largest over fabrics, sizes and points,
-and the share of rests found to 1 mm.
+reveals whether the same one of several folds was found. Printed are median, 90th percentile and largest over fabrics,
+sizes and points, and the share of rests found to 1 mm.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tests.fit.scenes import hung, sheet, take_of
 DENSITY = 0.2  # kg/m^2
 SIZES = (0.30, 0.45)  # m
 SLACK = 0.015  # m
-LONG = 30.0  # s, in which every swing and nearly every fold comes to rest
+LONG = 30.0  # s, after which every swing and nearly every fold is at rest
 TIME = np.arange(25) / 60
 NOISE = 0.002  # m
 ASIDE = 0.06  # m at the bottom
@@ -50,9 +50,9 @@ class Scene:
     slack: float
 
     def settle(self, row: Floats, shown: Floats | None, seconds: float, start: Floats | None = None) -> Hung:
-        """Settle one fabric, (1, parameters), for `seconds`; shown [m], (points, 3): where the points begin.
+        """Settle one fabric, (1, parameters), for `seconds`; shown [m], (points, 3): initial positions of the points.
 
-        start [m], (nodes, 3): where the cloth begins instead.
+        start [m], (nodes, 3): initial positions of the nodes instead of the default ones.
         """
         garment = sheet(self.size, self.size, held=self.held, grid=self.grid, mass=DENSITY * self.size**2)
         points = hung(garment, TIME)
@@ -97,7 +97,7 @@ def fabrics(count: int, seed: int) -> Floats:
 
 
 def shown_by(what: str, rests: list[Hung], k: int) -> Floats:
-    """Return where the points of fabric k are when the take begins [m], (points, 3)."""
+    """Return the initial positions of fabric k's points [m], (points, 3)."""
     places = rests[(k + 1) % len(rests) if what == SHOWN[1] else k].points
     if what == SHOWN[2]:
         drop = (places[:, 2].max() - places[:, 2]) / np.ptp(places[:, 2])
@@ -111,7 +111,7 @@ def apart(a: Floats, b: Floats) -> float:
 
 
 def measure(scene: Scene, rows: Floats, seconds: float = SETTLE_TIME) -> dict[str, Floats]:
-    """Distances [mm] for each of `SHOWN`: from the own rest, and from the rest of the fabric, (fabrics, 2)."""
+    """Return distances [mm] for each of `SHOWN`: from the later rest, and from the fabric's rest, (fabrics, 2)."""
     rests = [scene.settle(row[None], None, LONG) for row in rows]
     found = {}
     for what in SHOWN:
@@ -135,7 +135,7 @@ def spread(distances: Floats) -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print a table, one line for each way to hold the cloth and each thing the points show."""
+    """Print a table, one line for each kind of held edge and each kind of initial points."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fabrics", type=int, default=6, help="default %(default)s")
     parser.add_argument("--seed", type=int, default=2, help="default %(default)s")

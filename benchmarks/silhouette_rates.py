@@ -1,4 +1,4 @@
-"""Count how often a camera's faults are named on synthetic silhouettes: at twice detectable, and on clean ones.
+"""Count how often a camera's faults are named on synthetic silhouettes: true and false positives.
 
     benchmarks/silhouette_rates.py [CLEAN [FAULTY]]
 
@@ -41,13 +41,13 @@ from formats.take import Take
 DETECTION = 3.1 + 0.842  # standard deviations: the level at which a fault is named, 1 in 1000, and power 80 %
 NOISE = 0.002  # m, per axis
 LEAST_LATE = 0.002  # s
-LEAST_SHARE, LEAST_SKEWED = 0.1, 0.02  # of an interval, and of the frames: below, a size says nothing
+LEAST_SHARE, LEAST_SKEWED = 0.1, 0.02  # of an interval, and of the frames: a smaller size has no effect
 Change = Callable[[Take], Take]
 
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """A kind of fault: the finding that names it, the camera's fault and its sign, or what is done to the take."""
+    """A kind of fault: the finding that names it, the camera's fault and its sign, or the change of the take."""
 
     label: str
     finding: str
@@ -66,7 +66,7 @@ def lost_for_a_while(take: Take) -> Take:
 
 
 def of_another_clock(take: Take) -> Take:
-    """Return the take with the path on a clock that runs at three quarters of the speed: no shift explains it."""
+    """Return the take with the path on a clock of three quarters of the speed, which no shift explains."""
     flat = take.held.reshape(len(take.time), 6)
     held = np.stack([np.interp(0.75 * take.time, take.time, axis) for axis in flat.T], 1).reshape(take.held.shape)
     return dataclasses.replace(take, held=held, markers=held)
@@ -125,7 +125,7 @@ KINDS = (
     Kind("an outline eaten by pose", "eaten_by_pose", "eaten_by_pose", least=said.LEAST_BY_POSE,
          figure=_outline("pose")),
     Kind("a path below the edge", "held_edge", "path_below", least=said.LEAST_EDGE, figure=_edge),
-    Kind("depths read too long", "depth_scale", "depth_scale", least=said.LEAST_SCALE, figure=_timing("scale")),
+    Kind("depth too long", "depth_scale", "depth_scale", least=said.LEAST_SCALE, figure=_timing("scale")),
     Kind("a hanger lost for 1.2 s", "hanger_gap", change=lost_for_a_while),
     Kind("a clock that is not the hanger's", "clocks", change=of_another_clock),
     Kind("sliding points stated as material", "points_are", change=as_material),
@@ -140,7 +140,7 @@ def take_with(seed: int, **faults: float) -> Take:
 
 
 def named(take: Take) -> tuple[Recording, dict[str, CameraFinding]]:
-    """Return the recording and what is named in it."""
+    """Return the recording and its named findings."""
     recording = prepare(take)
     return recording, {one.name: one for one in describe_camera([recording])}
 

@@ -1,4 +1,4 @@
-"""The Kinect method on recordings of the synthetic skirt, every motion held out in turn: errors before and after.
+"""Measure the Kinect method on recordings of the synthetic skirt, with every motion held out in turn.
 
 Four motions are recorded by the synthetic depth sensor and tracked; each is judged on by a fit to the other three. The
 cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`). The paper's fall of 63 % of the mean and
@@ -32,7 +32,7 @@ TARGETS = (0.63, 0.65)  # falls of mean and maximum in the paper's figure 6
 
 
 def take_of(motion: str, folder: Path, *, effect: str, seed: int) -> Take:
-    """Return the take of a motion, recorded and tracked unless the folder has it."""
+    """Return the take of a motion; record and track it if the folder lacks it."""
     path = folder / f"{motion}.mcap"
     if not path.exists():
         command, made = str(Path(sys.executable).with_name("hangtime")), folder / motion
@@ -52,7 +52,7 @@ def falls(result: FitResult) -> list[tuple[float, float]]:
 
 
 def described(pairs: list[tuple[float, float]]) -> str:
-    """Return errors before and after with what they fell by, and whether that is the paper's fall."""
+    """Return errors before and after with their relative fall, and whether it reaches the paper's."""
     cells = []
     for (before, after), target in zip(pairs, TARGETS, strict=True):
         fall = 1 - after / before
@@ -64,10 +64,10 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
     """Print the table; return its results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=int, default=1, help="seed of hands and sensor noise")
-    parser.add_argument("--effect", default="none", help="what the recordings have that the model lacks")
+    parser.add_argument("--effect", default="none", help="effect in the recordings that the model lacks")
     parser.add_argument("--held-out", nargs="+", default=list(MOTIONS), choices=MOTIONS)
     parser.add_argument("--method", default="kinect-skirt")
-    parser.add_argument("--add", nargs="+", default=[], help="effects that are fitted too")
+    parser.add_argument("--add", nargs="+", default=[], help="effects to fit as well")
     parser.add_argument("--search", default="annealing")
     parser.add_argument("--spacing", type=float, default=0.05)
     parser.add_argument("--iterations", type=int, default=350)

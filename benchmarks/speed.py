@@ -1,4 +1,4 @@
-"""Cost of a simulated candidate: alone, beside others and beside other takes; and of stretch viscosity.
+"""Measure the cost of a simulated candidate alone, in a batch and with several takes, and the cost of effects.
 
 Run: python benchmarks/speed.py. A sheet of 0.4 m x 0.45 m is clamped and swung for 8 s, with a mesh of 50 mm. Figures
 are medians of five. One candidate alone over one of the batch is measured in one run. Viscous cloth is 16 candidates'
@@ -7,7 +7,7 @@ Few candidates of several takes are simulated one take after the other, and all 
 share.
 
 Then the script prints the shortening of the step by effects, at their typical and their largest size. Last comes the
-clock of the printed annealing on a take of 20 s, as one chain and as four, with the result's intervals.
+time of the published annealing on a take of 20 s, as one chain and as four, with the result's intervals.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def by_count(simulator: Simulator, row: Floats) -> None:
 
 
 def by_company(counts: tuple[int, ...] = (1, 4, 8)) -> None:
-    """Print what few candidates of three takes cost one take after the other against all in one call.
+    """Print the cost of few candidates of three takes, take by take against all in one call.
 
     The takes have other motions, lengths and clocks; a quarter of the candidates are stiffer and take shorter steps.
     """
@@ -80,13 +80,13 @@ def by_company(counts: tuple[int, ...] = (1, 4, 8)) -> None:
             middle = time.process_time()
             run_together(simulators, [rows] * 3, [None] * 3)
             turn[:] = middle - start, time.process_time() - middle
-        alone_s, together_s = spent[1:].min(0)  # other work on the machine only adds
+        alone_s, together_s = spent[1:].min(0)  # other work on the machine only adds time
         ratio = float(alone_s / together_s)
         print(f"3 takes, {count} candidates of each: one take after the other {ratio:.2f} x the cost of together")
 
 
 def by_viscosity(simulator: Simulator, row: Floats) -> None:
-    """Print what viscous cloth costs against cloth that is not: as the effect has it, and as Kelvin-Voigt would."""
+    """Print the relative cost of viscous cloth, by the effect's model and by Kelvin-Voigt's."""
     ways = [(mat.VISCOSITY, "stretch viscosity"), (mat.MEMBRANE_TIME, "the same as Kelvin-Voigt")]
     for column, name in ways:
         for viscosity in VISCOSITIES:
@@ -104,7 +104,7 @@ def by_viscosity(simulator: Simulator, row: Floats) -> None:
 
 
 def by_effect(recording: Recording) -> None:
-    """Print how many times as many steps the effects need that make the cloth stiffer or more damped."""
+    """Print the factor in steps for effects that make the cloth stiffer or more damped."""
     for spacing in (0.05, 0.033):
         simulator = Simulator(recording, resolution=Resolution(spacing=spacing))
         for stretch, bending in ((300.0, 1.4e-5), (1000.0, 1.4e-5), (100.0, 1e-6)):
@@ -123,7 +123,7 @@ def by_effect(recording: Recording) -> None:
 
 
 def by_annealing(seconds: float = 20.0, iterations: int = 350) -> None:
-    """Print how long the printed annealing takes on a long take with five points, as one chain and as several."""
+    """Print the time of the published annealing on a long take with five points, as one chain and as several."""
     garment = sheet()
     instants = np.arange(0, seconds, 1 / 30)
     row = material(garment, velocity_damping=2.0)

@@ -1,4 +1,4 @@
-"""Time of `hangtime fit` until its first simulation is done, with Taichi's kernels kept from an earlier run.
+"""Measure the time of `hangtime fit` until its first simulation ends, with Taichi's kernels cached by an earlier run.
 
 Run: python benchmarks/start.py [--rounds 7]. A process starts as a user would start it, on a take of two seconds (a
 sheet, five points, annealing). It runs from its start to its first line of progress and is then ended. This line comes
@@ -33,7 +33,7 @@ from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 TARGET = 3.0  # s on the clock
-ITERATIONS = (1, 350)  # of which the first ask for a batch of 2 and of 16
+ITERATIONS = (1, 350)  # values of --iterations whose first batches have 2 and 16 candidates
 KERNEL = "fit.cloth.rollout"  # imported when the first batch is simulated
 MOST = 12  # libraries that are listed
 IMPORT = re.compile(r"import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)")  # own time [us], cumulative, name
@@ -50,7 +50,7 @@ def small_take(folder: Path) -> Path:
 @contextmanager
 def fitting(take: Path, iterations: int, *options: str) -> Iterator[subprocess.Popen[str]]:
     """`hangtime fit` on a take, ended when the block is left; options are the interpreter's."""
-    out = tempfile.mkdtemp(dir=take.parent)  # a fit that is ended may leave what the next one would go on from
+    out = tempfile.mkdtemp(dir=take.parent)  # a killed fit may leave a state from which the next one would continue
     words = ["fit", take.name, "--search", "annealing", "--iterations", str(iterations), "--out", out]
     command = [sys.executable, *options, "-m", "formats.command", *words]
     with subprocess.Popen(
@@ -63,7 +63,7 @@ def fitting(take: Path, iterations: int, *options: str) -> Iterator[subprocess.P
 
 
 def until_progress(process: subprocess.Popen[str]) -> Iterator[str]:
-    """Lines on stderr up to the first one of progress.
+    """Return the lines on stderr up to the first one of progress.
 
     Raises:
         RuntimeError: the process ends before that.

@@ -1,4 +1,4 @@
-"""Takes lost, doubled, damaged: when sync is killed, when the server misbehaves, after a week offline.
+"""Count takes that are lost, duplicated or damaged when sync is killed, the server fails, or the device is offline.
 
 - --killed: SIGKILL ends a process of sync at random moments. Half of the rounds are against rclone's S3 server over
   TLS, half against a folder. Each round two takes are recorded; verified ones leave by a quota. The last run is not
@@ -42,7 +42,7 @@ from capture.appliance.spool import KeptTake, Spool  # noqa: E402
 from capture.appliance.sync_status import read_status  # noqa: E402
 from capture.sync.process import start  # noqa: E402
 from capture.sync.rounds import Sync  # noqa: E402
-from capture.sync.settings import Told  # noqa: E402
+from capture.sync.settings import SyncSetup  # noqa: E402
 from tests.capture.appliance.spool_takes import record  # noqa: E402
 from tests.capture.sync.servers import (  # noqa: E402
     CREDENTIALS,
@@ -54,16 +54,16 @@ from tests.capture.sync.servers import (  # noqa: E402
     Moto,
     Proxy,
     Rclone,
-    told_of,
+    setup_of,
 )
 
 MOST_GROWTH = 5.0  # MB of peak memory from a tenth of the takes to all
-KILL_WITHIN = 1.15  # of the time that a run took last: some runs end before their kill
+KILL_WITHIN = 1.15  # of the last run's duration: some runs end before their kill
 
 
 @dataclass
 class Ledger:
-    """A recorded take, to be found on the server."""
+    """The recorded takes, each of which must be on the server."""
 
     takes: dict[int, str] = field(default_factory=dict)  # sequence to SHA-256
 
@@ -72,7 +72,7 @@ class Ledger:
         self.takes[take.sequence] = take.facts["sha256"]
 
     def compare(self, objects: dict[str, bytes]) -> dict[str, int]:
-        """Count what the server has against what was recorded."""
+        """Compare the server's objects with the recorded takes; return the counts."""
         names = [(int(found[1]), found[2]) for key in objects if (found := re.search(r"/(\d{6})-(\w{64})\.mcap$", key))]
         counted = Counter(number for number, _ in names)
         return {
@@ -89,10 +89,10 @@ class Ledger:
 
 
 class Runs:
-    """Starts runs of sync: a process that has loaded everything forks one for each, so that a run begins at once."""
+    """Starts runs of sync: a process with all modules loaded forks each run, so that it begins at once."""
 
     def __init__(self, config: Path) -> None:
-        """Load everything."""
+        """Start the process and load all modules."""
         self._process = subprocess.Popen(
             [sys.executable, str(Path(__file__)), "--fork-for", str(config)], stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
@@ -107,7 +107,7 @@ class Runs:
         return int(self._line())
 
     def wait(self) -> int:
-        """Return how the run ended, as `os.waitstatus_to_exitcode` says it."""
+        """Return the run's exit code, as of `os.waitstatus_to_exitcode`."""
         return int(self._line())
 
     def close(self) -> None:
@@ -168,7 +168,7 @@ def killed(rounds: int, folder: Path, *, seed: int = 1) -> dict[str, int]:
 
 
 def _kill(spool: Spool, ledger: Ledger, runs: Runs, rounds: int, chance: random.Random) -> int:
-    """Record two takes and kill a run, until so many kills met a run."""
+    """Record two takes and kill a run, until this number of kills has hit a run."""
     lasted, hits = 0.5, 0
     while hits < rounds:
         for _ in range(2):
@@ -185,14 +185,14 @@ def _kill(spool: Spool, ledger: Ledger, runs: Runs, rounds: int, chance: random.
 
 
 def storms(rounds: int, folder: Path, *, seed: int = 2, say: Callable[[str], None] = print) -> dict[str, int]:
-    """Bring takes through every fault, half of the rounds to rclone and half to moto."""
+    """Upload takes under every fault, half of the rounds to rclone and half to moto."""
     chance = random.Random(seed)
     total: Counter[str] = Counter()
     said: dict[str, str] = {}
     authority = Authority.make(folder / "authority")
     for kind in ("rclone", "moto"):
         server = Rclone(folder / kind, authority) if kind == "rclone" else Moto(authority)
-        faults = [*FAULTS, "killed"] if kind == "rclone" else list(FAULTS)  # moto keeps nothing when it is killed
+        faults = [*FAULTS, "killed"] if kind == "rclone" else list(FAULTS)  # moto loses its objects when it is killed
         ledger = Ledger()
         with server, Proxy(server, authority) as proxy, Spool(folder / f"spool-{kind}") as spool:
             for number in range(rounds // 2):
@@ -202,7 +202,7 @@ def storms(rounds: int, folder: Path, *, seed: int = 2, say: Callable[[str], Non
                 if (status := read_status(spool.folder)) and status.fault:
                     said[fault] = status.fault.sentence
             proxy.fault = lambda method, path: ""
-            sync = _sync(told_of(spool.folder, proxy, authority))
+            sync = _sync(setup_of(spool.folder, proxy, authority))
             for _ in range(5):
                 if sync.once() is None:
                     break
@@ -210,17 +210,17 @@ def storms(rounds: int, folder: Path, *, seed: int = 2, say: Callable[[str], Non
             total.update(ledger.compare(server.objects()))
     for fault, sentence in sorted(said.items()):
         say(f"  {fault}: {sentence}")
-    total["faults that were named"] = len(said)
+    total["faults that were reported"] = len(said)
     return dict(total)
 
 
 def _storm(
     spool: Spool, server: Rclone | Moto, proxy: Proxy, authority: Authority, fault: str, chance: random.Random
 ) -> Counter[str]:
-    """Bring what waits while every other request meets the fault."""
+    """Upload the waiting takes while every other request hits the fault."""
     if fault == "killed" and isinstance(server, Rclone):
         server.kill()
-        _sync(told_of(spool.folder, server, authority)).once()
+        _sync(setup_of(spool.folder, server, authority)).once()
         server.start()
         return Counter({"requests that met a fault": 1})
     first = [True]
@@ -233,16 +233,16 @@ def _storm(
     proxy.fault, proxy.done[:] = meet, []
     patience = {"timeout_s": 1.0} if fault == "silent" else {}
     for _ in range(2):
-        _sync(told_of(spool.folder, proxy, authority, **patience)).once()
+        _sync(setup_of(spool.folder, proxy, authority, **patience)).once()
     return Counter({"requests that met a fault": sum(met != "" for _, met in proxy.done)})
 
 
-def _sync(told: Told) -> Sync:
-    return Sync(told, CREDENTIALS, sleep=lambda seconds: None)
+def _sync(setup: SyncSetup) -> Sync:
+    return Sync(setup, CREDENTIALS, sleep=lambda seconds: None)
 
 
 def week(count: int, folder: Path) -> dict[str, float]:
-    """Queue takes while nothing answers, then bring them; peak memory [MB] with a tenth of them and with all."""
+    """Queue takes while offline, then upload them; return peak memory [MB] with a tenth of them and with all."""
     authority = Authority.make(folder / "authority")
     found: dict[str, float] = {}
     for name, takes in (("tenth", count // 10), ("all", count)):
@@ -255,7 +255,7 @@ def week(count: int, folder: Path) -> dict[str, float]:
                 for number in range(takes):
                     ledger.add(record(spool, 35 + number % 20, seed=number))
                 for _ in range(5):
-                    assert _sync(told_of(spool_folder, proxy, authority)).once() is not None
+                    assert _sync(setup_of(spool_folder, proxy, authority)).once() is not None
             server.start()
             order.clear()
             peak, code, seconds = _peak_of_run(folder, spool_folder, proxy.port, authority)
@@ -297,23 +297,23 @@ def _files(top: Path) -> dict[str, bytes]:
 
 
 def _print(name: str, found: dict[str, float] | dict[str, int], seconds: float) -> None:
-    told = ", ".join(f"{key} {value:g}" for key, value in found.items())
-    print(f"{name}: {told}; {seconds:.0f} s", flush=True)
+    counts = ", ".join(f"{key} {value:g}" for key, value in found.items())
+    print(f"{name}: {counts}; {seconds:.0f} s", flush=True)
 
 
 def main() -> int:
-    """Run what was asked for; exit code 1 where a take was lost, doubled or damaged, or memory grew."""
+    """Run the chosen tests; exit code 1 if a take was lost, duplicated or damaged, or memory grew."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--killed", type=int, metavar="COUNT", help="kills")
     words.add_argument("--storms", type=int, metavar="COUNT", help="rounds")
     words.add_argument("--week", type=int, metavar="COUNT", help="takes")
     words.add_argument("--fork-for", type=Path, help=argparse.SUPPRESS)
-    told = words.parse_args()
-    if told.fork_for is not None:
-        fork_for(told.fork_for)
+    options = words.parse_args()
+    if options.fork_for is not None:
+        fork_for(options.fork_for)
         return 0
     logging.getLogger("hangtime.sync").setLevel(logging.CRITICAL)
-    counts = {"killed": told.killed, "storms": told.storms, "week": told.week}
+    counts = {"killed": options.killed, "storms": options.storms, "week": options.week}
     if not any(counts.values()):
         counts = {"killed": 500, "storms": 200, "week": 500}
     is_well = True

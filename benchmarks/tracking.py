@@ -1,16 +1,16 @@
-"""Tracking against the synthetic world's truth: errors, hidden points, and time per frame.
+"""Measure tracking against the synthetic world's truth: errors, occlusion, and time per frame.
 
 Run: python benchmarks/tracking.py [--set report-5] [--keep FOLDER] [--by garment]. The scenes are those of
 `benchmarks/tracking_scenes.py`. Every figure is stated with its spread over the scenes (quartiles).
 
-Points    error [m] of a point that is visible and was given a place. Centre also as a share of the garment's width.
+Points    error [m] of a point that is visible and was located. Centre also as a share of the garment's width.
 Constant  the part of a point's error that is the same in all frames of a scene, root mean square per axis. Hidden
-precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
-          clear   as in `firmware_host.synthetic.visibility`; points neither visible nor hidden are left out
+precision: share of truly hidden points among those reported hidden; recall: share reported. Both twice:
+          clear   as in `firmware_host.synthetic.visibility`; points neither visible nor hidden do not count
           strict  a point is visible if the camera's ray meets it, however little of the cloth around it shows, and in
                   the projector's shadow too; all others are hidden; none is left out
-z         (place - truth) / stated sd, per axis; its standard deviation over all points and axes.
-Time      CPU time of the whole way from a frame to the take, one core, drawing not counted.
+z         (position - truth) / stated sd, per axis; its standard deviation over all points and axes.
+Time      CPU time of the whole processing of a frame up to the take, one core, without rendering.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from firmware_host.synthetic.scene import RIG
 from firmware_host.synthetic.visibility import PointSight
 from formats.archive import read_take
 
-OTHER_SHARES = (0.0, 0.1, 0.5)  # what precision would be if cloth counted as clearly visible from these on
-SWAPPED = 0.1  # m: a marker this far off is the other one or none
+OTHER_SHARES = (0.0, 0.1, 0.5)  # shares from which cloth counts as clearly visible, for alternative values of precision
+SWAPPED = 0.1  # m: a marker with a larger error is the other one or none
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One scene tracked: arrays per frame and point; errors and z in 3-D and per axis, NaN where no place was given.
+    """The results of one scene: arrays per frame and point; errors and z in 3D and per axis, NaN without a position.
 
     constant [m], (points, 3): mean errors of visible points over the scene's frames
     """
@@ -83,7 +83,7 @@ def measure(shown: Shown) -> Measured:
         take = read_take(path)
     apart = take.points - shown.points
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a point that is never seen has no mean
+        warnings.simplefilter("ignore", RuntimeWarning)  # a point that is never visible has no mean
         constant = np.nanmean(np.where(shown.sight.in_view[..., None], apart, np.nan), axis=0)
     return Measured(
         scene=shown.scene,
@@ -100,7 +100,7 @@ def measure(shown: Shown) -> Measured:
 
 
 def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.ndarray]]:
-    """Return for every figure its target, its value over all scenes, and its values scene by scene."""
+    """Return every figure's target, its value over all scenes, and its values scene by scene."""
 
     def corners(m: Measured) -> np.ndarray:
         return 1e3 * m.error[:, :4][m.visible[:, :4]]
@@ -145,9 +145,9 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
             None, *pooled(lambda m: 1e6 * m.constant[:2].ravel() ** 2, rms)),
         "constant part, other points [mm]": (
             None, *pooled(lambda m: 1e6 * m.constant[2:].ravel() ** 2, rms)),
-        "corners visible: placed [%]": (
+        "corners visible: located [%]": (
             None, *share(lambda m: np.isfinite(m.error[:, :4]) & m.visible[:, :4], lambda m: m.visible[:, :4])),
-        "centre visible: placed [%]": (
+        "centre visible: located [%]": (
             None, *share(lambda m: np.isfinite(m.error[:, 4]) & m.visible[:, 4], lambda m: m.visible[:, 4])),
         "hidden, clear: precision [%]": (
             95.0, *share(lambda m: m.hidden & m.sight.hidden, lambda m: m.hidden & ~m.ambiguous)),
@@ -162,14 +162,14 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
         "hidden, strict: recall [%]": (None, *share(lambda m: m.hidden & ~m.visible, lambda m: ~m.visible)),
         "clearly hidden, of all points [%]": (None, *share(lambda m: m.sight.hidden, lambda m: every(m))),
         "ambiguous, of all points [%]": (None, *share(lambda m: m.ambiguous, lambda m: every(m))),
-        "ambiguous: told as hidden [%]": (None, *share(lambda m: m.hidden & m.ambiguous, lambda m: m.ambiguous)),
-        "ambiguous: given a place [%]": (
+        "ambiguous: reported hidden [%]": (None, *share(lambda m: m.hidden & m.ambiguous, lambda m: m.ambiguous)),
+        "ambiguous: located [%]": (
             None, *share(lambda m: np.isfinite(m.error) & m.ambiguous, lambda m: m.ambiguous)),
-        "clearly hidden: given a place [%]": (
+        "clearly hidden: located [%]": (
             None, *share(lambda m: np.isfinite(m.error) & m.sight.hidden, lambda m: m.sight.hidden)),
-        "clearly visible: no place [%]": (
+        "clearly visible: not located [%]": (
             None, *share(lambda m: np.isnan(m.error) & m.sight.visible, lambda m: m.sight.visible)),
-        "clearly visible corner: no place [%]": (
+        "clearly visible corner: not located [%]": (
             None, *share(lambda m: (np.isnan(m.error) & m.sight.visible)[:, :4], lambda m: m.sight.visible[:, :4])),
         "z of corners, sd": (
             None, *pooled(lambda m: z(m)[:, :4].ravel(), deviation)),
@@ -204,10 +204,10 @@ def tracked(chosen: str, keep: Path | None, only: str) -> Iterator[Measured]:
 
 
 def main() -> None:
-    """Print the table, over all and by what was asked for."""
+    """Print the table, over all scenes and by the chosen groups."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--set", choices=sorted(SEEDS), default="report-5", help="which seeds (default: report-5)")
-    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep drawn frames there, 130 MB a scene")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="cache rendered frames there, 130 MB a scene")
     parser.add_argument("--by", choices=("garment", "swing", "distance", "background", "has_arm"), help="also split by")
     parser.add_argument("--only", default="", metavar="TEXT", help="scenes whose name holds this")
     chosen = parser.parse_args()

@@ -1,9 +1,9 @@
-"""The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, several sets.
+"""The scenes of the tracking benchmark: three garments, four distances, two backgrounds, two swings, several sets.
 
 Each set simulates every garment under every swing once, with its own seeds. Each garment is shown at all distances, in
 turn before a bare wall and in a furnished room. In one scene a garment, an arm hides a lower corner. It comes from the
-left for an even seed, from the right for an odd one. The sets `development` serve to find errors and to learn from
-examples. Published figures come from `report-5`, since the earlier sets were seen while rules were chosen.
+left for an even seed, from the right for an odd one. The sets `development` serve for debugging and for training.
+Published figures come from `report-5`, since the earlier sets were seen while rules were chosen.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ SEEDS = {
     "report": 900, "report-2": 700, "report-3": 800, "report-4": 500, "report-5": 607719,
 }  # fmt: skip
 SECONDS = 3.4
-FIRST, LAST = 0.6, 3.2  # s, the part that is shown: still, swung, stopped, ringing down
+FIRST, LAST = 0.6, 3.2  # s, the part that is used: still, swung, stopped, ringing down
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The content of a scene."""
+    """The description of a scene."""
 
     garment: str
     swing: str
@@ -54,7 +54,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Shown:
-    """Frames of a scene with their truth: time [s]; markers, points [m]; the sight of each point, (n, points).
+    """Frames of a scene with their truth: time [s]; markers, points [m]; each point's visibility, (n, points).
 
     in_view, pixels, share: see `firmware_host.synthetic.visibility.PointSight`
     """
@@ -71,12 +71,12 @@ class Shown:
 
     @property
     def sight(self) -> PointSight:
-        """Return what the sensor sees of every point in every frame."""
+        """Return the true visibility of every point in every frame."""
         return PointSight(self.in_view, self.pixels, self.share)
 
 
 def scenes(chosen: str) -> Iterator[tuple[Scene, Callable[[], World]]]:
-    """Yield the scenes of a set with what makes their worlds; a cloth is simulated once, when it is first needed."""
+    """Yield the scenes of a set with functions that build their worlds; each cloth is simulated once, on demand."""
     for g, garment in enumerate(GARMENTS):
         for s, swing in enumerate(SWINGS):
             seed = SEEDS[chosen] + 10 * g + s
@@ -109,7 +109,7 @@ def _world(swung: Callable[[], World], scene: Scene) -> World:
 
 
 def show(scene: Scene, make: Callable[[], World], keep: Path | None = None) -> Shown:
-    """Draw a scene's frames, or read them where they were kept before."""
+    """Render a scene's frames, or read them from the cache."""
     path = keep / f"{scene.name}.npz" if keep else None
     if path and path.exists():
         with np.load(path) as kept:
@@ -137,14 +137,14 @@ def show(scene: Scene, make: Callable[[], World], keep: Path | None = None) -> S
 
 
 class ShownSensor(DepthSensor):
-    """Plays drawn frames, so that only tracking takes time."""
+    """Plays rendered frames, so that only tracking takes time."""
 
     def __init__(self, shown: Shown) -> None:
         self._shown, self._next = shown, 0
 
     @property
     def info(self) -> SensorInfo:
-        """As the synthetic sensor's."""
+        """Return the synthetic sensor's properties."""
         return SensorInfo(
             name="drawn", uri=self._shown.scene.name, width=CAMERA.width, height=CAMERA.height, fps=FPS,
             intrinsics=CAMERA, is_live=False, frame_count=len(self._shown.time),

@@ -1,15 +1,15 @@
-"""The distance of our cloth with true parameters from synthetic recordings: the part that no fit can remove.
+"""Measure the error of our cloth with the true parameters on synthetic recordings: the model-form error.
 
-Without arguments: the four synthetic swatches, mesh 21 mm. With takes recorded from `hangtime sensor synthesise`
-(each NAME.mcap beside its NAME.truth.npz): these, mesh 50 mm, and how far the tracked points are from the true ones.
-The other cloth's diagonals pull too when it is stretched, so its membrane stiffness counts with its shear stiffness
-added. With --causes the script prints the causes of these fabrics' distances, each by two motions that differ in one
-thing alone. The figure is the mean distance of the markers below the top row, over the whole take and over its first
-half second. With --near one true parameter is made a third smaller or half larger. The markers of the top row, which
-hangs slack between the two held corners, are then shown alone too. With --air-drag the swatches swing in air, as given
-takes did, and our cloth has the same air. With --fit the held-out error of a fit stands beside it. Its excess is the
-quotient of the two. Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [--near FABRIC
-...] [--fit fit.json] [TAKE.mcap ...]
+Without arguments: the four synthetic swatches, mesh 21 mm. With takes recorded from `hangtime sensor synthesise` (each
+NAME.mcap beside its NAME.truth.npz): these, mesh 50 mm, and how far the tracked points are from the true ones. The
+other cloth's diagonals also resist stretch, so its effective membrane stiffness includes its shear stiffness. With
+--causes the script prints the causes of these fabrics' distances, each by two motions that differ in one thing alone.
+The figure is the mean distance of the markers below the top row, over the whole take and over its first half second.
+With --near one true parameter is made a third smaller or half larger. The markers of the top row, which hangs slack
+between the two held corners, are then shown alone too. With --air-drag the swatches swing in air, as given takes did,
+and our cloth has the same air. With --fit the held-out error of a fit stands beside it. Its excess is the quotient of
+the two. Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [--near FABRIC ...] [--fit
+fit.json] [TAKE.mcap ...]
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ FACTORS = (2 / 3, 3 / 2)
 
 
 def true_material(take: Take, physics: ClothPhysics) -> mat.Material:
-    """Return what is ours of another cloth's physics."""
+    """Return our parameters for another cloth's physics."""
     return mat.Material(
         areal_density=take.garment.areal_density,
         stretch_stiffness=physics.stretch_stiffness + physics.shear_stiffness,
@@ -78,7 +78,7 @@ def distance_at_truth(take: Take, physics: ClothPhysics, spacing: float, air_dra
 
 
 def simulated(take: Take, materials: Sequence[mat.Material], spacing: float, air_drag: float) -> Floats:
-    """Return what our cloth's points do [m], (materials, frames, points, 3)."""
+    """Return our cloth's simulated points [m], (materials, frames, points, 3)."""
     simulator = Simulator(prepare(take), find_effects(["air_drag"]), resolution=Resolution(spacing=spacing))
     return simulator.run(mat.as_rows(materials), np.full((len(materials), 1), air_drag)).points
 
@@ -90,7 +90,7 @@ def synthetic_take(folder: Path, fabric: str, motion: str, air_drag: float) -> T
 
 
 def near(take: Take, physics: ClothPhysics, air_drag: float) -> dict[str, tuple[float, float]]:
-    """Return mean distances [m], of all markers and of the top row's, by what of the true parameters is changed."""
+    """Return mean distances [m], of all markers and of the top row's, for each change of a true parameter."""
     true = true_material(take, physics)
     changed = {"true": true} | {
         f"{name} x {factor:.2f}": dataclasses.replace(true, **{name: factor * getattr(true, name)})
@@ -115,7 +115,7 @@ def print_near(folder: Path, fabrics: Sequence[str], air_drag: float) -> None:
 
 
 def swatch_take(folder: Path, fabric: str, nodes: Floats, seed: int = 1) -> Take:
-    """Return the take of a swatch whose markers were at `nodes` [m], (frames, 81, 3); each seed has other noise."""
+    """Return the take of a swatch with markers at `nodes` [m], (frames, 81, 3); the noise depends on the seed."""
     garment = swatch(TRUE_FABRICS[fabric].density * SWATCH_SIDE**2)
     tracks = MarkerTracks(garment.point_names, TIME, measured(nodes, np.random.default_rng(seed)))
     write_marker_csv(folder / "take.csv", tracks)
@@ -123,13 +123,13 @@ def swatch_take(folder: Path, fabric: str, nodes: Floats, seed: int = 1) -> Take
 
 
 def flat_start(recording: Recording) -> Supporting:
-    """The recording's hanger, from which the cloth begins flat, regardless of its markers."""
+    """Return the recording with a flat initial cloth, regardless of its markers."""
     bare = dataclasses.replace(recording, valid=np.zeros_like(recording.valid))
     return hanger(bare)
 
 
 def causes(folder: Path, fabric: str, motion: str) -> dict[str, tuple[float, float]]:
-    """Return distances [m], of the whole take and of its first half second, by what the two motions differ in."""
+    """Return distances [m], of the whole take and of its first half second, for each difference of two motions."""
     garment, true = swatch(TRUE_FABRICS[fabric].density * SWATCH_SIDE**2), TRUE_FABRICS[fabric]
     coarse, fine = (
         swung_markers(garment, TIME, motion, true, cells=cells)
@@ -169,7 +169,7 @@ def print_causes(folder: Path, fabrics: Sequence[str]) -> None:
 
 
 def mean_and_maximum(by_frame: NDArray[np.float64]) -> tuple[float, float]:
-    """Return both over the frames in which anything was seen."""
+    """Return mean and maximum over the frames with at least one valid point."""
     return float(np.nanmean(by_frame)), float(np.nanmax(by_frame))
 
 
@@ -177,7 +177,7 @@ def main(
     takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0, near_to: Sequence[str] = (),
     fit: Path | None = None,
 ) -> None:  # fmt: skip
-    """Print a line a take, in millimetres, or the causes, or what cloths nearby do."""
+    """Print a line a take, in millimetres, or the causes, or the distances for nearby parameters."""
     for name in map(Path, takes):
         take = read_take(name)
         with np.load(name.with_suffix(".truth.npz")) as truth:
@@ -208,7 +208,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("takes", nargs="*", metavar="TAKE.mcap")
     parser.add_argument(
-        "--causes", nargs="+", choices=TRUE_FABRICS, default=[], metavar="FABRIC", help="where theirs come from"
+        "--causes", nargs="+", choices=TRUE_FABRICS, default=[], metavar="FABRIC", help="print the distances' causes"
     )
     parser.add_argument(
         "--near",
@@ -216,7 +216,7 @@ if __name__ == "__main__":
         choices=TRUE_FABRICS,
         default=[],
         metavar="FABRIC",
-        help="what cloths do that are nearly true",
+        help="print the distances of nearly true parameters",
     )
     parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the recordings' air")
     parser.add_argument("--fit", type=Path, help="a fit that was judged on the take")

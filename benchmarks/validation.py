@@ -1,7 +1,7 @@
-"""The cloth against closed forms, each at three meshes and three steps, and at a coarse mesh for information.
+"""Compare the cloth with closed forms, each at three meshes and three steps, and at a coarse mesh for information.
 
 Run: python benchmarks/validation.py. Unless said otherwise, a sheet of 0.4 m x 0.45 m and 0.2 kg/m^2 hangs from a bar.
-The bar is as far from the origin as before a sensor. References:
+The bar is as far from the origin as in front of a sensor. References:
 
     swing      zeros of J0: omega_k = j_k / 2 sqrt(g / L), a hanging chain (H. Lamb, "Higher Mechanics", 1920)
     bending    omega of (T w')' - B w'''' + rho omega^2 w = 0, T = rho g z, hinged above, free below; solved here by
@@ -46,7 +46,7 @@ from formats.nature import GRAVITY
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 SPACINGS = (0.05, 0.033, 0.025)  # m: the default of fits, and finer; three, four to five and six elements down
-COARSE = 0.1  # m, two elements down: for information, no fit has it unless told to
+COARSE = 0.1  # m, two elements down: for information, since fits use it on request only
 STEPS = (1.0, 0.5, 0.25)  # of the stable one
 FRAME = 1 / 60
 AWAY = np.array([0.0, 1.5, 0.0])  # m from the origin
@@ -64,7 +64,7 @@ class Case:
 
 
 def bottom(resolution: Resolution, displacement: Floats, time: Floats, **changes: float) -> Floats:
-    """Motion of the bottom's middle across the sheet, from `AWAY`, and down [m], (frames, 2)."""
+    """Return the motion of the bottom's middle across the sheet, from `AWAY`, and down [m], (frames, 2)."""
     garment = sheet(width=WIDTH, height=LENGTH, mass=DENSITY * WIDTH * LENGTH)
     chosen = {**LIMP, "stretch_stiffness": 2000.0, "shear_stiffness": 100.0, "velocity_damping": 0.0, **changes}
     take = simulate_take(garment, time, displacement + AWAY, material(garment, **chosen), resolution=resolution)
@@ -72,7 +72,7 @@ def bottom(resolution: Resolution, displacement: Floats, time: Floats, **changes
 
 
 def limp_modes(count: int) -> Floats:
-    """Lowest angular frequencies [1/s] of a sheet without bending, ascending."""
+    """Return the lowest angular frequencies [1/s] of a sheet without bending stiffness, ascending."""
     return np.asarray(jn_zeros(0, count) / 2 * np.sqrt(GRAVITY / LENGTH))
 
 
@@ -80,7 +80,7 @@ def ring(
     resolution: Resolution, mode: int = 1, *, modes: Floats | None = None, seconds: float = 8.0,
     amplitude: float = 0.004, **changes: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Angular frequency [1/s] and decay [1/s] of a mode, from 1, after a nudge at about its frequency.
+    """Return angular frequency [1/s] and decay [1/s] of a mode, from 1, after an excitation near its frequency.
 
     modes: frequencies to expect [1/s], ascending; those of a limp sheet where none are given
     """
@@ -96,7 +96,7 @@ def ring(
 
 
 def fitted(time: Floats, moved: Floats, guess: float, others: Sequence[float]) -> tuple[float, float]:
-    """Frequency and decay of the strongest mode near `guess`, two others fitted beside it."""
+    """Return frequency and decay of the strongest mode near `guess`, fitted together with two others."""
 
     def waves(t: Floats, *p: float) -> Floats:
         total = np.full_like(t, p[0])
@@ -114,13 +114,13 @@ def fitted(time: Floats, moved: Floats, guess: float, others: Sequence[float]) -
 
 
 def swing_error(mode: int, resolution: Resolution) -> float:
-    """Of the first or second swing of a limp sheet, small enough to be linear: the second is 1 % slower at 4 mm."""
+    """Return the error of the first or second swing of a limp sheet, small enough to be linear."""
     return ring(resolution, mode, seconds=5.0, amplitude=0.0005)[0] / limp_modes(mode)[-1] - 1
 
 
 @functools.cache
 def bending_modes(stiffness: float, nodes: int = 40) -> Floats:
-    """Four lowest angular frequencies [1/s] of a hanging sheet that resists bending, by Chebyshev collocation."""
+    """Return the four lowest angular frequencies [1/s] of a hanging sheet with bending stiffness, by collocation."""
     from scipy.linalg import eig
 
     k = np.arange(nodes + 1)
@@ -142,18 +142,18 @@ def bending_modes(stiffness: float, nodes: int = 40) -> Floats:
 
 
 def ring_card(resolution: Resolution, damping_time: float = 0.0) -> tuple[float, float]:
-    """Frequency and decay [1/s] of the second swing of a sheet as stiff as card."""
+    """Return frequency and decay [1/s] of the second swing of a sheet as stiff as card."""
     changes = {"bending_stiffness": CARD, "shear_stiffness": 300.0, "bending_damping_time": damping_time}
     return ring(resolution, 2, modes=bending_modes(CARD), seconds=3.0, amplitude=0.0005, **changes)
 
 
 def bending_error(resolution: Resolution) -> float:
-    """Of the frequency of the second swing of card."""
+    """Return the error of the frequency of the second swing of card."""
     return float(ring_card(resolution)[0] / bending_modes(CARD)[1] - 1)
 
 
 def bending_damping_error(resolution: Resolution) -> float:
-    """Of its decay at a bending damping time of 5 ms."""
+    """Return the error of the decay of card's second swing at a bending damping time of 5 ms."""
     damping_time, apart = 0.005, 0.01
     less, same, more = (bending_modes(CARD * np.exp(s))[1] for s in (-apart, 0.0, apart))
     theory = damping_time * same**2 * np.log(more / less) / (2 * apart)
@@ -161,7 +161,7 @@ def bending_damping_error(resolution: Resolution) -> float:
 
 
 def stretch_error(resolution: Resolution) -> float:
-    """Of the elongation under its own weight at 40 N/m."""
+    """Return the error of the elongation under the sheet's weight at 40 N/m."""
     stiffness = 40.0
     heights = np.linspace(0, LENGTH, 2001)
     stretched = [brentq(lambda s, h=h: stiffness / 2 * s * (s**2 - 1) - DENSITY * GRAVITY * h, 1, 2) for h in heights]
@@ -172,12 +172,12 @@ def stretch_error(resolution: Resolution) -> float:
 
 
 def damping_error(resolution: Resolution) -> float:
-    """Of the decay of the first swing at a damping of 0.6 1/s."""
+    """Return the error of the decay of the first swing at a damping of 0.6 1/s."""
     return ring(resolution, seconds=6.0, velocity_damping=0.6)[1] / 0.3 - 1
 
 
 def part(displacement: Floats, time: Floats, one: Resolution, other: Resolution) -> Floats:
-    """Difference of two resolutions per frame over the motion's size, (frames,); bottom corners and middle."""
+    """Return the two resolutions' difference per frame over the motion's size, (frames,); bottom corners and middle."""
     garment = sheet(width=WIDTH, height=LENGTH, mass=DENSITY * WIDTH * LENGTH)
     row = material(garment, velocity_damping=1.0, bending_stiffness=5e-5)
     moved = displacement + AWAY
@@ -188,7 +188,7 @@ def part(displacement: Floats, time: Floats, one: Resolution, other: Resolution)
 
 
 def trajectory_error(resolution: Resolution) -> float:
-    """Difference to a mesh twice as fine at half the step, of the tracked points' motion, swung by hand for 4 s."""
+    """Return the difference of tracked points, swung for 4 s, to a mesh twice as fine at half the step."""
     time = np.arange(0, 4, 1 / 30)
     moved = swing(time, amplitude=0.06, hz=0.8, sideways=0.02, stop=2.5)
     finer = Resolution(spacing=resolution.spacing / 2, step_share=resolution.step_share / 2)
@@ -196,7 +196,7 @@ def trajectory_error(resolution: Resolution) -> float:
 
 
 def horizon() -> float:
-    """Time [s] for which a hard swing, whose corners flutter, is the same within 3 % at 25 and 17 mm."""
+    """Return the time [s] for which a hard swing, whose corners flutter, agrees within 3 % on 25 and 17 mm meshes."""
     time = np.arange(0, 4, 1 / 30)
     moved = swing(time, amplitude=0.1, hz=0.8, sideways=0.03, stop=2.5)
     apart = part(moved, time, Resolution(spacing=0.025), Resolution(spacing=0.0167))

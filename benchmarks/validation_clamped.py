@@ -1,4 +1,4 @@
-"""Cases of `validation.py` in which clamps hold the cloth, or nothing does: each gives a relative error.
+"""Cases of `validation.py` with clamped or free cloth; each returns a relative error.
 
 shear frame      all four sides of a square turned by phi, threads keep their length: W = G/2 sin^2 phi per area, so
                  the torque on the frame is A G sin phi cos phi
@@ -46,7 +46,7 @@ FRAME = 1 / 30
 ANGLE = 0.2  # rad of the shear frame
 BIAS_ANGLE = 0.3  # rad of shear
 BIAS_STRETCH = 2000.0  # N/m along the threads, 2000 times the shear stiffness
-BIAS_DAMPINGS = tuple(np.linspace(16.0, 24.0, 8))  # 1/s: the same rest, ringing otherwise on the way there
+BIAS_DAMPINGS = tuple(np.linspace(16.0, 24.0, 8))  # 1/s: the same rest state, with different ringing before it
 LOAD, SOFT = 6.0, 60.0  # N/m at the lower clamp, and the sheet's stretch stiffness
 OVERHANG = 0.6  # m
 SHORT, LONG = 2.0, 3.0  # overhangs over the bending length: Peirce's c = L / 2, and a tip that hangs at 60 degrees
@@ -54,12 +54,12 @@ DRAG = 1.2
 
 
 def still(frame: Floats) -> Curve:
-    """A clamp that stays."""
+    """Return a clamp at rest."""
     return lambda instants: np.tile(frame, (len(instants), 1))
 
 
 def gone(instants: Floats) -> Floats:
-    """Return how much of a movement of one second is done, from 0 to 1."""
+    """Return the completed share, 0 to 1, of a movement of one second."""
     share = np.clip(instants, 0, 1)
     return np.asarray(share**3 * (10 - 15 * share + 6 * share**2))
 
@@ -82,7 +82,7 @@ def square(width: float, height: float) -> Garment:
 
 
 def shear_frame_error(resolution: Resolution) -> float:
-    """Of the torque on a shear frame at 0.2 rad, with card, which stays flat in it."""
+    """Return the error of the torque on a shear frame at 0.2 rad, with card, which stays flat in it."""
     side, shear = 0.4, 100.0
 
     def on_rim(places: Floats) -> NDArray[np.bool_]:
@@ -129,7 +129,7 @@ def bias_extension_error(resolution: Resolution, stretch: float = BIAS_STRETCH) 
 
 
 def drawn_down(height: float, way: float, gravity: float = GRAVITY) -> tuple[Supporting, Held]:
-    """Clamps at the upper and the lower edge, the lower one drawn down [m] in a second, and what that one holds."""
+    """Return clamps at the upper and lower edge, the lower one drawn down [m] in a second, and its held nodes."""
 
     def lowered(instants: Floats) -> Floats:
         frame = np.tile(UPRIGHT, (len(instants), 1))
@@ -149,7 +149,7 @@ def stretched(tension: Floats, stiffness: float) -> Floats:
 
 
 def load_error(resolution: Resolution) -> float:
-    """Of the force at the lower clamp of a sheet that carries its own weight too."""
+    """Return the error of the force at the lower clamp of a sheet with weight."""
     width, height = 0.4, 0.45
     depths = np.linspace(0, height, 501)
     sunk = float(np.trapezoid(stretched(LOAD + DENSITY * GRAVITY * depths, SOFT) - 1, depths))
@@ -162,7 +162,7 @@ def load_error(resolution: Resolution) -> float:
 
 
 def elastica(length: float, bending_length: float) -> tuple[float, float]:
-    """Reach and drop [m] of the tip of a heavy strip that is clamped level."""
+    """Return reach and drop [m] of the tip of a heavy strip that is clamped horizontally."""
     s = np.linspace(0, length, 60)
 
     def slope(at: Floats, y: Floats) -> Floats:  # angle, its slope, reach and drop on the way from the tip
@@ -179,7 +179,7 @@ def elastica(length: float, bending_length: float) -> tuple[float, float]:
 
 
 def overhanging(resolution: Resolution, bending_length: float) -> tuple[float, float]:
-    """Reach and drop [m] of the tip of the simulated strip; the clamp holds one element."""
+    """Return reach and drop [m] of the tip of the simulated strip; the clamp holds one element."""
     elements = round(OVERHANG / (3 * resolution.spacing))
     strip = OVERHANG / elements
     garment = square(0.2, OVERHANG + strip)
@@ -196,7 +196,7 @@ def overhanging(resolution: Resolution, bending_length: float) -> tuple[float, f
 
 
 def peirce_error(resolution: Resolution) -> float:
-    """Of the bending length that Peirce's formula reads from an overhang of twice the bending length."""
+    """Return the error of the bending length by Peirce's formula at an overhang of twice the bending length."""
     true = OVERHANG / SHORT
     reach, drop = overhanging(resolution, true)
     angle = np.arctan2(drop, reach)
@@ -204,13 +204,13 @@ def peirce_error(resolution: Resolution) -> float:
 
 
 def elastica_error(resolution: Resolution) -> float:
-    """Of the tip's place, over its drop, at an overhang of three times the bending length."""
+    """Return the error of the tip's position, over its drop, at an overhang of three times the bending length."""
     expected = np.array(elastica(OVERHANG, OVERHANG / LONG))
     return float(np.linalg.norm(np.array(overhanging(resolution, OVERHANG / LONG)) - expected) / expected[1])
 
 
 def falling_error(resolution: Resolution) -> float:
-    """Of the terminal speed of a level sheet that nothing holds."""
+    """Return the error of the terminal speed of a free horizontal sheet."""
     done, _ = bench(square(0.4, 0.45), clamps(start=LEVEL), resolution, 2.0, drag=DRAG, dampings=(0.0,))
     assert done.shapes is not None
     height = done.shapes[0, :, :, 2].mean(1)

@@ -1,9 +1,9 @@
-"""All of the energy of a sheet that swings without damping; a part of `validation.py`.
+"""Check that the energy of an undamped swinging sheet is constant; a part of `validation.py`.
 
     E = sum m v^2 / 2 + sum m g z + integral of k/2 (E11^2 + E22^2) + G/2 E12^2,
     E11 = (|Fu|^2 - 1)/2, E12 = Fu.Fv, less the same at rest; without bending
 
-The velocities v are central differences of 2000 pictures a second. At 250 Hz these lose a fifth of the kinetic energy,
+The velocities v are central differences of 2000 samples a second. At 250 Hz these lose a fifth of the kinetic energy,
 and less in slower motion. Means over 0.9 s, nearly a period of the first swing, ten seconds apart. Rounding to single
 precision heats the cloth, by 1e-7 to 3e-7 W here; the swing has 1.8e-3 J.
 """
@@ -26,7 +26,7 @@ RATE, MEAN_OVER, SECONDS = 2000, 0.9, 10.0
 
 
 def energy_drift(resolution: Resolution, damping: float = 0.0) -> float:
-    """Relative change of the energy over 10 s, at a velocity damping [1/s]."""
+    """Return the relative change of the energy over 10 s, at a velocity damping [1/s]."""
     stop = 0.5 + 2.0 / HERTZ
     begin = stop + 0.35
     time = np.arange(0, begin + SECONDS + MEAN_OVER, 1 / RATE)
@@ -49,14 +49,14 @@ def energy_drift(resolution: Resolution, damping: float = 0.0) -> float:
 
 
 def whole(simulator: Simulator, shapes: Floats) -> float:
-    """Mean kinetic and potential energy [J] of places of the nodes [m], (pictures, nodes, 3)."""
+    """Return mean kinetic and potential energy [J] from positions of the nodes [m], (samples, nodes, 3)."""
     speed = (shapes[2:] - shapes[:-2]) * RATE / 2
     kinetic = 0.5 * DENSITY * np.einsum("n,pnc->p", simulator.mesh.node_area, speed**2)
     return float((kinetic + potential(simulator, shapes[1:-1])).mean())
 
 
 def potential(simulator: Simulator, shapes: Floats) -> Floats:
-    """Energy of height, fibres and shear [J], (pictures,), of places of the nodes [m], (pictures, nodes, 3)."""
+    """Return the energy of height, fibres and shear [J], (samples,), from nodes [m], (samples, nodes, 3)."""
     mesh = simulator.mesh
     slopes = mesh.fibres.stencils.apply(shapes.transpose(1, 0, 2))
     fibres = mesh.fibres.area @ (((slopes**2).sum(2) - 1) / 2) ** 2

@@ -1,4 +1,4 @@
-"""Newton's solvers as a cloth in a process of its own: answers the jobs of `benchmarks/peers.py`.
+"""Newton's solvers as a cloth simulator in a separate process, which runs the jobs of `benchmarks/peers.py`.
 
 A job names its `solver`, semi-implicit, xpbd or vbd, and the `iterations` of the last two. Semi-implicit has the model
 of the blind check (`fit/blind/foreign/workers/newton_worker.py`), and so has VBD, whose triangles add mu to lambda
@@ -6,10 +6,10 @@ themselves. XPBD knows no triangles. Springs of mu along both diagonals of every
 gamma^2 / 2 per area, as the ground does. The springs along the lines have the rest of its stretch.
 
 An edge of length e between triangles of height a has the bending energy K theta^2 / 2 in all. In the blind check's
-worker K = k_e e^2 a. VBD takes k_e e theta^2 / 2. XPBD's gradients lack 1 / (e a), so XPBD takes k_e e a theta^2 / 2.
+worker K = k_e e^2 a. VBD uses k_e e theta^2 / 2. XPBD's gradients lack 1 / (e a), so XPBD takes k_e e a theta^2 / 2.
 
 Two steps, damping and the held nodes' path included, are recorded as a graph and replayed: no Python runs in between.
-XPBD and VBD end a step where the held nodes are then; the semi-implicit solver takes its forces where they are before.
+XPBD and VBD use the held nodes' positions at the end of a step, the semi-implicit solver those at its beginning.
 Source: Newton 1.8, `SolverSemiImplicit`, `SolverXPBD` and `SolverVBD`; Warp 1.19, `ScopedCapture`.
 """
 
@@ -55,7 +55,7 @@ def xpbd(job, numbers):
     """Return a model of springs and its solver."""
     builder, rest = particles_of(job, numbers), job["rest"]
     add_edges(builder, job, numbers, lambda whole, length, height: whole / (length * height))
-    ground = numbers["lam"] + numbers["mu"]  # of lambda + 2 mu, the diagonals have mu
+    ground = numbers["lam"] + numbers["mu"]  # of lambda + 2 mu, the diagonals carry mu
     lines = {**numbers, **{name: numbers[name] + ground for name in ("fibre_warp", "fibre_weft")}}
     node = lines_of(rest)
     diagonals = np.concatenate([
@@ -112,7 +112,7 @@ def begin_step(
     f: wp.array[wp.vec3],
     seen: wp.array2d[wp.vec3],
 ):
-    """Keep where a node is at every sample, damp it, and put it on its path if it has a row there."""
+    """Store a node's position at every sample, damp its velocity, and move it along its path if it is held."""
     node = wp.tid()
     now = step[0]
     if now >= 0 and now % every == 0:
@@ -153,7 +153,7 @@ def simulate(job):
             solver.step(old, new, control, None, dt)
             wp.launch(end_step, 1, inputs=[step])
 
-    advance()  # compiled, memory there
+    advance()  # compiled, with memory allocated
     states[0].particle_q.assign(job["start"][0])
     states[0].particle_qd.zero_()
     step.fill_(-settle)

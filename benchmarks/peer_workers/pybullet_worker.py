@@ -1,4 +1,4 @@
-"""PyBullet's mass-spring soft body as a cloth in a process of its own: answers the jobs of `benchmarks/peers.py`.
+"""PyBullet's mass-spring soft body as a cloth simulator in a separate process, for the jobs of `benchmarks/peers.py`.
 
 Springs of the job's warp stiffness lie along every edge, and bending springs across. The held edge hangs on anchors of
 bodies that are moved at every step. The only damping is the springs'.
@@ -12,7 +12,7 @@ import numpy as np
 import pybullet
 from answering import answer_jobs
 
-SPRING_DAMPING, BENDING_SPRING = 0.02, 0.5  # N s/m and N/m: below, it grows without bound at these steps
+SPRING_DAMPING, BENDING_SPRING = 0.02, 0.5  # N s/m and N/m: below, the motion diverges at these steps
 
 
 def load(job, numbers, folder):
@@ -31,7 +31,7 @@ def load(job, numbers, folder):
 
 
 def vertices(sheet):
-    """Return where the vertices are, (n, 3)."""
+    """Return the vertices' positions, (n, 3)."""
     return np.array(pybullet.getMeshData(sheet, -1, flags=pybullet.MESH_DATA_SIMULATION_MESH)[1])
 
 
@@ -51,7 +51,7 @@ def simulate(job):
     seen, cost, began = [], 0.0, time.process_time()
     for step in range(-int(job["settle_steps"]), len(path)):
         if step >= 0 and step % every == 0:
-            cost += time.process_time() - began if step else 0.0  # looking is not stepping
+            cost += time.process_time() - began if step else 0.0  # reading positions is not part of a step
             seen.append(vertices(sheet)[order])
             began = time.process_time()
         ends = path[max(step, 0)]

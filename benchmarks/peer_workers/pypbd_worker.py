@@ -1,4 +1,4 @@
-"""PositionBasedDynamics (pypbd) as a cloth in a process of its own: answers the jobs of `benchmarks/peers.py`.
+"""PositionBasedDynamics (pypbd) as a cloth simulator in a separate process, for the jobs of `benchmarks/peers.py`.
 
 XPBD distance constraints on every edge and isometric bending, one iteration a substep. Its gravity points along -y and
 cannot be set from Python: the scene is turned, (x, y, z) -> (x, z, -y).

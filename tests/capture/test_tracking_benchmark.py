@@ -1,4 +1,4 @@
-"""The tracking benchmark measures what it says, on a skirt that hangs still."""
+"""The tracking benchmark measures correctly, on a skirt at rest."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def test_a_hanging_skirt_meets_the_targets_of_accuracy():
     for name in ("corners, median [mm]", "centre, mean [mm]", "centre, mean [% of width]", "marker rms, still [mm]"):
         target, value = values[name]
         assert 0.0 < value < target, name
-    assert values["corners visible: placed [%]"][1] == 100.0
+    assert values["corners visible: located [%]"][1] == 100.0
     assert values["clearly hidden, of all points [%]"][1] == 0.0
     assert values["ambiguous, of all points [%]"][1] == 0.0
-    assert values["clearly visible: no place [%]"][1] == 0.0
+    assert values["clearly visible: not located [%]"][1] == 0.0
 
 
 def test_a_truth_that_is_two_centimetres_off_is_measured_as_that():
@@ -63,11 +63,11 @@ def test_what_is_called_hidden_is_what_no_pixel_shows_and_what_is_between_is_lef
     true = shown()
     none = np.zeros_like(true.pixels)
     hidden = figures([measure(replace(true, in_view=none > 0, pixels=none, share=0.0 * true.share))])
-    assert hidden["clearly hidden: given a place [%]"][1] == 100.0
+    assert hidden["clearly hidden: located [%]"][1] == 100.0
     assert hidden["hidden, clear: recall [%]"][1] == hidden["hidden, strict: recall [%]"][1] == 0.0
     between = figures([measure(replace(true, share=0.1 + none))])
     assert between["ambiguous, of all points [%]"][1] == 100.0
-    assert between["ambiguous: given a place [%]"][1] == 100.0
+    assert between["ambiguous: located [%]"][1] == 100.0
     assert between["clearly hidden, of all points [%]"][1] == 0.0
 
 

@@ -1,4 +1,4 @@
-"""The queue before a live sensor, and a short form of the endurance benchmark."""
+"""The frame queue of a live sensor, and a short run of the endurance benchmark."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ IN_A_SECOND = 30
 
 
 class Gated(DepthSensor):
-    """Gives its frames one after the other and tells when it was asked for one more than it has."""
+    """Delivers its frames in order, and signals a request for one more than it has."""
 
     def __init__(self, frames, ends_with=None):
         self._inner, self._ends_with = StageSensor([PICTURES] * frames), ends_with
@@ -67,7 +67,7 @@ def test_what_does_not_fit_is_counted_in_the_next_frame_that_does():
     def let_through(count):
         for _ in range(count):
             gate.release()
-            put.acquire(timeout=STILL)  # it asked for the one after, so this one was dealt with
+            put.acquire(timeout=STILL)  # the queue requested the next frame, so it has handled this one
 
     with QueuedSensor(Slow(7), room=2 * SIZE) as sensor:
         put.acquire(timeout=STILL)
@@ -82,7 +82,7 @@ def test_what_does_not_fit_is_counted_in_the_next_frame_that_does():
 
 def test_a_hitch_of_a_second_costs_no_frame_and_no_bit_of_one(monkeypatch):
     """Forty frames at once, a second and a third: 61 MB, of which 30 MB may wait."""
-    monkeypatch.setattr(endurance, "LOOP", 1)  # the others are not looked at
+    monkeypatch.setattr(endurance, "LOOP", 1)  # the others are not checked
     depth, colour = swung_pictures()[0]
     inner = Gated(0)
     inner._inner = StageSensor([(np.roll(depth, k, axis=1), np.roll(colour, k, axis=1)) for k in range(40)])
@@ -130,6 +130,6 @@ def test_a_short_recording_stays_below_110_megabytes_and_accounts_for_every_fram
     found = endurance.measure(5.0, hogs=0)
     assert found["memory"] < endurance.MOST_MEMORY
     assert found["published"] == 150
-    assert 0 <= found["lost"] - found["told"] <= IN_A_SECOND
-    assert found["missed"] <= found["told"]
+    assert 0 <= found["lost"] - found["reported"] <= IN_A_SECOND
+    assert found["missed"] <= found["reported"]
     assert found["with_hanger"] >= 0.9 * found["frames"] > 0

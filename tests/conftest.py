@@ -1,8 +1,8 @@
-"""Limit the processor time of every test, show how much the slowest tests take, and keep tests together.
+"""Limit the processor time of every test, report the slowest tests, and group tests by process.
 
 A limit on wall time ends healthy tests on a busy machine, where each process gets a share of a processor. Here the
-processor time counts, of the test's own process and of the processes that it started. A test that waits for something
-that never comes uses no processor time. It is ended when nothing has moved for ten minutes.
+limit is on the processor time of the test's process and of its child processes. A test that waits for an event
+that never comes uses no processor time. It ends after ten minutes without progress.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ with contextlib.suppress(AttributeError, OSError):  # another C library
     ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, 256 << 20)
 
 LIMIT = 300.0  # s of processor time: ten times what the longest of the quick tests takes
-LOOK = 2.0  # s of wall time between two looks
+LOOK = 2.0  # s of wall time between two checks
 STILL = 600.0  # s of wall time; a process that can run at all gets more than PROGRESS in that
 PROGRESS = 0.5  # s of processor time
 NAME = "processor_time"
@@ -54,7 +54,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """Spare the collector of garbage the thousands of tests and modules that stay to the end."""
+    """Exclude the collected tests and modules from garbage collection, since they stay until the end."""
     gc.disable()
     try:
         return (yield)
@@ -64,14 +64,14 @@ def pytest_collection() -> Iterator[None]:
 
 
 def pytest_sessionfinish() -> None:
-    """Let Taichi keep for the next run what it compiled: it writes when it is freed, and what is frozen never is."""
+    """Unfreeze objects, so that Taichi is freed and writes its compiled kernels to the cache."""
     if taichi := sys.modules.get("taichi"):
         taichi.reset()
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Under `--dist loadfile`, keep the tests of a room in one process: each compiles kernels, or parses, anew."""
+    """Under `--dist loadfile`, keep the tests of a room in one process, since each process compiles or parses anew."""
     if config.getoption("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -87,7 +87,7 @@ READERS = {f"tests/test_{name}.py" for name in ("docstrings", "repository", "sho
 
 
 def room_of(nodeid: str) -> str:
-    """The room of `fit` that a test is of, or else its file; those that parse all modules are one room."""
+    """Return a test's room in `fit`, or else its file; the tests that parse all modules form one room."""
     file = nodeid.partition("::")[0]
     if file in READERS:
         return "all modules"
@@ -95,13 +95,13 @@ def room_of(nodeid: str) -> str:
 
 
 def done() -> float:
-    """Processor time [s] of this process and of the children that it has waited for."""
+    """Return the processor time [s] of this process and of its finished children."""
     both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in both)
 
 
 def used() -> float:
-    """The same with the children that still run."""
+    """Return the processor time [s] of this process and of all its children, running ones included."""
     running = 0.0
     for child in psutil.Process(os.getpid()).children(recursive=True):
         with contextlib.suppress(psutil.Error):  # it has just ended
@@ -111,9 +111,9 @@ def used() -> float:
 
 
 class Watch:
-    """Looks every two seconds at what a test has used, and ends it where that is too much or long the same.
+    """Checks a test's processor time every two seconds, and ends the test if it is too long or makes no progress.
 
-    begun [s]: what had been used when it began. To ask the children for that takes 3 ms, as long as many a test.
+    begun [s]: processor time at the test's beginning. Querying the children takes 3 ms, as long as many tests.
     """
 
     def __init__(self, limit: float, begun: float | None = None) -> None:
@@ -136,7 +136,7 @@ WATCH, SPENT = pytest.StashKey[Watch](), pytest.StashKey[float]()
 
 @contextlib.contextmanager
 def watched(item: pytest.Item) -> Iterator[None]:
-    """Look while one phase of a test runs; between phases pytest itself would be ended."""
+    """Watch one phase of a test; between phases the watch would end pytest itself."""
     if WATCH not in item.stash:
         marker = item.get_closest_marker(NAME)
         item.stash[WATCH] = Watch(float(marker.args[0]) if marker else LIMIT, done())
@@ -169,7 +169,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Write into the last report of a test how much it has used, with what pytest did for it."""
+    """Write a test's processor time, pytest's share included, into its last report."""
     report = yield
     if report.when == "teardown":
         before, item.session.stash[SPENT] = item.session.stash.get(SPENT, 0.0), done()
@@ -179,9 +179,9 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """In one of several processes, send one report of a test that passed in place of three, and not that it begins.
+    """With several processes, send one report instead of three for a passed test, and none of its beginning.
 
-    Each message is packed, sent, unpacked and shown: of a test of moments that was more than half of what it cost.
+    Sending and showing a message took more than half of a short test's time.
     """
     if not hasattr(item.config, "workerinput"):
         return None
@@ -193,7 +193,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def one_report(reports: list[pytest.TestReport]) -> list[pytest.TestReport]:
-    """The report of the test itself, with what the last one says of it, where all of them passed; else all of them."""
+    """Return the test's own report with the data of the last one if all passed, else all reports."""
     if [report.when for report in reports if report.passed] != ["setup", "call", "teardown"]:
         return reports
     _, itself, last = reports
@@ -203,7 +203,7 @@ def one_report(reports: list[pytest.TestReport]) -> list[pytest.TestReport]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_report_to_serializable(report: Any) -> Iterator[None]:
-    """Send no keywords of what passed: nobody reads them, and they are most of what a process sends of a test."""
+    """Drop the unused keywords of passed tests, which are most of the data that a process sends."""
     sent = yield
     if sent and getattr(report, "passed", False):
         sent["keywords"] = {}

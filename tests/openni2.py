@@ -1,4 +1,4 @@
-"""Whether tests can use OpenNI2 here."""
+"""Check whether tests can use OpenNI2 on this machine."""
 
 from __future__ import annotations
 

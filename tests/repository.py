@@ -28,7 +28,7 @@ def texts() -> list[Path]:
 
 @functools.cache
 def tree_of(path: Path) -> ast.Module:
-    """The code of a file; it is the same for all who ask, and nobody changes it."""
+    """Return the syntax tree of a file, cached and shared: callers must not change it."""
     return ast.parse(path.read_text())
 
 

@@ -1,4 +1,4 @@
-"""Takes prose apart into sentences and counts their words, for the tests of the documentation and of docstrings."""
+"""Split prose into sentences and count their words, for the tests of the documentation and of docstrings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 LONGEST_SENTENCE = 25  # words (CONTRIBUTING.md, "Text")
 END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
-# Pieces of this house's old tongue that no stranger understands, and the field's words for them
+# Phrases that only this project's authors understood; the glossary has the field's words
 PRIVATE_WORDS = re.compile(
     r"worn Jacobian|halt is believed|corner of the box|may be had|leaves? least of|\bis told of\b|are enough of"
     r"|no vote\b|tells? of by itself|told (?:by|that) (?:itself|so)|asks? for itself|without company",
@@ -19,7 +19,7 @@ CLAUSE = re.compile(
 
 
 def blocks_of(text: str) -> list[str]:
-    """Paragraphs, list items and table cells of a page; a cell of figures parts them with semicolons."""
+    """Return paragraphs, list items and table cells of a page; semicolons split a cell of figures."""
     text = re.sub(r"^```.*?^```|<!--.*?-->", "", text, flags=re.DOTALL | re.MULTILINE)
     blocks: list[str] = [""]
     for line in text.splitlines():
@@ -35,7 +35,7 @@ def blocks_of(text: str) -> list[str]:
 
 
 def sentences_of(text: str) -> list[str]:
-    """Sentences of a page; a piece of code and an equation count as one word each."""
+    """Return the sentences of a page; a piece of code and an equation count as one word each."""
     found = []
     for block in blocks_of(text):
         plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`|\$[^$]+\$", "Code", block))
@@ -48,7 +48,7 @@ def words_of(sentence: str) -> int:
 
 
 def faults_of(texts: Iterable[tuple[int, str]]) -> list[str]:
-    """Lines and beginnings of the sentences of texts, each with its line, that break a rule."""
+    """Return line and beginning of every sentence that breaks a rule, from texts with their lines."""
     found = []
     for line, text in texts:
         for sentence in sentences_of(text):

@@ -1,4 +1,4 @@
-"""Real recordings that are not part of the repository: where the tests that need them look."""
+"""The folder of real recordings outside the repository, which some tests need."""
 
 from __future__ import annotations
 

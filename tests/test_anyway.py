@@ -1,4 +1,4 @@
-"""Numbers that no cloth, hanger or camera has are refused by every command that reads them, and accepted on request."""
+"""Implausible numbers of a cloth, hanger or camera are refused by every command, and accepted with --anyway."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_every_command_names_the_unit_that_was_probably_meant_and_its_way_to_acc
     assert "or --anyway to accept it" in refused.stderr
     assert any(hint in refused.stderr for hint in ("grams meant", "millimetres", "these are frame numbers"))
     accepted = hangtime_here(*words, "--anyway", folder=folder)
-    assert "--anyway" not in accepted.stderr  # what is wrong besides is another matter
+    assert "--anyway" not in accepted.stderr  # other errors do not matter here
     assert "Traceback" not in accepted.stderr
 
 

@@ -1,4 +1,4 @@
-"""`import hangtime` gives the numbers of the commands to the last digit, and its tutorial runs."""
+"""`import hangtime` gives the same numbers as the commands to the last digit, and its tutorial runs."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def fitted(takes):
 
 
 def without_time(result):
-    """A result but for when it was made and how long it took."""
+    """Return a result without its time of creation and its duration."""
     return msgspec.structs.replace(result, created="", **({"seconds": 0.0} if hasattr(result, "seconds") else {}))
 
 
 def noting(names, call):
-    """The call, which notes the name of each take that it is given."""
+    """Return a wrapper of the call that records the name of each take."""
     return lambda take: names.append(take.take_id) or call(take)
 
 
@@ -375,9 +375,9 @@ def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_pa
 
 
 def test_a_simulation_with_a_fit_uses_every_parameter_of_the_fit(takes, fitted):
-    """Each value in turn goes to the farther end of its bounds; cloth that moves the same was not told of it."""
+    """Each value in turn goes to the farther end of its bounds, which must change the motion."""
     take, mesh = takes / "gentle.mcap", {"spacing": 0.2}
-    told = hangtime.simulate(take, fitted, **mesh).takes[0].simulated
+    usual = hangtime.simulate(take, fitted, **mesh).takes[0].simulated
     assert len(fitted.result.parameters) == 5
     for number, parameter in enumerate(fitted.result.parameters):
         far = max((parameter.minimum, parameter.maximum), key=lambda end, p=parameter: abs(math.log(end / p.fitted)))
@@ -385,4 +385,4 @@ def test_a_simulation_with_a_fit_uses_every_parameter_of_the_fit(takes, fitted):
         parameters[number] = msgspec.structs.replace(parameter, fitted=far)
         result = msgspec.structs.replace(fitted.result, parameters=parameters)
         moved = hangtime.simulate(take, dataclasses.replace(fitted, result=result), **mesh).takes[0].simulated
-        assert np.abs(moved - told).max() > 1e-6, parameter.name
+        assert np.abs(moved - usual).max() > 1e-6, parameter.name

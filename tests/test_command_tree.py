@@ -1,4 +1,4 @@
-"""Every command of `hangtime` reads well in a terminal: its pages, its options, what it tells programs and nobody."""
+"""Every command of `hangtime`: its help pages and options, and its output under `--json` and `--quiet`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.sentences import LONGEST_SENTENCE, sentences_of, words_of
 
 COMMANDS = dict(every_command(whole_command()))
 NAMES = sorted(COMMANDS)
-# Commands that run on tell what happens as it happens; the two of the appliance that are services tell the journal.
+# Long-running commands report events at once; the appliance's two services report to the journal.
 ON_AND_ON = {f"hangtime {name}" for name in (*help_pages.WITHOUT_QUIET, *help_pages.WITHOUT_JSON)}
 
 
@@ -103,10 +103,10 @@ def test_the_list_of_commands_stands_under_headings_in_the_order_of_work(tmp_pat
 
 
 def test_the_version_is_told_by_the_command_and_by_the_module(tmp_path):
-    told = hangtime_here("--version", folder=tmp_path).stdout
-    assert re.fullmatch(r"hangtime \d+\.\d+\.\d+\S*\n", told)
+    version = hangtime_here("--version", folder=tmp_path).stdout
+    assert re.fullmatch(r"hangtime \d+\.\d+\.\d+\S*\n", version)
     done = subprocess.run([sys.executable, "-m", "hangtime", "--version"], capture_output=True, text=True, check=True)
-    assert done.stdout == told
+    assert done.stdout == version
 
 
 def test_a_command_tells_words_or_json_or_nothing(tmp_path):
@@ -117,7 +117,7 @@ def test_a_command_tells_words_or_json_or_nothing(tmp_path):
     }  # fmt: skip
     quiet = hangtime_here(*words, "--quiet", folder=tmp_path)
     assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
-    assert hangtime_here(*words, folder=tmp_path).stdout  # the next command of this process speaks again
+    assert hangtime_here(*words, folder=tmp_path).stdout  # the next command of this process prints again
 
 
 TOLD_AS_JSON = (
@@ -145,13 +145,13 @@ def test_what_a_command_tells_programs_is_one_json_document_and_nothing_else(tmp
 @pytest.mark.parametrize(("reader", "code"), [("true", 141), ("cat > /dev/null", 0)])
 def test_json_that_nobody_reads_ends_like_words_that_nobody_reads(reader, code, tmp_path):
     words = f"{shlex.quote(sys.executable)} -m formats.command swatch s.toml --mass 0.05 --json"
-    told = tmp_path / "code"
+    code_file = tmp_path / "code"
     done = subprocess.run(
-        ["sh", "-c", f"({{ sleep 0.5; {words}; echo $? > {told}; }}) | {reader}"], capture_output=True, text=True,
+        ["sh", "-c", f"({{ sleep 0.5; {words}; echo $? > {code_file}; }}) | {reader}"], capture_output=True, text=True,
         cwd=tmp_path, check=False,
     )  # fmt: skip
     assert done.stderr == ""
-    assert told.read_text().strip() == str(code)
+    assert code_file.read_text().strip() == str(code)
 
 
 def test_a_quiet_command_still_says_its_error(tmp_path):
@@ -161,7 +161,7 @@ def test_a_quiet_command_still_says_its_error(tmp_path):
 
 
 def on_a_terminal(*words, **environment):
-    """What the command writes to a terminal of 100 columns."""
+    """Return the command's output on a terminal of 100 columns."""
     ours, theirs = pty.openpty()
     known = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
     process = subprocess.Popen(

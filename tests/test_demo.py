@@ -1,4 +1,4 @@
-"""`scripts/demo` skips the steps whose inputs did not change, and repeats the others."""
+"""`scripts/demo` skips the steps whose inputs are unchanged, and repeats the others."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def test_the_demo_of_felt_has_a_folder_and_a_fabric_of_its_own(demo: Path) -> No
 def test_the_appliances_demo_shows_three_strengths_of_one_motion_wherever_its_takes_begin() -> None:
     """A busy machine starts a take up to 5 s later; the night then found two strengths and nothing to judge on."""
     script = (ROOT / "scripts/demo-appliance").read_text()
-    (told,) = re.findall(r"--seconds ([0-9]+) --seed", script)
-    seconds = float(told)
+    (given,) = re.findall(r"--seconds ([0-9]+) --seed", script)
+    seconds = float(given)
     time = np.arange(0.0, seconds, 1 / 30)
     reaches = {}
     for motion, seed in re.findall(r"^synthesise (\w+) (\d+)$", script, re.MULTILINE):

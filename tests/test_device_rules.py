@@ -1,4 +1,4 @@
-"""The udev rules of the sensors open no device to everybody."""
+"""The sensors' udev rules give no device world access."""
 
 from __future__ import annotations
 

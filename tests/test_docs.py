@@ -1,4 +1,4 @@
-"""What holds for the documentation: links, commands, sentences, generated pages, and a build without warnings."""
+"""Rules of the documentation: links, commands, sentences, generated pages, and a build without warnings."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def name_of(path: Path) -> str:
 
 @cache
 def whole_text(page: Path) -> str:
-    """A page's text with what is generated or shown in it."""
+    """Return a page's text with its generated and included parts."""
     return whole_page(page.read_text(), name_of(page))
 
 
 @cache
 def anchors(page: Path) -> frozenset[str]:
-    """The anchors of a page's headings, by GitHub's rule, which the generator follows too."""
+    """Return the anchors of a page's headings, by GitHub's rule, which the generator also uses."""
     text = re.sub(r"```.*?```", "", whole_text(page), flags=re.DOTALL)
     shown = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", t) for t in re.findall(r"^#{1,4} (.+)$", text, re.MULTILINE)]
     return frozenset(re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-") for title in shown)

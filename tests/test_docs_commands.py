@@ -1,4 +1,4 @@
-"""Every `hangtime` command of a page parses, and runs where that takes no device, bucket or foreign program."""
+"""Every `hangtime` command of a page parses, and runs unless it needs a device, a bucket or another program."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ GUIDE = [
     if not {"notebook", "decisions", "systemd"} & set(page.relative_to(ROOT).parts) and page.name != "CHANGELOG.md"
 ]
 SHORT = " --iterations 8 --spacing 0.1"
-AS_NEW = (r"--out (\w+)", r"--out new-\1")  # the takes that are there are of another garment
+AS_NEW = (r"--out (\w+)", r"--out new-\1")  # the existing takes are of another garment
 
 
 @dataclass(frozen=True)
 class Rule:
-    """How commands that match are tried: run (`quick` or `slow`, made smaller by changes), or parsed, and why."""
+    """The test of matching commands: run (`quick` or `slow`, reduced by changes), or parsed, and the reason."""
 
     pattern: str
     how: str
@@ -59,7 +59,7 @@ RULES = (
     Rule(r"hangtime export ", "quick", (AS_NEW,)),
     Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|report|compare|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
-    Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
+    Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs the first one's output
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),
     Rule(r"hangtime calibrate ", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"),)),
     Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
@@ -94,7 +94,7 @@ def rule_of(text: str) -> Rule:
 
 
 def words_of_command(text: str) -> list[str]:
-    """The words after `hangtime`."""
+    """Return the words of a command line after `hangtime`."""
     return shlex.split(re.sub(r"^(?:\w+=\S+ )*\S*hangtime ", "", text))
 
 
@@ -153,7 +153,7 @@ def test_every_command_of_a_page_has_a_rule() -> None:
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what the pages' commands read: descriptions, simulated takes, a fit, marker paths."""
+    """A folder with the inputs of the pages' commands: descriptions, simulated takes, a fit, marker paths."""
     folder = tmp_path_factory.mktemp("workshop")
     text = (DOCS / "reference/file-formats.md").read_text()
     for name in ("garment", "rig"):
@@ -195,7 +195,7 @@ def run(folder: Path, text: str) -> None:
 
 
 def runnable(how: tuple[str, ...]) -> dict[str, list[str]]:
-    """The commands of each page that run, in the page's order, with what makes them smaller."""
+    """Return each page's commands to run, in the page's order, with their reductions."""
     found: dict[str, list[str]] = {}
     for page, text in shown_commands():
         rule = next((rule for rule in RULES if re.match(rule.pattern, text)), None)

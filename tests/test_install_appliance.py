@@ -1,4 +1,4 @@
-"""The installer puts the appliance's files into a system, leaves what is the owner's, and takes its own away again."""
+"""The installer installs the appliance's files, keeps the owner's files, and removes only its own."""
 
 from __future__ import annotations
 

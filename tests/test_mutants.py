@@ -1,4 +1,4 @@
-"""The mutation tester's own judgement: which changes count, and which may live."""
+"""The mutation tester's rules: which changes count, and which survivors are accepted."""
 
 from __future__ import annotations
 

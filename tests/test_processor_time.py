@@ -1,4 +1,4 @@
-"""A test is ended for the processor time that it takes, and not for the time that a busy machine takes."""
+"""Tests are limited by their processor time, not by wall time, which a busy machine prolongs."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ def test_time_in_which_the_processor_did_something_else_does_not_count(monkeypat
 
 
 def test_a_run_that_ends_frees_taichi_which_then_keeps_its_kernels_for_the_next_run(monkeypatch):
-    told = []
-    monkeypatch.setitem(sys.modules, "taichi", SimpleNamespace(reset=lambda: told.append("freed")))
+    events = []
+    monkeypatch.setitem(sys.modules, "taichi", SimpleNamespace(reset=lambda: events.append("freed")))
     conftest.pytest_sessionfinish()
-    assert told == ["freed"]
+    assert events == ["freed"]
 
 
 def test_of_a_test_that_passed_one_report_is_sent_with_its_time_and_of_another_one_all():

@@ -1,4 +1,4 @@
-"""What holds for the repository as a whole: import rules, texts, scripts."""
+"""Rules of the repository as a whole: imports, constants, texts, scripts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pytest
 
 from tests.repository import MODULES, PACKAGES, ROOT, SCRIPTS, name_of, texts, tree_of
 
-# package: what of ours and of the large libraries its modules may import
+# package: the packages and large libraries that its modules may import
 MAY_IMPORT = {
     "formats": {"formats"},
     "firmware_host": {"formats", "firmware_host", "openni", "usb"},
@@ -52,7 +52,7 @@ def ruff_on(path: str, statement: str) -> str:
 
 # --- constants ----------------------------------------------------------------------------------
 
-# Workers run in other simulators' Pythons, which have none of our packages: they define again what they need.
+# Workers run in other simulators' Pythons, which lack our packages, so they repeat constants.
 OF_WORKERS = {"AIR_DENSITY", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
 
 
@@ -155,7 +155,7 @@ def test_the_blind_check_may_import_from_no_room_of_the_fitter() -> None:
     assert set(forbidden) == {f"fit.{room}" for room in rooms - NO_FITTER - {"__init__"}} | {"hangtime"}
 
 
-# Faults of one case are looked at together: none of them breaks the contract that another names.
+# One case plants several violations, each of another contract.
 @pytest.mark.parametrize(
     "faults",
     [

@@ -1,4 +1,4 @@
-"""The benchmarks are listed and load, and the demo does what the README says that it does."""
+"""The benchmarks are listed and load, and the demo does what the README states."""
 
 from __future__ import annotations
 

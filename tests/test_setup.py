@@ -1,4 +1,4 @@
-"""`scripts/setup`: two at once take turns. Libraries are installed by a stand-in that takes its time."""
+"""`scripts/setup`: two parallel runs wait for each other. A slow stand-in installs the libraries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands, scripts and options that the texts show exist."""
+"""Commands, scripts and options in the texts exist."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.repository import ROOT, SCRIPTS, name_of, texts
 OURS = re.compile(r"(?:\w+=\S+ |sudo .* )*(?:\S*/)?hangtime (.+)")
 PROGRAM = re.compile(r"(?:\w+=\S+ )*(?:\S*python3? )?((?:scripts|benchmarks)/\w[\w.]*|\.ci/run|\w+\.py)( .+)?")
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
-# What texts say of other people's programs: in a line that begins with their name, or an option by itself.
+# Code of other programs: in a line that begins with their name, or as an option alone.
 OTHER_PROGRAMS = (
     "sbatch",
     "sha256sum",

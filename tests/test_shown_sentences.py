@@ -20,7 +20,7 @@ DEFINITION = re.compile(r"(?<=\.) (?=[a-z][\w-]*(?:, [a-z][\w-]*)*: )")  # "own:
 
 
 def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Strings that are no docstrings, with their lines; a value that is filled in becomes one word."""
+    """Return strings other than docstrings, with their lines; a formatted value becomes one word."""
     passed: set[int] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr):  # a docstring

@@ -1,4 +1,4 @@
-"""The units say who runs, where, and how little each may do; systemd itself judges them."""
+"""The units' users, folders and restrictions, as systemd's own tools check them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parent.parent
 SYSTEM = ROOT / "systemd/system"
 README = (ROOT / "systemd/README.md").read_text()
 
-# `systemd-analyze security`: 0 is a service that may do nothing, 10 one that may do all.
+# `systemd-analyze security`: 0 for a service without permissions, 10 for one with all.
 MOST_EXPOSED = {
     "system/hangtime-capture.service": 1.2,
     "system/hangtime-sync.service": 2.0,
@@ -38,7 +38,7 @@ def settings(name: str) -> dict[str, list[str]]:
 
 
 def exposure(path: Path) -> float:
-    """What `systemd-analyze security` says of a unit file, from 0 to 10."""
+    """Return the exposure of a unit file by `systemd-analyze security`, 0 to 10."""
     done = subprocess.run(
         ["systemd-analyze", "security", "--offline=yes", path], capture_output=True, text=True, check=True
     )
@@ -62,7 +62,7 @@ def test_no_service_has_no_limit() -> None:
 
 
 def verified(folder: Path, *, also: str = "") -> subprocess.CompletedProcess[str]:
-    """What `systemd-analyze verify` says of the units where their programs exist; `also` is a line more in each."""
+    """Return the output of `systemd-analyze verify` for units with existing programs; `also`: a line added to each."""
     for path in SYSTEM.iterdir():
         text = path.read_text().replace("/opt/hangtime/current/bin/python", sys.executable)
         text = text.replace("/opt/hangtime/judge-upgrade", str(ROOT / "systemd/hangtime-judge-upgrade"))

@@ -1,4 +1,4 @@
-"""A command that fails says why: to a program under `error`, and on stderr also where `--quiet` asks for no words."""
+"""A failing command reports its reason: under `error` in its JSON, and on stderr even under `--quiet`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OPEN = "--garment g.toml --out"
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A sound take, a damaged one, a file that is none in a folder, and a recording with its garment."""
+    """A folder with a sound take, a damaged one, a file that is not a take, and a recording with its garment."""
     folder = tmp_path_factory.mktemp("desk")
     raw = write_take(folder / "a.mcap", a_take()).read_bytes()
     (folder / "behind.mcap").write_bytes(raw + b"ten bytes!")

@@ -1,7 +1,7 @@
-"""Every error that a test meets says what, where and what to do next; else the test fails.
+"""Fail every test in which an error lacks its fault, its place or its next action.
 
-A test asks for an error's gist, and would not miss a place or an advice that is gone. So this rule holds for all
-tests, through `tests/conftest.py`, whether a command said the error or a reader raised it.
+Single tests check an error's main words, and would not notice a missing place or advice. So `tests/conftest.py` applies
+this rule to all tests, whether a command printed the error or a reader raised it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 
 from formats.errors import HangtimeError
 
-# Sentences that name their own place: the word that was given, or what was asked for as a whole.
+# Sentences that contain their place: the given word, or the whole request.
 OWN_PLACE = re.compile(
     "there is no .+ named |no take moves |no take was given|every take is held out|the takes are too short|"
     "a library failed|a place would be stored|the method .+ cannot start |.+ is not installed|"
@@ -23,7 +23,7 @@ OWN_PLACE = re.compile(
 
 
 def missing_of(error: HangtimeError) -> list[str]:
-    """The parts that an error lacks."""
+    """Return the missing parts of an error."""
     has_place = error.where not in (None, "") or bool(OWN_PLACE.match(error.what or ""))
     return [part for part, is_there in (("what", error.what), ("where", has_place), ("advice", error.advice))
             if not is_there]  # fmt: skip
@@ -31,7 +31,7 @@ def missing_of(error: HangtimeError) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def whole_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Fail a test during which an error was made that lacks a part."""
+    """Fail a test during which an incomplete error was created."""
     made, plainly = [], HangtimeError.__init__
 
     def noted(self: HangtimeError, *words: Any, **more: Any) -> None:

@@ -137,7 +137,7 @@ def _loop(
     """Run the loop until asked to stop; report the state and the watchdog's keep-alive to systemd."""
     systemd = sdnotify.SystemdNotifier()
     limit = float(os.environ.get("WATCHDOG_USEC", "0")) * 1e-6
-    fed = told = -float("inf")
+    fed = notified = -float("inf")
     was_started = was_ready = False
     was: State | None = None
     while not stop.is_set():
@@ -153,8 +153,8 @@ def _loop(
             was_ready = True
             once_ready()
         starting_memory.let_go(now, is_started=was_started)
-        if appliance.machine.state is not was and now - told >= 0.2:
-            was, told = appliance.machine.state, now
+        if appliance.machine.state is not was and now - notified >= 0.2:
+            was, notified = appliance.machine.state, now
             systemd.notify(f"STATUS={was.value}")
     systemd.notify("STOPPING=1")
     appliance.say_goodbye()

@@ -67,14 +67,14 @@ def status_command(
     from capture.appliance.status import lines
     from formats.whole_files import write_whole
 
-    told = ask(socket, "status")
+    answer = ask(socket, "status")
     seen = ask(socket, "preview")
-    told["sees"] = seen["line"]
-    tell("\n".join([*lines(told), f"sees: {seen['line']}"]), **told)
+    answer["sees"] = seen["line"]
+    tell("\n".join([*lines(answer), f"sees: {seen['line']}"]), **answer)
     if preview is not None:
         write_whole(preview, picture_in(seen))
-    if told["state"] == "fault":
-        for fault in told["faults"]:
+    if answer["state"] == "fault":
+        for fault in answer["faults"]:
             tell_fault(f"{fault['sentence']}; {fault['advice']}")
         raise typer.Exit(1)
 
@@ -89,13 +89,13 @@ def watch_command(
     from capture.appliance.control import listen
 
     ask_lines()
-    for told in listen(socket, "watch"):
-        typer.echo(json.dumps(told) if as_json else _in_one_line(told))
+    for answer in listen(socket, "watch"):
+        typer.echo(json.dumps(answer) if as_json else _in_one_line(answer))
 
 
-def _in_one_line(told: dict[str, Any]) -> str:
-    faults = "".join(f" ! {fault['sentence']}; {fault['advice']}" for fault in told["faults"])
-    return f"{told['state']}: {told['condition']}; lamp: {told['lamp']}{faults}"
+def _in_one_line(answer: dict[str, Any]) -> str:
+    faults = "".join(f" ! {fault['sentence']}; {fault['advice']}" for fault in answer["faults"])
+    return f"{answer['state']}: {answer['condition']}; lamp: {answer['lamp']}{faults}"
 
 
 def _do(socket: Path, do: str) -> None:
@@ -107,6 +107,6 @@ def _do(socket: Path, do: str) -> None:
     from capture.appliance.control import ask
     from capture.errors import ControlError
 
-    told = ask(socket, do)
-    if not told["ok"]:
-        raise ControlError(told["what"], where=socket, advice=told["advice"])
+    answer = ask(socket, do)
+    if not answer["ok"]:
+        raise ControlError(answer["what"], where=socket, advice=answer["advice"])

@@ -55,9 +55,9 @@ def _check_spool(folder: Path, path: Path) -> None:
     """Check that no file has the spool's path; a missing folder passes, since its disk may be mounted later."""
     there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
     if not there.is_dir():
-        told = loop_words(there, "is no folder")
+        fault = loop_words(there, "is no folder")
         raise DescriptionError(
-            f"spool.folder is {folder}, but {there} {told}", where=path,
+            f"spool.folder is {folder}, but {there} {fault}", where=path,
             advice="give another folder, or remove what has this name",
         )  # fmt: skip
 

@@ -176,7 +176,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                     raise ControlError("the daemon hung up", where=path, advice=SEE_UNIT)
                 return
             count += 1
-            yield _told(line, path)
+            yield _decoded(line, path)
 
 
 def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -> bytes:
@@ -203,12 +203,12 @@ def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -
     return line
 
 
-def _told(line: bytes, path: Path) -> dict[str, Any]:
+def _decoded(line: bytes, path: Path) -> dict[str, Any]:
     try:
-        told: dict[str, Any] = json.loads(line)
+        answer: dict[str, Any] = json.loads(line)
     except ValueError:
         raise ControlError("the daemon ended in mid-answer", where=path, advice=SEE_UNIT) from None
-    return told
+    return answer
 
 
 def picture_in(answer: dict[str, Any]) -> bytes:

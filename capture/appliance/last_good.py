@@ -51,7 +51,7 @@ def last_good(path: Path, refused: HangtimeError) -> InForce:
     Raises:
         HangtimeError: `refused`, where there is no earlier configuration.
     """
-    for copy in (copy_of(path), *(spool / IN_SPOOL for spool in told_spools(path))):
+    for copy in (copy_of(path), *(spool / IN_SPOOL for spool in possible_spools(path))):
         if (found := _read(copy)) is not None:
             return replace(found, refused=refused)
     raise refused
@@ -78,17 +78,17 @@ def copy_of(path: Path) -> Path:
     return (Path(state) if state else path.absolute().parent) / f"{path.stem}.last-good.json"
 
 
-def told_spools(path: Path) -> list[Path]:
+def possible_spools(path: Path) -> list[Path]:
     """Return the possible spool folders, likeliest first: the folder in the file, then the default one.
 
     If the file is not valid TOML, its text is searched for the line of the folder.
     """
     usual = SpoolPart().folder
     try:
-        told = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
+        found = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
     except (OSError, ValueError):
         return [usual]
-    return [path.absolute().parent / (told[1] or told[2]), usual] if told else [usual]
+    return [path.absolute().parent / (found[1] or found[2]), usual] if found else [usual]
 
 
 def _read(copy: Path) -> InForce | None:

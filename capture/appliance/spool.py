@@ -199,12 +199,12 @@ class Spool:
         changed: list[str] = []
 
         def is_safe(take: KeptTake) -> bool:  # now: a proof that failed may have taken the receipt back meanwhile
-            told = read_receipt(self.folder, take.stem)
-            if told is None or told != take.receipt or (content := _content_of(take.path)) is None:
+            receipt = read_receipt(self.folder, take.stem)
+            if receipt is None or receipt != take.receipt or (content := _content_of(take.path)) is None:
                 return False
-            if content != told.sha256:
+            if content != receipt.sha256:
                 changed.append(take.stem)
-            return content == told.sha256
+            return content == receipt.sha256
 
         leaving = takes_to_leave(takes, retention, free=free, need=need, now=now, is_safe=is_safe)
         used = sum(take.size for take in takes) - sum(take.size for take in leaving)
@@ -276,8 +276,8 @@ class Spool:
                 left.replace(self._file(number, "unreadable"))
                 sync_folder(self.folder)
             return None
-        told = {**(self._facts(number) if facts is None else facts), "frames": len(take.time), "salvaged": CRASHED}
-        kept = self._give_name(number, copy, told)
+        described = {**(self._facts(number) if facts is None else facts), "frames": len(take.time), "salvaged": CRASHED}
+        kept = self._give_name(number, copy, described)
         self._tidy(number)
         return kept
 
@@ -336,13 +336,13 @@ class Spool:
 
     def _last_number(self) -> int:
         """Return the last number that was given: the file says so, and no take or receipt may have a higher one."""
-        told = 0
+        given = 0
         with contextlib.suppress(OSError, ValueError):
-            told = int((self.folder / "sequence").read_text(encoding="ascii"))
+            given = int((self.folder / "sequence").read_text(encoding="ascii"))
         received = (
             int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := NAME.match(path.name))
         )
-        return max([told, *(number for number, _ in self._named()), *received])
+        return max([given, *(number for number, _ in self._named()), *received])
 
 
 def _as_seen_from(url: str, take: KeptTake) -> KeptTake:

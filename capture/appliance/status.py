@@ -59,26 +59,26 @@ def report(
     }  # fmt: skip
 
 
-def lines(told: dict[str, Any]) -> list[str]:
+def lines(status: dict[str, Any]) -> list[str]:
     """Return a report as lines of text: the state, each fault with its next action, and the counts."""
-    said = [told["says"]]
-    running = told["recording"]
+    said = [status["says"]]
+    running = status["recording"]
     if running:
         said[0] += f" for {running['seconds']:.1f} s: {running['frames']} frames, {running['dropped']} lost; "
         said[0] += running["condition"]
-    said += [f"! {fault['sentence']}; {fault['advice']}" for fault in told["faults"]]
-    last = told["last_take"]
+    said += [f"! {fault['sentence']}; {fault['advice']}" for fault in status["faults"]]
+    last = status["last_take"]
     if last:
         said.append(f"last take: {last['kept'] or 'not kept'}")
         said += [f"! {finding['words']}; {finding['advice']}" for finding in last["findings"]]
     said.append(
-        f"since the start: {told['frames']} frames, {told['dropped']} lost in {told['gaps']} gaps; "
-        f"{sized(told['bytes_kept'])} kept, {sized(told['free_bytes'])} free"
+        f"since the start: {status['frames']} frames, {status['dropped']} lost in {status['gaps']} gaps; "
+        f"{sized(status['bytes_kept'])} kept, {sized(status['free_bytes'])} free"
     )
-    salvaged = f", {told['salvaged']} of them salvaged after a crash" if told["salvaged"] else ""
-    said.append(f"takes: {told['takes']}, {told['waiting']} of them wait for the server{salvaged}")
-    said += told["sync"]["says"]
-    clock = told["clock"]
+    salvaged = f", {status['salvaged']} of them salvaged after a crash" if status["salvaged"] else ""
+    said.append(f"takes: {status['takes']}, {status['waiting']} of them wait for the server{salvaged}")
+    said += status["sync"]["says"]
+    clock = status["clock"]
     off = "" if clock["uncertainty_s"] is None else f", off by {clock['uncertainty_s']:.3f} s at most"
     set_by = {"NTP": "set by the network", "RTC": "from the board's battery clock", "none": "set by nobody"}
     said.append(f"clock: {clock['utc']}, {set_by[clock['source']]}{off}")

@@ -145,30 +145,30 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     """Return the status of sync as sentences, the most urgent first; now: wall-clock time with its UTC offset."""
     if status is None:
         return ["Sync has not run yet. Next: `hangtime sync now`, or wait for its timer."]
-    told = []
+    said = []
     if status.fault is not None:
-        told.append(f"Sync fails: {status.fault.sentence}. Next: {status.fault.advice}.")
+        said.append(f"Sync fails: {status.fault.sentence}. Next: {status.fault.advice}.")
     if status.damaged:
         names = ", ".join(str(number) for number in status.damaged)
-        told.append(f"The disk of this device changed takes after they were kept: {names}. Next: replace the disk.")
+        said.append(f"The disk of this device changed takes after they were kept: {names}. Next: replace the disk.")
     if status.proof is not None and status.proof.is_bad:
-        told.append(
+        said.append(
             f"The server's copy of take {status.proof.sequence} is {status.proof.outcome}. "
             "Next: check the server's disk; this device sends the take again if it still has it."
         )
     count = f"{status.waiting} {'take waits' if status.waiting == 1 else 'takes wait'}"
     last = f"last sync: {day_of(status.last_sync, now)}" if status.last_sync else "nothing was synced yet"
-    told.append(f"{count}, {status.safe} safe on the server, {last}.")
+    said.append(f"{count}, {status.safe} safe on the server, {last}.")
     if status.elsewhere:
-        told.append(f"{counted(status.elsewhere, 'take')} went to another address before, and counted there as safe.")
-    told.append(f"Last proved: {proved(status.proof, now)}.")
+        said.append(f"{counted(status.elsewhere, 'take')} went to another address before, and counted there as safe.")
+    said.append(f"Last proved: {proved(status.proof, now)}.")
     if status.verified == STORE_CHECKSUM:
-        told.append(
+        said.append(
             "The keys of this device may only write: takes are verified by the store's checksum, not read back."
         )
     if status.is_encrypted:
-        told.append("Takes are encrypted before upload; this device cannot open what it sent.")
-    return [*told, *status.notes]
+        said.append("Takes are encrypted before upload; this device cannot open what it sent.")
+    return [*said, *status.notes]
 
 
 def day_of(at: str | None, now: datetime) -> str:

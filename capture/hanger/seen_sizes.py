@@ -45,11 +45,11 @@ def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str
     size, distance = seen[0] / hanger.marker_size_m, seen[1] / hanger.marker_distance_m
     if max(abs(size - 1), abs(distance - 1)) <= OFF:
         return ""
-    told = f"depth shows markers of {1e3 * seen[0]:.0f} mm that are {1e3 * seen[1]:.0f} mm apart"
+    measured = f"depth shows markers of {1e3 * seen[0]:.0f} mm that are {1e3 * seen[1]:.0f} mm apart"
     if abs(size / distance - 1) <= ALIKE:
-        return f"{told}: sensor.fx and fy are {sensor.fx:g}, and about {sensor.fx * distance:.0f} would fit"
+        return f"{measured}: sensor.fx and fy are {sensor.fx:g}, and about {sensor.fx * distance:.0f} would fit"
     wrong = "marker_size_m" if abs(size - 1) > abs(distance - 1) else "marker_distance_m"
-    return f"{told}: measure hanger.{wrong} again"
+    return f"{measured}: measure hanger.{wrong} again"
 
 
 def _depth_within(quad: Floats, depth: NDArray[np.uint16]) -> float:

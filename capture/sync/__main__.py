@@ -16,8 +16,8 @@ def main() -> int:
     words.add_argument("command", choices=["run", "now", "prove"], help="run: until nothing waits; now: one round")
     words.add_argument("--config", type=Path, default=DEFAULT_FILE, metavar="FILE", help="the appliance's file")
     words.add_argument("--spool", type=Path, metavar="DIR", help="the folder of takes, instead of the file's")
-    told = words.parse_args()
-    return start(told.command, told.config, told.spool)
+    options = words.parse_args()
+    return start(options.command, options.config, options.spool)
 
 
 if __name__ == "__main__":

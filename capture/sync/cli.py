@@ -96,23 +96,23 @@ def prune_takes(
 
     from capture.appliance.spool import Spool
     from capture.sync.rounds import now_here
-    from capture.sync.settings import SyncSettings, Told, load_settings
+    from capture.sync.settings import SyncSettings, SyncSetup, load_settings
 
-    told = load_settings(config, spool) if spool is None or config.exists() else Told(SyncSettings(), spool)
-    _check_folder(told.spool)
-    retention = told.settings.retention
+    setup = load_settings(config, spool) if spool is None or config.exists() else SyncSetup(SyncSettings(), spool)
+    _check_folder(setup.spool)
+    retention = setup.settings.retention
     if keep_days is not None:
         if keep_days != keep_days:
             raise typer.BadParameter("nan is no number of days", param_hint="'--keep-days'")
         retention = msgspec.structs.replace(retention, days=keep_days)
     if quota_mb is not None:
         retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
-    room = Spool(told.spool).make_room(retention, now=now_here(), url=told.settings.url)
+    room = Spool(setup.spool).make_room(retention, now=now_here(), url=setup.settings.url)
     for stem in room.left:
         tell(f"{stem} left; its receipt says where it is")
     for stem in room.changed:
         tell(f"{stem} stays: it differs from the file that the server verified; replace this device's disk")
-    unsafe = sum(1 for _ in Spool(told.spool).waiting(told.settings.url))
+    unsafe = sum(1 for _ in Spool(setup.spool).waiting(setup.settings.url))
     know(
         left=list(room.left),
         changed=list(room.changed),

@@ -9,13 +9,13 @@ from pathlib import Path
 import msgspec
 
 from capture.appliance.config_tables import SpoolPart
-from capture.appliance.last_good import told_spools
+from capture.appliance.last_good import possible_spools
 from capture.appliance.spool import Spool
 from capture.appliance.sync_status import Fault, SyncStatus, read_status, write_status
 from capture.errors import SyncError
 from capture.sync.credentials import Credentials, find_credentials, leave_no_core_dump
 from capture.sync.rounds import Sync, now_here
-from capture.sync.settings import DEFAULT_FILE, Told, load_settings
+from capture.sync.settings import DEFAULT_FILE, SyncSetup, load_settings
 from formats.errors import HangtimeError
 from formats.telling import know
 from formats.terminal import say
@@ -44,12 +44,12 @@ def start(command: str, config: Path, spool: Path | None) -> int:
     credentials = Credentials()
     sync: Sync | None = None
     try:
-        told = load_settings(config, spool)
-        file = told.settings.credentials
-        credentials = find_credentials(None if file is None else told.base / file)
+        setup = load_settings(config, spool)
+        file = setup.settings.credentials
+        credentials = find_credentials(None if file is None else setup.base / file)
         listen(credentials)
-        sync = Sync(told, credentials)
-        return work(command, sync, told)
+        sync = Sync(setup, credentials)
+        return work(command, sync, setup)
     except HangtimeError as error:
         _refuse(credentials, str(error))
         if sync is None and command == "run":
@@ -87,7 +87,7 @@ def note_refusal(spool: Path | None, error: HangtimeError, credentials: Credenti
 def _spool_of(config: Path) -> Path | None:
     """Return the spool of an invalid configuration file; the default spool belongs to the default file alone."""
     usual = SpoolPart().folder
-    return next((one for one in told_spools(config) if one != usual or config == DEFAULT_FILE), None)
+    return next((one for one in possible_spools(config) if one != usual or config == DEFAULT_FILE), None)
 
 
 def listen(credentials: Credentials) -> None:
@@ -98,7 +98,7 @@ def listen(credentials: Credentials) -> None:
     log.propagate = False
 
 
-def work(command: str, sync: Sync, told: Told) -> int:
+def work(command: str, sync: Sync, setup: SyncSetup) -> int:
     """Run one command; returns its exit code.
 
     Raises:
@@ -112,7 +112,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
             _refuse(sync.credentials, str(fault))
             return LATER
         if proof is None:
-            say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
+            say(f"hangtime sync: nothing of {setup.spool} is on {setup.settings.url} yet")
             return SAFE
         if proof.is_bad:
             # The journal already has this line.
@@ -128,6 +128,6 @@ def work(command: str, sync: Sync, told: Told) -> int:
 
 def _refuse(credentials: Credentials, sentence: str) -> None:
     """Report the command's error, without keys, on stderr and to `--json`."""
-    told = credentials.hide(sentence)
-    know(error=told)
-    say(f"hangtime sync: {told}", is_error=True)
+    text = credentials.hide(sentence)
+    know(error=text)
+    say(f"hangtime sync: {text}", is_error=True)

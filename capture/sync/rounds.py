@@ -21,7 +21,7 @@ from capture.sync.faults import ServerError
 from capture.sync.pace import wait_after
 from capture.sync.proof import is_due, prove
 from capture.sync.server import open_server
-from capture.sync.settings import Told
+from capture.sync.settings import SyncSetup
 from formats.store_address import folder_of, without_secrets
 from formats.whole_files import make_folders
 
@@ -52,7 +52,7 @@ class Standing:
 class Sync:
     """The takes of one spool folder and their server."""
 
-    told: Told
+    setup: SyncSetup
     credentials: Credentials
     clock: Callable[[], datetime] = now_here
     sleep: Callable[[float], None] = time.sleep
@@ -64,10 +64,10 @@ class Sync:
         Raises:
             HangtimeError: the settings or the credentials are invalid.
         """
-        settings, self.folder = self.told.settings, self.told.spool
+        settings, self.folder = self.setup.settings, self.setup.spool
         self.spool = Spool(self.folder)
         self.target = Target(
-            server=open_server(self.told, self.credentials), url=settings.url, device=self.told.device,
+            server=open_server(self.setup, self.credentials), url=settings.url, device=self.setup.device,
             recipients=recipients_of(settings.encrypt_to),
         )  # fmt: skip
         self._written_at = time.monotonic()
@@ -107,7 +107,7 @@ class Sync:
         with only_sync(self.folder):
             self._tidy()
             fault = self._bring_all()
-            if fault is None and is_due(self.standing.proof, self.told.settings.proof_days, self.clock()):
+            if fault is None and is_due(self.standing.proof, self.setup.settings.proof_days, self.clock()):
                 try:
                     self._prove()
                 except ServerError as error:
@@ -189,7 +189,7 @@ class Sync:
                 receipt_path(self.folder, take.stem).unlink(missing_ok=True)
 
     def _leave(self) -> None:
-        room = self.spool.make_room(self.told.settings.retention, now=self.clock(), url=self.target.url)
+        room = self.spool.make_room(self.setup.settings.retention, now=self.clock(), url=self.target.url)
         for stem in room.left:
             LOG.info("%s: left this device; it is safe on the server", stem)
         for stem in room.changed:
@@ -243,7 +243,7 @@ class Sync:
         folder = folder_of(self.target.url)
         if folder is None:
             return ()
-        root = self.told.base / folder
+        root = self.setup.base / folder
         existing: Path = next(path for path in (root, *root.absolute().parents) if path.exists())
         return (SAME_DISK,) if existing.stat().st_dev == self.folder.stat().st_dev else ()
 

@@ -17,7 +17,7 @@ from capture.appliance.spool import PIECE
 from capture.sync.credentials import Credentials
 from capture.sync.faults import ReadRefusedError, ServerError, fault_of
 from capture.sync.pace import Rate
-from capture.sync.settings import Told
+from capture.sync.settings import SyncSetup
 from formats.store_address import folder_of, open_bucket, without_secrets
 from formats.whole_files import make_folders, sync_folder
 
@@ -41,18 +41,18 @@ class Server(Protocol):
         ...
 
 
-def open_server(told: Told, credentials: Credentials) -> Server:
+def open_server(setup: SyncSetup, credentials: Credentials) -> Server:
     """Open the server of the settings. No request is sent before its first use.
 
     Raises:
         AddressError: the address or a setting is refused.
         SyncError: the certificate of the server's authority cannot be read.
     """
-    settings = told.settings
+    settings = setup.settings
     rate = Rate(settings.bytes_per_second)
     folder = folder_of(settings.url)
     if folder is not None:
-        return FolderServer(told.base / folder, rate)
+        return FolderServer(setup.base / folder, rate)
     config = dict(credentials.values)
     client: dict[str, Any] = {"connect_timeout": CONNECT_TIMEOUT, "timeout": f"{settings.timeout_s * 1000:.0f}ms"}
     if settings.url.startswith("s3"):
@@ -65,7 +65,7 @@ def open_server(told: Told, credentials: Credentials) -> Server:
     if settings.allow_http:
         client["allow_http"] = True
     if settings.ca is not None:
-        client["root_certificate"] = _certificate(told.base / settings.ca)
+        client["root_certificate"] = _certificate(setup.base / settings.ca)
     store = open_bucket(settings.url, extra="capture", config=config, client=client, retries=0)
     where = f"{settings.url} at {settings.endpoint}" if settings.endpoint else settings.url
     return BucketServer(store, rate, without_secrets(where))
@@ -156,13 +156,13 @@ class BucketServer:
         try:
             if size <= PART:
                 self._rate.wait_for(size)
-                told = self._library.put(self._store, key, content.read(), use_multipart=False)
+                result = self._library.put(self._store, key, content.read(), use_multipart=False)
             else:
                 parts = self._paced(content)
-                told = self._library.put(self._store, key, parts, chunk_size=PART, max_concurrency=1)
+                result = self._library.put(self._store, key, parts, chunk_size=PART, max_concurrency=1)
         except self._errors as error:
             raise fault_of(error, self._where) from error
-        tag = told.get("e_tag")
+        tag = result.get("e_tag")
         return None if tag is None else str(tag).strip('"')
 
     def fetch(self, key: str) -> Iterator[bytes]:

@@ -68,7 +68,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 @dataclass(frozen=True)
-class Told:
+class SyncSetup:
     """The whole configuration of sync: its settings, the folder of takes and the folder for relative paths."""
 
     settings: SyncSettings
@@ -81,7 +81,7 @@ class Told:
         return self.settings.device or own_name()
 
 
-def load_settings(file: Path, spool: Path | None = None) -> Told:
+def load_settings(file: Path, spool: Path | None = None) -> SyncSetup:
     """Read `[sync]` and the spool's folder from the appliance's configuration file.
 
     spool: folder of takes that replaces the file's
@@ -93,7 +93,7 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
     _refuse_another_file(plain, file)
     settings = settings_of(plain.get("sync", {}), where=file, plain=plain)
     folder = plain.get("spool", {}).get("folder", str(DEFAULT_SPOOL))
-    return Told(settings, spool or file.parent / str(folder), file.parent)
+    return SyncSetup(settings, spool or file.parent / str(folder), file.parent)
 
 
 def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:

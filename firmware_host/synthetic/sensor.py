@@ -40,13 +40,13 @@ class SyntheticSensor(DepthSensor):
                 f"unknown option {sorted(unknown)[0]!r}", where=uri,
                 advice="choose one of effect, amplitude, seconds, seed, fabric",
             )  # fmt: skip
-        told = {name: _number(text, name, uri) for name, text in options.items() if name in NUMBERS}
+        numbers = {name: _number(text, name, uri) for name, text in options.items() if name in NUMBERS}
         line = ProgressLine("synthetic world")
         effect, fabric = options.get("effect", "none"), options.get("fabric", "plain")
         try:
             world = make_world(
-                motion=motion or "swing", effect=effect, amplitude=told.get("amplitude"),
-                seconds=told.get("seconds", 8.0), seed=int(told.get("seed", 1)), fabric=fabric,
+                motion=motion or "swing", effect=effect, amplitude=numbers.get("amplitude"),
+                seconds=numbers.get("seconds", 8.0), seed=int(numbers.get("seed", 1)), fabric=fabric,
                 progress=lambda stage, share: line.show(share, stage),
             )  # fmt: skip
         except SensorAddressError as error:  # which names the option of a command

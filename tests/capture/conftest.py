@@ -1,4 +1,4 @@
-"""What several tests of recording share."""
+"""Fixtures of the recording tests."""
 
 from __future__ import annotations
 

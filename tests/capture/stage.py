@@ -1,7 +1,7 @@
-"""A small stage for tests of the hanger: flat plates before a wall, seen by a depth camera with its faults.
+"""Rendered scenes for tests of the hanger: flat plates in front of a wall, seen by a depth camera with its faults.
 
-World frame: x right, y down along gravity, z away, metres, origin in the camera. The camera may be turned against it.
-Colour is drawn at three times the size and averaged; depth is met by each pixel's ray exactly, then spoiled.
+World frame: x right, y down along gravity, z away, metres, origin in the camera. The camera may be rotated.
+Colour is rendered at three times the size and averaged. Depth is exact for each pixel's ray, plus the camera's noise.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def true_view(plates, turn=LEVEL):
 
 
 def pictures(plates, rng, *, turn=LEVEL, scale=1.0, shift=(0, 0), exposures=None):
-    """Depth [mm] and RGB of one frame; depth is `scale` times too long and shown `shift` px right and down.
+    """Return depth [mm] and RGB of one frame; depth is `scale` times too long and shifted by `shift` px right and down.
 
     exposures: plates at several instants of the exposure, over which colour is averaged.
     """

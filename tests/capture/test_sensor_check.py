@@ -1,4 +1,4 @@
-"""The doctor's look for the hanger's markers, in pictures with markers drawn by OpenCV."""
+"""The doctor's check of the hanger's markers, on images with markers drawn by OpenCV."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What several tests of the sensors share."""
+"""Fixtures of the sensor tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A slow reader of the depth images that `firmware_host.oni_depth_codec` writes."""
+"""A simple, slow decoder for the depth images of `firmware_host.oni_depth_codec`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def decode_depth(data: bytes, shape: tuple[int, int]) -> NDArray[np.uint16]:
     """Expand a compressed depth image.
 
     Raises:
-        ValueError: the data is cut off or does not fill `shape`.
+        ValueError: the data is truncated or does not fill `shape`.
     """
     try:
         (table_size,) = struct.unpack_from("<H", data, 0)

@@ -38,7 +38,7 @@ def flat_world(frames: int = 4, depth_step: float = 0.0) -> World:
 
 
 def picture(number: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """Depth with noise, jumps, holes and the largest value, and colour: another picture for every number."""
+    """Return depth with noise, jumps, holes and the largest value, and colour; different for every number."""
     rng = np.random.default_rng(number)
     depth = (900 + np.arange(64)[None] + rng.integers(-8, 9, (48, 64))).astype(np.uint16)
     depth[10:20, 5 + number : 20 + number] = 4000
@@ -48,7 +48,7 @@ def picture(number: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
 
 
 def payload_of(record: Record) -> slice:
-    """Where the payload of a record lies in its file."""
+    """Return the slice of a file that holds a record's payload."""
     begins = record.position + RECORD_HEADER.size + len(record.fields)
     return slice(begins, begins + record.payload_size)
 
@@ -63,7 +63,7 @@ def write_recording(path: Path, frames: int = 6, *, depth_codec: str = "16zT", c
 def write_pictures(
     writer: OniWriter, frames: int, depth_at: Callable[[int], int], colour_at: Callable[[int], int]
 ) -> None:
-    """Write `picture(0)`, `picture(1)` and so on with the stamps [us] that depth and colour have by their number."""
+    """Write `picture(0)`, `picture(1)` and so on; depth and colour have functions from number to timestamp [us]."""
     for number in range(frames):
         depth, colour = picture(number)
         writer.write_depth(depth_at(number), depth)
@@ -71,7 +71,7 @@ def write_pictures(
 
 
 class AnyStamps(OniWriter):
-    """Writes stamps as they come, as a recorder does whose device's clock wraps around or is set."""
+    """Writes timestamps unchecked, as a recorder does whose device's clock wraps around or is set."""
 
     def _append(self, stream: Any, time_us: int, payload: bytes) -> None:
         latest, stream.last_time_us = stream.last_time_us, 0

@@ -1,4 +1,4 @@
-"""Which of a button's changes are presses: bounce, impatience and a stuck button, by the clock of the caller."""
+"""Presses among a button's changes: bounce, double presses and a stuck button."""
 
 from __future__ import annotations
 

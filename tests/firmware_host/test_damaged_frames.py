@@ -1,4 +1,4 @@
-"""Recordings with a frame that unpacks to fewer pixels than a picture has, through the real OpenNI2 library."""
+"""Recordings with a frame that decompresses to too few pixels, through the real OpenNI2 library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The depth camera's faults have the sizes that their sources give."""
+"""The depth camera's noise has the sizes of its sources."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_an_edge_is_frayed_by_about_eight_tenths_of_a_pixel() -> None:
     near = (seen < 2100) & measured
     columns = np.arange(310, 330)
     share = near[:, columns].sum(axis=0) / measured[:, columns].sum(axis=0)
-    # Shares across the edge are a normal distribution function of the looks aside, rounded to whole pixels.
+    # Shares across the edge follow the normal distribution of the lateral offsets, rounded to whole pixels.
     looks = np.rint(np.random.default_rng(6).normal(0, 0.8, 200_000))
     expected = [(column + looks < 320).mean() for column in columns]
     np.testing.assert_allclose(share, expected, atol=0.08)

@@ -1,4 +1,4 @@
-"""One suite for every depth sensor: the synthetic one and OpenNI2 playing a file keep the same promises."""
+"""The contract test of every depth sensor: the synthetic one, and OpenNI2 playing a file."""
 
 from __future__ import annotations
 

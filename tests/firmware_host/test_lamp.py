@@ -1,4 +1,4 @@
-"""The status lamp: a folder as the kernel makes one for a LED, real files throughout; and a LED that umockdev mocks."""
+"""The status lamp: an LED's folder of real files, as of the kernel, and an LED mocked by umockdev."""
 
 from __future__ import annotations
 

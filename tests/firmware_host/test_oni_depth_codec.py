@@ -1,4 +1,4 @@
-"""The 16zT codec against bytes worked by hand and against itself."""
+"""The 16zT codec: bytes computed by hand, and round trips."""
 
 from __future__ import annotations
 

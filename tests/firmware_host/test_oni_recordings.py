@@ -1,4 +1,4 @@
-""".oni recordings: what the writer writes and the walk over its records finds."""
+""".oni recordings: the writer's files, and the reader's summaries of their records."""
 
 from __future__ import annotations
 

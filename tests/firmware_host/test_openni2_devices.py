@@ -1,4 +1,4 @@
-"""Live devices that refuse, fail or lack something, and which of several is opened: OpenNI2's binding stood in for."""
+"""Live devices that refuse, fail or lack a stream, and the choice among several, with a stand-in for OpenNI2."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class StandInColour(StandInStream):
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A live device with depth and colour in the binding's place; `opened` are the names that it was opened by."""
+    """A stand-in device with depth and colour; `opened` records the names by which it was opened."""
     depth, colour = StandInStream(60, picture(0)[0]), StandInColour(60)
     device = SimpleNamespace(
         playback=None, create_depth_stream=lambda: depth, create_color_stream=lambda: colour, depth=depth,

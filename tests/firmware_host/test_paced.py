@@ -1,4 +1,4 @@
-"""A recording played as a live sensor: its pace, what a late reader misses, and a cord that can be pulled."""
+"""A recording played as a live sensor: its pace, frames lost by a late reader, and unplugging."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FPS = 10.0
 
 
 class Clock:
-    """Time that passes only where somebody sleeps, and a little whenever it is asked for."""
+    """A clock that advances only in sleep, and a little at every reading."""
 
     def __init__(self):
         self.now = 100.0
@@ -27,7 +27,7 @@ class Clock:
 
 
 def numbered(count):
-    """Frames whose depth tells their number."""
+    """Return frames whose depth encodes their number."""
     return [(np.full((2, 2), k, np.uint16), np.zeros((2, 2, 3), np.uint8)) for k in range(count)]
 
 

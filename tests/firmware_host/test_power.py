@@ -1,4 +1,4 @@
-"""The under-voltage flag of a Raspberry Pi, as its kernel shows it."""
+"""The undervoltage flag of a Raspberry Pi's kernel."""
 
 from __future__ import annotations
 

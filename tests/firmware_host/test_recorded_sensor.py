@@ -1,4 +1,4 @@
-"""Recordings are played in a process of their own: of any name, and a crash of the library is one sentence."""
+"""Recordings played in a separate process: any file name works, and a crash of the library gives one sentence."""
 
 from __future__ import annotations
 

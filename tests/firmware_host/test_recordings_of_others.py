@@ -1,4 +1,4 @@
-"""Recordings whose clock, numbers or pictures are not as ours: read as they are meant, or refused with the cause."""
+"""Recordings by other programs with other clocks, numbers or images: read correctly, or refused with the cause."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.openni, pytest.mark.usefixtures("openni")]
 
 
 def restamped(path, stamp_of, number_of=lambda k: k + 1):
-    """Give the k-th frame of each stream another time stamp [us] and another number."""
+    """Change timestamp [us] and number of the k-th frame of each stream."""
     raw, seen = bytearray(path.read_bytes()), {}
     for record in read_records(path):
         if record.type == RecordType.NEW_DATA:

@@ -1,4 +1,4 @@
-"""Recordings are not replaced by a second run of the same command, unless it says so; numbers reach what makes them."""
+"""A second run of a command replaces no recording without --overwrite; options reach the simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`scripts/setup --python`: which Python the environment is built with, where one is there already."""
+"""`scripts/setup --python`: the Python of a new environment if an environment already exists."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 TOOLS = ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "mkdir", "rm", "uname")
 OTHER = "3.13" if sys.version_info[:2] < (3, 13) else "3.12"
-# Says that it is another version, and cannot make an environment.
+# Reports another version, and cannot create an environment.
 ANOTHER_PYTHON = f"""case "$*" in
     *%d.%d*) echo {OTHER} ;;
     *"-m venv"*) exit 3 ;;

@@ -1,4 +1,4 @@
-"""A camera's faults on synthetic cloth: each is there with its size when switched on, and gone when switched off."""
+"""A camera's faults on synthetic cloth: each has its stated size when enabled, and is absent otherwise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from formats.errors import OutputError
 from formats.importers.swung_cloth import import_swung_cloth
 
 SECONDS = 4.0
-KNOWN = cache(lambda: silhouette.swung_cloth(SECONDS))  # the cloth is the same whatever sees it
+KNOWN = cache(lambda: silhouette.swung_cloth(SECONDS))  # the cloth does not depend on the camera
 
 
 @cache

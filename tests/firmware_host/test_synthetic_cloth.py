@@ -1,4 +1,4 @@
-"""The synthetic cloth weighs and resists what it was told, and refuses what no cloth can be."""
+"""The synthetic cloth has the given weight and stiffness, and refuses impossible values."""
 
 from __future__ import annotations
 

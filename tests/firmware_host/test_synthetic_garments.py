@@ -1,4 +1,4 @@
-"""The synthetic T-shirt and swatch, what stands around them, and what the camera can see of them."""
+"""The synthetic T-shirt and swatch, their surroundings, and their visibility to the camera."""
 
 from __future__ import annotations
 

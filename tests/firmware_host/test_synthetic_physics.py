@@ -1,4 +1,4 @@
-"""The synthetic cloth swings as textbooks say: its frequency, its drag, its hem and its held edge."""
+"""The synthetic cloth agrees with closed forms: its frequency, drag, hem and held edge."""
 
 from __future__ import annotations
 

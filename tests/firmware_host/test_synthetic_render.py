@@ -1,4 +1,4 @@
-"""What the synthetic camera draws is where the truth says it is."""
+"""The synthetic camera's images agree with the true positions."""
 
 from __future__ import annotations
 

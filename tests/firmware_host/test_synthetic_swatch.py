@@ -1,4 +1,4 @@
-"""The synthetic swatch: what the published recording had, and a cloth that hangs from its corners as cloth does."""
+"""The synthetic swatch: the properties of the published recording, and a cloth that hangs from its corners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding sensors through pyusb: what the bus says of each, and what is missing when none is found."""
+"""Finding sensors through pyusb: their properties on the bus, and the error if none is found."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from tests.fit.here import hangtime_here
 
 
 class Stranger(KinectCameraModel):
-    """A device that is no sensor."""
+    """A USB device that is not a sensor."""
 
     vendor, product = 0x046D, 0xC077
 
 
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Put a bus of models in libusb's place: bus(model, model, ...)."""
+    """Replace libusb by a bus of models: bus(model, model, ...)."""
 
     def fill(*models: Any, **options: Any) -> ModelBackend:
         backend = ModelBackend(*models, **options)

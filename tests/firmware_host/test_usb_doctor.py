@@ -1,4 +1,4 @@
-"""The doctor: order, skipping, what each line says, and the exit code."""
+"""The doctor: order, skipping, the text of each line, and the exit code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def command() -> CliRunner:
 
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Put a bus of models in libusb's place, and OpenNI2 with its PS1080 driver beside it."""
+    """Replace libusb by a bus of models, and provide OpenNI2 with its PS1080 driver."""
     monkeypatch.setattr(openni2_library, "load", lambda: None)
     monkeypatch.setattr(openni2_library, "find_driver", lambda name: Path(f"/drivers/lib{name}.so.0"))
     return lambda *models, **options: monkeypatch.setattr(
@@ -44,7 +44,7 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 def says(check: Callable[[Examination], checks.Finding], examination: Examination) -> str:
-    """What a check finds, its verdict in front."""
+    """Return the verdict and the text of a check's finding."""
     ((_, finding),) = examine([Check(name="it", look=check)], examination)
     return f"{finding.verdict.value}: {finding.text}"
 
@@ -180,7 +180,7 @@ def test_the_folder_of_drivers_is_the_one_that_openni_is_told_to_use(
 
 
 def sample(count: int, *, period: float = 1 / 30, dropped: tuple[int, ...] = (), share: float = 0.8) -> StreamSample:
-    """So many frames; after each of the frames `dropped`, one is missing."""
+    """Return a sample with a number of frames; after each frame in `dropped`, one is missing."""
     info = SensorInfo(name="s", uri="s", width=10, height=10, fps=30.0, intrinsics=SMALL, is_live=True)
     depth = np.zeros((10, 10), np.uint16)
     depth.flat[: round(100 * share)] = 1000
@@ -210,7 +210,7 @@ def test_more_than_one_percent_dropped_or_five_percent_too_slow_is_a_problem(mad
 
 
 class Clockwork(DepthSensor):
-    """A live sensor without an end, whose clock goes by `step` [s] from frame to frame."""
+    """An endless live sensor, whose clock advances by `step` [s] per frame."""
 
     info = SensorInfo(name="s", uri="s", width=10, height=10, fps=30.0, intrinsics=SMALL, is_live=True)
 

@@ -1,4 +1,4 @@
-"""The Kinect's foot, asked in this process: lamp, tilt, accelerometer and the direction of gravity."""
+"""The Kinect's base, queried in this process: lamp, tilt, accelerometer and the direction of gravity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands and pyusb through the real libusb, on a USB bus that umockdev mocks: nothing of ours is replaced.
+"""The commands and pyusb through the real libusb, on a USB bus mocked by umockdev; only the devices are models.
 
 The sensors behind it are the models of `usb_stage`. Skipped where umockdev is not installed (scripts/setup says how).
 """
@@ -71,7 +71,7 @@ except SensorError as error:
 
 @cache
 def why_not() -> str:
-    """Why the bus cannot be mocked here; empty when it can."""
+    """Return the reason why the bus cannot be mocked here, "" if it can."""
     if sys.maxsize < 2**32:
         return "the mocked bus is written for 64 bit"
     if shutil.which("umockdev-wrapper") is None:
@@ -308,6 +308,6 @@ def test_a_live_recording_of_two_seconds_is_a_take_of_every_frame(tmp_path: Path
     assert take.is_complete
     assert take.held_valid.mean() > 0.9
     assert take.time[-1] - take.time[0] == pytest.approx(2.0, abs=0.1)
-    # What the mocked bus or this machine was late with is told of.
+    # Frames that the mocked bus or this machine lost are reported.
     gaps = np.flatnonzero(np.diff(take.time) > 1.5 / 30) + 1
     assert (take.state[gaps] & FrameState.FRAMES_DROPPED_BEFORE > 0).all()

@@ -1,4 +1,4 @@
-"""The PS1080's firmware, asked in this process: right answers, and each way in which a device misbehaves."""
+"""The PS1080's firmware, queried in this process: valid answers, and each fault of a device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of a point's surroundings the sensor sees, by hand: facing, turned, edge-on, folded, in the shadow."""
+"""The visible share of a point's neighbourhood, computed by hand: facing, rotated, edge-on, folded, in the shadow."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ RUNS = 60_000  # of one process: what atheris adds to code keeps 6 kB a run, whi
 
 
 def guided(target: str, seconds: int, corpus: Path) -> None:
-    """Fuzz one reader with atheris; what it finds ends the process with a traceback and leaves the input's file."""
+    """Fuzz one reader with atheris; a finding ends the process with a traceback and leaves the input file."""
     import atheris
 
     with atheris.instrument_imports(include=["formats", "firmware_host"]):
@@ -43,7 +43,7 @@ def guided(target: str, seconds: int, corpus: Path) -> None:
 
 
 def damages(count: int, seed: int) -> dict[str, int]:
-    """Damage a take archive so often; return how often what was wrong."""
+    """Damage a take archive this number of times; return the counts of the faults."""
     import numpy as np
 
     from formats.archive import take_of
@@ -73,7 +73,7 @@ def _damages(job: tuple[int, int]) -> dict[str, int]:
 
 
 def main() -> None:
-    """Do what the command line asks for."""
+    """Run the fuzzers that the command line selects."""
     parser = argparse.ArgumentParser(prog="scripts/fuzz", description=__doc__.splitlines()[0])
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="archive, c3d, text, oni, toml; default: all")
     parser.add_argument("--seconds", type=int, default=600, help="for all targets together (600)")

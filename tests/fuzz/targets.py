@@ -1,4 +1,4 @@
-"""What is fuzzed: readers of files that others made. Each takes bytes and may raise a `HangtimeError`, nothing else."""
+"""The fuzzing targets: readers of foreign files. Each takes bytes and may raise only a `HangtimeError`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def text(raw: bytes) -> None:
 
 
 def oni(raw: bytes) -> None:
-    """Walk over the records of an .oni recording."""
+    """Read bytes as an .oni recording."""
     with _file(raw, "a.oni") as path:
         summarise(path)
 
@@ -63,7 +63,7 @@ TARGETS: dict[str, Callable[[bytes], None]] = {"archive": archive, "c3d": c3d, "
 
 
 def seeds(target: str) -> list[bytes]:
-    """Return files that a fuzzer begins with."""
+    """Return the files of a fuzzer's initial corpus."""
     if target == "archive":
         return [(HERE / f"version-{version}.mcap").read_bytes() for version in (1, 2)]
     if target == "c3d":

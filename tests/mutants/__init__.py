@@ -1,1 +1,1 @@
-"""Mutation testing: which tests guard which code, and the mutants that may live (`scripts/mutants`)."""
+"""Mutation testing: the tests of each module, and the accepted surviving mutants (`scripts/mutants`)."""

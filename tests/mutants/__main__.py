@@ -1,11 +1,11 @@
-"""Break the code in one place at a time and see whether a test notices: the work of `scripts/mutants`.
+"""Mutate the code in one place at a time and check whether a test fails: the program of `scripts/mutants`.
 
 The mutation tester mutmut makes the mutants and runs, for each, the tests that reach its function. Which folder is
 tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
 `build/mutants/`, which keeps the results: a second run tests again where code or tests have changed.
 
-A mutant that no test notices either asks for a test, or is listed in `survivors.toml` with a reason. A rule there lists
-all mutants of one kind at once: those whose two sides are the same without what its pattern matches outside its group.
+A surviving mutant either needs a test, or is listed in `survivors.toml` with a reason. A rule there accepts all mutants
+of one kind: mutants whose two sides are equal without the parts that the rule's pattern matches outside its group.
 
 Where a library is not installed, the tests of what needs it skip. Mutants of that are neither drawn nor counted.
 """
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
-NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut makes all mutants, and then says so
+NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut's message after it has made all mutants
 NEEDS = {"formats.exporters.rerun_file": "rerun"}  # library without which all tests of a module skip
 WANTED = 0.9  # share of the mutants that tests must notice
 KILLED = {"killed", "timeout", "segfault", "caught by type check"}
@@ -39,7 +39,7 @@ KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 
 @dataclass
 class Tally:
-    """What became of the mutants of one folder: how many died, and the text of those that live, by function.
+    """The results for one folder: the number of killed mutants, and the survivors' diffs by function.
 
     Those of the wording of a text do not count.
     """
@@ -56,7 +56,7 @@ class Tally:
 
 
 def main() -> int:
-    """Test the mutants of the folders or modules that are named; 0 when enough die and the rest is listed."""
+    """Test the mutants of the named folders or modules; return 0 if enough are killed and the others are listed."""
     areas = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hangtime"]["mutants"]
     parser = argparse.ArgumentParser(prog="scripts/mutants")
     parser.add_argument("path", nargs="*", help=f"folder or module; by default all of {', '.join(areas)}")
@@ -89,7 +89,7 @@ def main() -> int:
 
 
 def is_listed(text: str) -> Callable[[str, str], bool]:
-    """Return whether a function's change may live, by the entries and the rules of a text such as `survivors.toml`."""
+    """Return whether a survivor is accepted by the entries and rules of a text such as `survivors.toml`."""
     read = tomllib.loads(text)
     entries = {(one["function"], one["change"].strip()) for one in read.get("survivor", [])}
     rules = [(one["functions"], re.compile(one["pattern"])) for one in read.get("rule", [])]
@@ -108,7 +108,7 @@ def is_listed(text: str) -> Callable[[str, str], bool]:
 
 
 def copy_of(area: str) -> Path:
-    """Where the copy of the checkout for one folder lies."""
+    """Return the path of the checkout's copy for one folder."""
     return COPIES / area.replace("/", "-")
 
 
@@ -161,7 +161,7 @@ def is_of(name: str, modules: list[str]) -> bool:
 
 
 def forget_what_changed(copy: Path, tests: list[str]) -> None:
-    """Let mutmut learn anew which tests reach which function where the tests have changed."""
+    """Discard mutmut's map from functions to tests where the tests have changed."""
     files = sorted(path for name in tests for path in [copy / name, *(copy / name).rglob("*.py")] if path.is_file())
     seen = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
     stamp = copy / "mutants/tests.sha256"
@@ -173,7 +173,7 @@ def forget_what_changed(copy: Path, tests: list[str]) -> None:
 
 
 def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[[str, str], bool]) -> Tally:
-    """Count what is kept of the mutants of a folder whose names match."""
+    """Count the stored results of a folder's mutants whose names match."""
     copy, found = copy_of(area), Tally()
     os.chdir(copy)  # mutmut finds its files from the working directory
     from mutmut.mutation.diff_apply import get_diff_for_mutant
@@ -214,7 +214,7 @@ def is_wording(lines: list[str]) -> bool:
 
 
 def show(area: str, found: Tally) -> bool:
-    """Print a folder's figures and its unlisted survivors; return whether they are well."""
+    """Print a folder's figures and its unlisted survivors; return whether they are acceptable."""
     for function, change in found.alive:
         print(f"\n{function}\n{change}")
     share = found.killed / found.total if found.total else 0.0

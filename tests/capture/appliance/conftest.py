@@ -1,4 +1,4 @@
-"""What the tests of the daemon share: a recording that stands for the sensor, and an appliance."""
+"""Fixtures of the daemon's tests: a recording in place of the sensor, and an appliance."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A disk that forgets: what a process does to files is recorded, and every state that a power cut may leave is made.
+"""Simulate power cuts: record a process' file operations, and generate every state that a power cut may leave.
 
-The shim stands in for the calls of `os` that change names or put content on the disk. What `man 2 fsync` does not
-promise, the model does not keep: content that was not synced, and names of a folder that was not synced after them.
+The shim replaces the calls of `os` that change names or sync content. The model keeps only what `man 2 fsync`
+guarantees. It may lose content that was not synced, and names of a folder that was not synced after their change.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class State:
 
 @dataclass(frozen=True)
 class Moment:
-    """The disk after a call; `promises` is how many had been made by then, `beside` what another machine held."""
+    """The disk after a call; `promises`: number of promises made by then, `beside`: content of another machine."""
 
     call: str
     state: State
@@ -52,7 +52,7 @@ class Moment:
     beside: dict[str, bytes]
 
     def cuts(self) -> Iterator[tuple[str, dict[str, bytes]]]:
-        """Yield every state of files that a power cut at this moment may leave, with a word on it."""
+        """Yield every state of files that a power cut at this moment may leave, with its description."""
         seen = set()
         for kept in range(len(self.state.pending) + 1):
             names: dict[str, int] = dict(self.state.synced_names)
@@ -79,7 +79,7 @@ class Moment:
 
 
 class Disk:
-    """Records what happens below a folder; `beside` is a folder of another machine, which keeps its power."""
+    """Records file operations below a folder; `beside` is a folder of another machine, which keeps its power."""
 
     def __init__(self, root: Path, beside: Path | None = None) -> None:
         self.root, self._beside = str(root), beside
@@ -95,7 +95,7 @@ class Disk:
                 self.state.names[str(path)] = self.state.synced_names[str(path)] = self._next
 
     def promise(self, what: object) -> None:
-        """Note what the product has told its user by now."""
+        """Record a promise that the product has made to its user."""
         self.promises.append(what)
         self._note("promise")
 
@@ -161,7 +161,7 @@ class Disk:
             yield self
 
     def lay(self, files: dict[str, bytes], place: Path) -> Path:
-        """Make a folder that looks as this disk does after a cut."""
+        """Create a folder with this disk's state after a cut."""
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
         for path, content in files.items():
@@ -174,7 +174,7 @@ class Disk:
         return place == self.root or place.startswith(self.root + os.sep)
 
     def _look(self) -> None:
-        """Take in what was written since the last call, byte for byte."""
+        """Record the bytes written since the last call."""
         for path, number in self.state.names.items():
             with open(path, "rb") as file:
                 self.state.inodes[number].seen = file.read()

@@ -1,4 +1,4 @@
-"""What the tests of the real daemon need: OpenNI2, a take by the button, a small disk."""
+"""Helpers for tests of the real daemon: OpenNI2, a take by the button, a small disk."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from tests import openni2
 
-FPS = 15  # of the recording that stands for the sensor
+FPS = 15  # of the recording in place of the sensor
 
 needs_openni = [
     pytest.mark.openni, pytest.mark.skipif(not openni2.is_available(), reason="libopenni2 is not here"),

@@ -1,4 +1,4 @@
-"""Small takes for tests of the spool and of sync: made of numbers, written frame by frame by the real writer."""
+"""Small synthetic takes for tests of the spool and of sync, written frame by frame by the real writer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def writer_of(running, *, created=CREATED):
 
 
 def record(spool, count=75, *, seed=0, created=CREATED, facts=None):
-    """Record a take of so many frames and keep it."""
+    """Record a take with a number of frames and keep it."""
     running = spool.begin()
     with writer_of(running, created=created) as writer:
         for frame in frames(count, seed=seed):

@@ -1,4 +1,4 @@
-"""The appliance's benchmark in its shortest form, so that it cannot rot."""
+"""Run the appliance's benchmark in its shortest form, to keep it working."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The real daemon under a wall clock that starts in 1970, leaps by hours and years, and runs backwards."""
+"""The real daemon under a wall clock that starts in 1970, jumps by hours and years, and runs backwards."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LATE = 0.5  # s of a busy machine
 
 @pytest.fixture
 def shim(tmp_path):
-    """A library that moves the wall clock, the file that says by how much, and the environment for both."""
+    """Return a library that shifts the wall clock, the file with the shift, and the environment for both."""
     if shutil.which("gcc") is None:
         pytest.skip("no C compiler is here")
     library, offset = tmp_path / "wall_clock.so", tmp_path / "offset"
@@ -58,7 +58,7 @@ def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_
             else:
                 lasted.append(time.monotonic() - begun)
                 appliance.kill()
-        appliance.start(environment=environment)  # in 1970 again: a power cut took the clock along
+        appliance.start(environment=environment)  # in 1970 again: a power cut reset the clock
         told = appliance.wait_until(lambda told: told["takes"] == 3 and told["salvaged"] == 1, "salvaged")
         assert told["faults"] == []
     takes = Spool(appliance.spool).takes()

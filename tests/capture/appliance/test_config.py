@@ -1,4 +1,4 @@
-"""The configuration: every key is documented, a bad one is refused by name, the last good one stays in force."""
+"""The configuration: every key is documented, errors name the bad key, the last valid one stays in force."""
 
 from __future__ import annotations
 
@@ -209,4 +209,4 @@ def test_every_power_cut_leaves_the_copy_of_before_or_the_new_one_and_no_litter_
         assert pre_roll_in_force(file) in (promised, promised + 1.0), word
         keep(with_pre_roll(9.0), file)
         assert [path.name for path in left.iterdir()] == ["appliance.last-good.json"], word
-    assert len(cuts) >= 15  # as recorded; far fewer would say that the shim no longer sees the calls
+    assert len(cuts) >= 15  # as recorded; far fewer would mean that the shim misses calls

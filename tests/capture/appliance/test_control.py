@@ -1,4 +1,4 @@
-"""The control socket: what is in its place, who is silent, and questions that are none."""
+"""The control socket: stale sockets and other files in its place, silent clients, and malformed requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The real daemon, a process of its own: button, lamp, socket, configuration and kills."""
+"""The real daemon in a separate process: button, lamp, socket, configuration and kills."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_press_records_with_two_seconds_before_it_and_a_second_press_keeps_the
     appliance.wait_for("armed")
     assert appliance.lamp == ("timer", str(ARMED.light_ms), str(ARMED.dark_ms))
     appliance.wait_until(lambda told: told["pre_roll_s"] >= 2.0, "a full pre-roll")
-    appliance.press((DOWN, UP, DOWN, UP))  # an impatient finger, or a contact that bounces
+    appliance.press((DOWN, UP, DOWN, UP))  # a double press, or a bouncing contact
     told = appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 40, "recording")
     assert 2.0 <= told["recording"]["pre_roll_s"] < 2.5
     assert (told["lamp"], appliance.lamp[0]) == (RECORDING.name, "none")
@@ -200,7 +200,7 @@ def test_a_socket_that_cannot_be_made_leaves_the_last_good_configuration_in_forc
     appliance.config.write_text(good.replace("[control]\n", line if "group" in line else "[control]\n"))
     if "socket" in line:
         appliance.config.write_text(good.replace('[control]\nsocket = "control.sock"\n', line))
-    for _ in range(2):  # the second start finds the copy that the first one left alone
+    for _ in range(2):  # the second start finds the copy that the first start left unchanged
         appliance.start()
         told = appliance.wait_for("armed")
         (fault,) = told["faults"]

@@ -1,4 +1,4 @@
-"""The thread that writes: it names what goes wrong, and goes on."""
+"""The disk thread: it reports errors, and continues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memory of the start goes back: only pages of files that nobody wrote to are dropped, and all goes on as before."""
+"""Memory of the start is released: only unmodified pages of files are dropped, and the program continues."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_mapping_that_the_first_look_did_not_find_is_left_alone(monkeypatch, t
 
 
 class Library:
-    """A C library that notes what is dropped."""
+    """A C library that records the dropped mappings."""
 
     def __init__(self, dropped):
         self.malloc_trim = lambda _: None

@@ -1,4 +1,4 @@
-"""The pre-roll is counted in seconds, at every rate and with frames that come unevenly."""
+"""The pre-roll is measured in seconds, at every frame rate and with uneven frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever happens in whatever order, the table of states holds and no take is lost: random events on the real loop.
+"""Random events on the real loop, in any order: the state machine stays valid and no take is lost.
 
 The loop, the tracker, the spool and the disk's thread are the real ones; the sensor and the clock are scripted.
 """
@@ -50,7 +50,7 @@ def drawn():
 
 
 class ScriptedKeeper:
-    """Gives the frames that the test puts, or the error; has the interface of `SensorKeeper`."""
+    """Delivers the test's frames, or an error; has the interface of `SensorKeeper`."""
 
     def __init__(self, clock):
         self._clock, self.frames, self.error, self._last = clock, [], None, 0.0
@@ -79,7 +79,7 @@ class ScriptedKeeper:
 
 
 class RandomEvents(RuleBasedStateMachine):
-    """Presses, bounces, commands, frames, a sensor that goes and comes, a disk that fails and mends."""
+    """Presses, bounces, commands, frames, a sensor that disappears and returns, a disk that fails and recovers."""
 
     shown: ClassVar[dict] = {}
 
@@ -119,7 +119,7 @@ class RandomEvents(RuleBasedStateMachine):
         return led
 
     def step(self, count=1, seconds=FRAME):
-        """Let time pass, so many rounds of the loop; the disk is done with its work after each."""
+        """Let time pass for a number of rounds of the loop; the disk finishes its work after each."""
         for _ in range(count):
             self.now += seconds
             take = self.appliance._take
@@ -146,7 +146,7 @@ class RandomEvents(RuleBasedStateMachine):
 
     @rule(is_ended=st.booleans())
     def a_whole_take(self, is_ended):
-        """What people do most: show the hanger, press, swing, and mostly press again."""
+        """The most common use: show the hanger, press, swing, and mostly press again."""
         if self.disk_is_there and not self.keeper.is_open:
             self.sensor_opens()
         self.frames("hanger", ENOUGH)
@@ -255,7 +255,7 @@ TestRandomEvents.settings = settings(
 
 
 class MoreEvents(RandomEvents):
-    """The same, longer."""
+    """The same events in longer runs."""
 
 
 TestMoreEvents = pytest.mark.slow(MoreEvents.TestCase)

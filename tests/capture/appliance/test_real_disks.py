@@ -1,4 +1,4 @@
-"""The real daemon on file systems of the kernel's that are slow, fail, and fill up: ext4 in a file, and a small tmpfs.
+"""The real daemon on real file systems that are slow, fail or fill up: ext4 in a file, and a small tmpfs.
 
 Needs root, a loop device and the kernel's limit on a device's rate (cgroup blkio); skipped where one is missing.
 """
@@ -36,7 +36,7 @@ def run(*words):
 
 @contextmanager
 def ext4(folder, image, size):
-    """Mount an ext4 of so many bytes that lies in a file; yields the name of its device."""
+    """Mount an ext4 of this size [bytes] in a file; yield the name of its device."""
     if os.geteuid() or shutil.which("mkfs.ext4", path="/usr/sbin:/sbin") is None:
         pytest.skip("only root can mount, and e2fsprogs must be there")
     with image.open("wb") as file:
@@ -56,7 +56,7 @@ def ext4(folder, image, size):
 
 @contextmanager
 def limited(device, rate):
-    """Let the kernel write to a device so fast at most [bytes/s]."""
+    """Limit the rate at which the kernel writes to a device [bytes/s]."""
     if not LIMIT.exists():
         pytest.skip("the kernel has no limit on a device's rate at this place")
     number = Path(f"/sys/block/{Path(device).name}/dev").read_text().strip()
@@ -68,7 +68,7 @@ def limited(device, rate):
 
 
 def check_kept(appliance):
-    """Every take with a name is readable whole; return them."""
+    """Check that every named take is completely readable; return the takes."""
     kept = Spool(appliance.spool).takes()
     assert all(verify_take(take.path).is_sound for take in kept)
     return kept

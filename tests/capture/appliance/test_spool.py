@@ -1,4 +1,4 @@
-"""The spool: numbers that are never given twice, takes that are whole, and what leaves first."""
+"""The spool: unique numbers, complete takes, and the order of removal."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def test_a_disk_that_fails_while_it_is_read_costs_no_take(spool, monkeypatch):
     assert [len(read_take(take.path).time) for take in spool.salvage()] == [94]
 
 
-# --- what leaves ----------------------------------------------------------------------------------
+# --- retention ------------------------------------------------------------------------------------
 
 
 def test_the_oldest_verified_take_leaves_first_and_an_unsynced_one_never(spool):

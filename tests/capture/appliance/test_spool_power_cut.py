@@ -1,4 +1,4 @@
-"""A power cut after every call that the spool makes: nothing that was promised is lost, nothing is there twice."""
+"""A power cut after every call of the spool: no promise is broken, and nothing is duplicated."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class Number:
-    """This number was given."""
+    """The promise that this number was assigned."""
 
     number: int
 
 
 @dataclass(frozen=True)
 class Frames:
-    """So many frames of this take are on the disk."""
+    """The promise that this number of frames of a take is on the disk."""
 
     number: int
     count: int
@@ -37,7 +37,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class MayLeave:
-    """This take is on the server, and may leave."""
+    """The promise that this take is on the server, and may be removed."""
 
     number: int
 
@@ -72,7 +72,7 @@ def record_a_day(disk, folder):
 
 
 def check(folder, promises, word):
-    """Start again in a folder that a cut left."""
+    """Restart in a folder as a cut left it, and check the promises."""
     with Spool(folder) as spool:
         spool.salvage()
         takes = {take.sequence: take for take in spool.takes()}
@@ -127,7 +127,7 @@ def test_every_cut_of_a_day_leaves_what_was_promised_once(day, tmp_path):
     """Three takes, a receipt, a take that leaves: cut after each call, what was not synced is gone, torn or there."""
     cuts = replay(day, tmp_path / "cut")
     print(f"{len(day.moments)} calls and promises, {cuts} states of the disk")
-    assert cuts >= 100  # as recorded; far fewer would say that the shim no longer sees the calls
+    assert cuts >= 100  # as recorded; far fewer would mean that the shim misses calls
 
 
 def test_a_cut_while_a_cut_is_being_mended_changes_nothing(day, tmp_path, monkeypatch):

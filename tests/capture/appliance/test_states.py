@@ -1,4 +1,4 @@
-"""The table of states: what the documentation draws is what the code does."""
+"""The state machine: the documentation's table agrees with the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wall clock is a note beside a take: where it comes from, and that its steps change no duration."""
+"""The wall-clock time of a take: its source, and that clock steps change no duration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from formats.blocks import Frame
 
 @pytest.fixture
 def undisciplined(monkeypatch, tmp_path):
-    """A kernel whose clock nobody sets, and a board without systemd-timesyncd."""
+    """Simulate a kernel with an undisciplined clock, on a board without systemd-timesyncd."""
     monkeypatch.setattr(wall_clock, "_kernel_error_s", lambda: None)
     monkeypatch.setattr(wall_clock, "TIMESYNCD", tmp_path / "synchronized")
 

@@ -1,4 +1,4 @@
-"""An appliance without hardware: the real daemon, a recording played as a live sensor, a button and a lamp of files.
+"""An appliance without hardware: the real daemon, a recording played as a live sensor, button and lamp as files.
 
 The button is a named pipe that carries the kernel's input events, the lamp a folder with the files of an LED.
 """
@@ -29,7 +29,7 @@ CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 RIG = Rig(format="hangtime-rig/1", name="virtual", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
 BTN_0 = 0x100
 LED_FILES = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
-LONGEST = 600.0  # s that anything is waited for; less says nothing on a machine that is busy with other things
+LONGEST = 600.0  # s, limit of every wait; a busy machine may exceed a shorter one
 
 
 def draw_recording(path: Path, *, fps: int, seconds: float = 1.0, has_hanger: bool = True) -> None:
@@ -76,7 +76,7 @@ class VirtualAppliance:
         self.kill()
 
     def start(self, *, before: str = "", environment: dict[str, str] | None = None) -> None:
-        """Start the daemon; before: Python to run in its process first, which stands for a bad disk and the like."""
+        """Start the daemon; before: Python to run in its process first, which simulates a bad disk, for example."""
         (self.led / "trigger").write_text(LED_FILES["trigger"])  # the kernel's file always lists all triggers
         program = ["-m", "capture.appliance"]
         if before:
@@ -123,7 +123,7 @@ class VirtualAppliance:
 
     @property
     def lamp(self) -> tuple[str, ...]:
-        """What the lamp does: its trigger, and its rhythm or brightness."""
+        """Return the lamp's trigger, and its rhythm or brightness."""
         trigger = (self.led / "trigger").read_text()
         files = ("delay_on", "delay_off") if trigger == "timer" else ("brightness",)
         return (trigger, *((self.led / name).read_text() for name in files))

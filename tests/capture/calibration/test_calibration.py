@@ -1,4 +1,4 @@
-"""`hangtime calibrate` against drawn scenes of known truth."""
+"""`hangtime calibrate` on rendered scenes of known truth."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def all_plates():
 
 @pytest.fixture(scope="module")
 def frames():
-    """A sensor that looks down by 6 degrees, is rolled by 2, shows depth 2 % too long and 3 px right, 2 px up."""
+    """Frames of a sensor pitched down by 6 degrees, rolled by 2; depth is 2 % too long and shifted by (3, -2) px."""
     rng = np.random.default_rng(1)
     return [pictures(all_plates(), rng, turn=TURN, scale=SCALE, shift=SHIFT) for _ in range(20)]
 
@@ -257,7 +257,7 @@ def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_it_is_told(fra
 
 
 class Endless(StageSensor):
-    """A live sensor whose clock goes by `step` [s] from frame to frame; it knows how many pictures somebody keeps."""
+    """A live sensor whose clock advances by `step` [s] per frame; it counts the images that are still referenced."""
 
     def __init__(self, picture, step):
         super().__init__([picture])

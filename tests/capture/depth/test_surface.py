@@ -14,7 +14,7 @@ A, B, C = 0.625, 4e-4, -3e-4  # 1/m and 1/(m px): 1.6 m at u = v = 0, inverse de
 
 
 def grid():
-    """A patch of 9 x 13 pixels that lies to the right of and above the wanted place."""
+    """Return a patch of 9 x 13 pixels to the right of and above the requested pixel."""
     v, u = np.mgrid[-8:1, 2:15].astype(float)
     return u.ravel(), v.ravel()
 

@@ -1,4 +1,4 @@
-"""Silhouettes whose every pixel is known, a mask and a depth that a formula gives, and surfaces of known nodes."""
+"""Silhouettes with known pixels, depth from a formula, and surfaces with known nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corners of outlines whose every pixel is known."""
+"""Corners of outlines with known pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a corner lies beyond the cloth that is seen, against folds of known depth."""
+"""The distance of a corner beyond the visible cloth, for folds of known depth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.capture.garment.garment_scenes import hung
 
 
 def beyond(world):
-    """How far each corner of a world's only frame is beyond the seen cloth [m], (4,)."""
+    """Return each corner's distance beyond the visible cloth [m], (4,), in a world's only frame."""
     depth, _ = world.frame(0, world.renderer())
     tracker = garment_tracker(world.garment, RIG)
     held = world.hanger.held[0]

@@ -1,4 +1,4 @@
-"""The distance of corners beyond the seen part of flat cloth, worked by hand."""
+"""The distance of corners beyond the visible part of flat cloth, computed by hand."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from tests.capture.garment.flat_cloth import (
 
 
 def metres(u, v):
-    """Place [m] of a pixel of the window on the plane 1.6 m away."""
+    """Return the position [m] of a pixel of the window on the plane 1.6 m away."""
     return np.array([(LEFT + u - SQUARE.cx) * PIXEL, (TOP + v - SQUARE.cy) * PIXEL, 1.6])
 
 
 def covered(hidden_rows, found=(False, False, False, False)):
-    """A panel of 160 x 120 pixels whose lowest rows are hidden: how far its corners lie beyond what is seen."""
+    """Return the corners' distances beyond the visible part of a panel of 160 x 120 pixels with hidden lowest rows."""
     bottom = 139 - hidden_rows
     cell = 5
     rows, columns = np.indices(((bottom - 20) // cell + 1, 160 // cell)) * cell

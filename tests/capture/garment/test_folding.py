@@ -1,4 +1,4 @@
-"""Which corners in doubt are told as hidden: what peeks out, how the rim slants, what they and missing cloth say."""
+"""Doubtful corners reported as hidden, from the area that peeks out, the edge's slant and the missing cloth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CORNER = np.array(GARMENTS["swatch"]().points[2].at_m)
 
 
 def seen(change=lambda depth: None, cut=0.14):
-    """What peeks out beside a swatch's folded corner at 1.6 m, its pixel, and what its tracker says of it."""
+    """Return the area that peeks out beside a swatch's folded corner at 1.6 m, its pixel, and the tracker's result."""
     world = hung("swatch", 1.6, fold=(CORNER - [cut, 0.0], CORNER + np.array([0.0, cut])))
     depth, _ = world.frame(0, world.renderer())
     change(depth)
@@ -106,7 +106,7 @@ def test_a_rim_whose_depth_is_missing_is_taken_for_level():
 
 
 def probability(*corners):
-    """How probable it is at first sight that corners with these traces are hidden."""
+    """Return the probability in a first frame that corners with these features are hidden."""
     return Belief(len(corners)).update(np.array(corners), 0.0)
 
 
@@ -169,7 +169,7 @@ def test_the_fit_finds_the_weights_that_made_the_examples():
     rng = np.random.default_rng(5)
 
     def is_hidden(drawn):
-        """Drawn with what the shipped weights say of it, one after the other."""
+        """Draw each state from the probability by the shipped weights, frame by frame."""
         belief = Belief()
         probable = np.array([belief.update(found, k / 30) for k, found in enumerate(drawn)])
         return rng.random(probable.shape) < probable
@@ -196,7 +196,7 @@ def test_a_cloth_is_judged_by_the_others_and_what_was_never_in_doubt_is_missed()
     precision, recall = rates(alike, left_out(alike), 0.5)
     assert precision > 0.97
     assert recall == pytest.approx(0.75, abs=0.03)
-    # One that is the other way round is judged wrongly: its own examples do not count.
+    # A cloth with the opposite relation is judged wrongly, since its own examples are left out.
     odd = [*alike, random_cloth("d", rng, lambda drawn: drawn[..., 0] < 0, 200)]
     assert ((left_out(odd)[-1] > 0.5) == odd[-1].hidden).mean() < 0.1
 

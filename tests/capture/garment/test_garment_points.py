@@ -1,4 +1,4 @@
-"""Corners and centre of a skirt, a swatch and a T-shirt: placed, told as hidden, or not found."""
+"""Corners and centre of a skirt, a swatch and a T-shirt: located, reported hidden, or not found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SKIRT_FIRST = ["skirt", *(pytest.param(kind, marks=pytest.mark.slow) for kind in
 
 
 def seen(world, tracker=None, time=0.0):
-    """What a new tracker says of a world's only frame."""
+    """Return a new tracker's result for a world's only frame."""
     depth, _ = world.frame(0, world.renderer())
     return (tracker or garment_tracker(world.garment, RIG)).track(depth, world.hanger.held[0], time)
 

@@ -1,4 +1,4 @@
-"""Ways along flat cloth and the place farthest from its corners, worked by hand."""
+"""Geodesic distances on flat cloth and the point farthest from its corners, computed by hand."""
 
 from __future__ import annotations
 

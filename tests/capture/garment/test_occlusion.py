@@ -1,4 +1,4 @@
-"""Corners that something nearer, a fold or the border of the picture hides, worked by hand."""
+"""Corners hidden by a nearer object, a fold or the border of the image, computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The area of what peeks out around a corner, pixel by pixel."""
+"""The area that peeks out around a corner, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TOP, LEFT = 200, 200  # of the silhouette's window; the corner is its row 100 an
 
 
 def scene(depth=1550, rows=slice(80, 90), columns=slice(120, 130)):
-    """Garment at 1.5 m around the corner, and a patch of ten by ten pixels of something else."""
+    """Return a garment at 1.5 m around the corner, and a patch of ten by ten pixels of another surface."""
     raw, garment = np.zeros((240, 260), np.uint16), np.zeros((240, 260))  # mm and m
     raw[96:105, 116:125], garment[96:105, 116:125] = 1500, 1.5
     raw[rows, columns] = depth

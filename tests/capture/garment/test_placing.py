@@ -1,4 +1,4 @@
-"""Pixels of flat cloth placed in metres, worked by hand."""
+"""3D positions of pixels of flat cloth, computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which sightings of a point are believed, and how well."""
+"""Outlier rejection among detections of a point, and the standard deviations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contour and grid of silhouettes whose every pixel is known."""
+"""Contour and grid of silhouettes with known pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Garments cut out of depth images whose every pixel is known."""
+"""Garments segmented in depth images with known pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The slant of flat cloth at its rim, worked by hand."""
+"""The slant of flat cloth at its edge, computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The grid and the contour of a hanging skirt lie where they should on the flat garment."""
+"""Grid and contour of a hanging skirt agree with the flat garment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decisions of the silhouette's tracker, each on corners and windows that are given."""
+"""Decisions of the silhouette tracker on given corners and windows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NONE = np.zeros(4, bool)
 
 @pytest.fixture
 def tracker():
-    """A tracker of a panel of 0.4 by 0.3 m, by a sensor of square pixels."""
+    """Return a tracker of a panel of 0.4 m by 0.3 m, with a sensor of square pixels."""
     made = SilhouetteTracker(GARMENTS["swatch"](), RIG, CorrelationMeter())
     made.sensor = SQUARE
     made.flat = SimpleNamespace(distances=FLAT, reach=0.5, area=0.12, from_ends=FLAT[:2], roles=[0, 1, 2, 3, 4])
@@ -90,8 +90,8 @@ def test_a_corner_at_the_held_edges_end_is_held_and_one_elsewhere_is_taken_away(
     assert tracker._match_held(missing, sd, HELD).tolist() == [False, True, False, False]
 
 
-class Told:
-    """A belief that was told."""
+class FixedBelief:
+    """A belief with given probabilities."""
 
     def __init__(self, *values):
         self.values = np.array(values)
@@ -105,11 +105,11 @@ PIXELS = np.full((5, 2), 100.0)
 
 @pytest.fixture
 def hides(tracker, monkeypatch):
-    """Ask which corners are hidden where some end at a nearer thing; remember how much cloth was lost there."""
+    """Return which corners are hidden if some end at a nearer object; record the missing cloth of each query."""
     lost = {}
 
     def go(*, nearer=(), belief=(0.0,) * 4, along=FLAT, places=PLACES, pixels=PIXELS, dropped=NONE):
-        tracker._belief = Told(*belief)
+        tracker._belief = FixedBelief(*belief)
         lost.clear()
 
         def ends_at(seen, place, amount):

@@ -1,4 +1,4 @@
-"""A towel on a hanger: what its rig and its garment file say."""
+"""The rig and the garment description of a towel on a hanger."""
 
 from __future__ import annotations
 

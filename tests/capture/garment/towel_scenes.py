@@ -1,4 +1,4 @@
-"""A towel on a hanger before the camera, its rig, and what may stand in front of it."""
+"""Scenes of a towel on a hanger in front of the camera, with objects that may cover it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def hung(at=(0.0, -0.2, 1.6), markers=(0, 1)):
 
 
 def nothing():
-    """Two frames of a wall without a pattern, in which markers are looked for in a moment."""
+    """Return two frames of a plain wall, in which the search for markers is quick."""
     return [(np.full((480, 640), 2600, np.uint16), np.full((480, 640, 3), 128, np.uint8))] * 2
 
 

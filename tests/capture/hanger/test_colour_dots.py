@@ -47,9 +47,9 @@ def swing(k, rate=30.0):
 
 @cache
 def swung(colours, exposure=0.008, frames=12, late=0.0):
-    """Pictures of swung dots, colour averaged over an exposure [s], and true centres [m], (frames, 2, 3).
+    """Return images of swung dots, averaged over an exposure [s], and true centres [m], (frames, 2, 3).
 
-    late [s]: colour is taken so much after the depth
+    late [s]: delay of colour after depth
     """
     rng = np.random.default_rng(11)
     shown, truth = [], []

@@ -1,4 +1,4 @@
-"""A marker that is seen twice, as where a printed sheet lies about, is the one that is near the other."""
+"""A marker id that appears twice, as with a printed sheet in view: the one near the other marker is chosen."""
 
 from __future__ import annotations
 

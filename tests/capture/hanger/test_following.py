@@ -1,4 +1,4 @@
-"""Fiducials through blur and cover, against drawn scenes of known truth."""
+"""Fiducial markers under blur and partial occlusion, on rendered scenes of known truth."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def swung(speed, exposure, cover, frames, rate, late):
     return found
 
 
-def tracked(speed, exposure, cover=None, frames=12, rate=30, late=0.0, is_told=True):
+def tracked(speed, exposure, cover=None, frames=12, rate=30, late=0.0, is_known=True):
     """Errors [m] and deviations [m], (frames, 2, 3), NaN where lost, and how many markers were read by their ids.
 
-    speed [m/s] at most; exposure [s]; late [s]: of the colour, and whether the tracker is told
+    speed [m/s]: maximum; exposure [s]; late [s]: delay of the colour, and whether the tracker knows it
     """
     tracker, reader = MarkerTracker(RIG), MarkerDetector("DICT_4X4_50", (0, 1))
     errors, deviations, read = [], [], 0
     for k, (depth, colour, middle) in enumerate(swung(speed, exposure, cover, frames, rate, late)):
-        sight = tracker.track(colour, depth, k / rate, late if is_told else 0.0)
+        sight = tracker.track(colour, depth, k / rate, late if is_known else 0.0)
         if k >= READ:
             errors.append(sight.positions - middle - SIDES)
             deviations.append(sight.sd)
@@ -77,9 +77,9 @@ def test_markers_too_blurred_to_be_read_are_followed_to_two_millimetres(speed, e
 def test_markers_are_placed_at_the_instant_of_the_depth_also_where_colour_is_not(late):
     """At 1 m/s colour 12 ms off shows markers 12 mm away; the last velocity leaves a a late T / 2 of it: 1.7 mm."""
     errors, _, _ = tracked(1.0, 0.004, late=late)
-    untold, _, _ = tracked(1.0, 0.004, late=late, is_told=False)
+    uncorrected, _, _ = tracked(1.0, 0.004, late=late, is_known=False)
     assert np.sqrt((errors[..., 0] ** 2).mean()) < 2e-3
-    assert np.sqrt((untold[..., 0] ** 2).mean()) > 6e-3
+    assert np.sqrt((uncorrected[..., 0] ** 2).mean()) > 6e-3
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Small markers are found in an enlarged picture, which a sparing detector makes of every second one."""
+"""Small markers are detected in an enlarged image; a sparing detector enlarges every second image."""
 
 from __future__ import annotations
 

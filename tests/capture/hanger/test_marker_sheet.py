@@ -1,4 +1,4 @@
-"""The printed page of markers: OpenCV finds on it what was asked for, at the size that was asked for."""
+"""The printed page of markers: OpenCV detects the requested ids at the requested size."""
 
 from __future__ import annotations
 

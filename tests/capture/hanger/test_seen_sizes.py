@@ -1,4 +1,4 @@
-"""The number of a rig that the recording contradicts, with markers whose size in metres is worked out by hand.
+"""The rig's value that a recording contradicts, with marker sizes in metres computed by hand.
 
 A side of 24 px at 0.72 m and a focal length of 288 px is 24 * 0.72 / 288 = 0.06 m; 80 px between the centres are 0.2 m.
 """

@@ -1,4 +1,4 @@
-"""Times of frames from a sensor's clock that stumbles, wraps around or is set."""
+"""Times of frames from a sensor's clock that repeats times, wraps around or is set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who comes first: real threads under the kernel's real scheduler, with and without the right to it."""
+"""Real-time priority: real threads under the kernel's scheduler, with and without the privilege."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ print(json.dumps(seen | {"after": rank()}))
 
 
 def asked(prepare=None):
-    """Ask for precedence in a process of its own."""
+    """Request real-time priority in a separate process."""
     done = subprocess.run(
         [sys.executable, "-c", ASK], preexec_fn=prepare, capture_output=True, text=True, check=True,
         cwd=Path(__file__).parents[3],

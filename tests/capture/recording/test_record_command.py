@@ -1,4 +1,4 @@
-"""What `hangtime record` says and shows where something is wrong, on recordings played through OpenNI2."""
+"""Messages and lamp signals of `hangtime record` for faults, on recordings played through OpenNI2."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ PROGRAM = [sys.executable, "-c", "from formats.command import main; main()", "re
 
 @dataclasses.dataclass
 class Case:
-    """Frames of a bad view after `GOOD` good ones: what is said of them, their bits, the lamp's half period [ms]."""
+    """Frames of a fault after `GOOD` good ones: the message, their bits, the lamp's half period [ms]."""
 
     said: str
     bits: int
@@ -48,7 +48,7 @@ class Case:
     spoil: Callable = lambda depth, colour: (depth, colour)
     step: int = 33_333  # us from frame to frame
     frames: int = 20
-    late: int = 0  # of these that show another fault, until it is seen what is wrong
+    late: int = 0  # of these that show another fault, until the cause is known
 
 
 LOST = FrameState.MARKER_LOST | FrameState.GARMENT_LOST

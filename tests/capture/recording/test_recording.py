@@ -1,4 +1,4 @@
-"""From a sensor to a take, against the truth of the synthetic world."""
+"""Recording of takes from a sensor, compared with the truth of the synthetic world."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def drawn(world):
 
 
 class Every(DepthSensor):
-    """Every so many frames of a world, a multiple of three, changed by a function: a sensor that misbehaves."""
+    """A faulty sensor: every n-th frame of a world, n a multiple of three, changed by a function."""
 
     def __init__(self, drawn, step, change=lambda frame: frame):
         self._info, frames = drawn

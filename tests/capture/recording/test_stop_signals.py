@@ -1,4 +1,4 @@
-"""What ends a recording, sent where it would do harm: while a block is written, while the take is being finished."""
+"""Signals that end a recording, sent at critical moments: while a block is written or the take is finished."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _as_a_shell_starts_it():
 
 @pytest.fixture
 def on_sync(monkeypatch):
-    """A list of functions; the next one is called whenever the disk is waited for, and then it is waited for."""
+    """A list of functions, of which the next one is called before every sync to the disk."""
     calls, sync = [], os.fsync
 
     def fsync(file):
@@ -97,7 +97,7 @@ def test_a_signal_while_a_block_is_written_costs_no_frame(good, tmp_path, on_syn
 
 
 class Silent(StageSensor):
-    """A sensor that gives its frames and then blocks; once these are tracked, somebody presses Ctrl-C."""
+    """A sensor that delivers its frames and then blocks; after these are tracked, Ctrl-C follows."""
 
     def __init__(self, frames):
         super().__init__(frames)

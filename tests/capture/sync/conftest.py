@@ -1,4 +1,4 @@
-"""What the tests of sync share: one server behind one proxy, and folders that are made of takes."""
+"""Fixtures of the sync tests: one server behind one proxy, and folders of takes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _chain(tmp_path_factory):
 
 @pytest.fixture
 def far(_chain):
-    """A server that holds nothing, its proxy that lets everything pass, and its authority."""
+    """An empty server, its transparent proxy, and its certificate authority."""
     server, proxy, authority = _chain
     server.bucket = f"takes-{next(NUMBERS)}"
     proxy.fault, proxy.done[:] = (lambda method, path: ""), []

@@ -1,4 +1,4 @@
-"""Servers for tests of sync: rclone's S3 and moto's over TLS, and a proxy between that does what networks do."""
+"""Servers for tests of sync: rclone's and moto's S3 over TLS, and a proxy that simulates network faults."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pathlib import Path
 import trustme
 
 from capture.sync.credentials import Credentials
-from capture.sync.settings import SyncSettings, Told
+from capture.sync.settings import SyncSettings, SyncSetup
 
 PROGRAMS = Path(sys.executable).parent
 KEY, SECRET = "AKIAPLAINNAME", "canary-4f1c9b7e2d"
@@ -59,7 +59,7 @@ def wait_until_listening(port: int, seconds: float = 600.0) -> None:
 
 @dataclass(frozen=True)
 class Authority:
-    """A certificate authority of one's own, and a certificate of it."""
+    """A private certificate authority and a certificate that it signed."""
 
     ca: Path
     certificate: Path
@@ -148,7 +148,7 @@ class Moto:
 
 
 class Proxy:
-    """Stands before a server, and does to each request what `fault` says; the empty word lets it pass."""
+    """A proxy that applies `fault` to each request to a server; "" forwards the request."""
 
     def __init__(self, server: Rclone, authority: Authority) -> None:
         self.fault: Callable[[str, str], str] = lambda method, path: ""
@@ -201,9 +201,9 @@ class Proxy:
             body += client.recv(65536)
         if fault in ANSWERS:
             status, words = ANSWERS[fault]
-            told = b"" if head.startswith(b"HEAD") else words.encode()
+            body = b"" if head.startswith(b"HEAD") else words.encode()
             client.sendall(
-                f"HTTP/1.1 {status}\r\nContent-Length: {len(told)}\r\nConnection: close\r\n\r\n".encode() + told
+                f"HTTP/1.1 {status}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n".encode() + body
             )
             return None
         if fault == "silent":
@@ -257,15 +257,15 @@ def _reset(client: ssl.SSLSocket) -> None:
     client.close()
 
 
-def told_of(spool: Path, server: Rclone | Moto | Proxy, authority: Authority, **named: object) -> Told:
-    """What sync is told of a server of this machine."""
+def setup_of(spool: Path, server: Rclone | Moto | Proxy, authority: Authority, **named: object) -> SyncSetup:
+    """Return the setup of sync for a server on this machine."""
     settings = SyncSettings(
         **{
             "url": f"s3://{server.bucket}", "endpoint": f"https://{HOST}:{server.port}", "region": "us-east-1",
             "ca": authority.ca, "device": "box", "timeout_s": 30.0, **named,
         }
     )  # fmt: skip
-    return Told(settings, spool)
+    return SyncSetup(settings, spool)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""One process of sync with a clock that stands still, and the content of its server."""
+"""One sync process with a fixed clock, and the content of its server."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import random
 from datetime import UTC, datetime
 
 from capture.sync.rounds import Sync
-from capture.sync.settings import SyncSettings, Told
+from capture.sync.settings import SyncSettings, SyncSetup
 from tests.capture.sync.servers import CREDENTIALS
 
 NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)  # a Wednesday
 
 
-def sync_of(told, credentials=CREDENTIALS, now=NOW):
+def sync_of(setup, credentials=CREDENTIALS, now=NOW):
     waits: list[float] = []
-    made = Sync(told, credentials, clock=lambda: now, sleep=waits.append, chance=random.Random(1))
+    made = Sync(setup, credentials, clock=lambda: now, sleep=waits.append, chance=random.Random(1))
     return made, waits
 
 
 def folder_of(tmp_path, spool, **named):
-    return Told(SyncSettings(url=f"file://{tmp_path}/server", device="box", **named), spool.folder)
+    return SyncSetup(SyncSettings(url=f"file://{tmp_path}/server", device="box", **named), spool.folder)
 
 
 def on_server(tmp_path):

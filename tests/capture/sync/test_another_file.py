@@ -1,4 +1,4 @@
-"""A file of another kind in the place of the appliance's configuration, and wrong keys in it: refused by their line."""
+"""Files of another kind as the appliance's configuration, and unknown keys: the error names the line."""
 
 from __future__ import annotations
 

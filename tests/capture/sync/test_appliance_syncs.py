@@ -1,4 +1,4 @@
-"""From a press of the button to the server, and back into `hangtime status`: the real daemon and the real sync."""
+"""A take from the button to the server, and its state in `hangtime status`, with the real daemon and sync."""
 
 from __future__ import annotations
 
@@ -27,24 +27,26 @@ def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in
     (tmp_path / "box").mkdir()
     with VirtualAppliance(tmp_path / "box", recording, settings) as box:
         box.start()
-        box.wait_until(lambda told: told["state"] == "armed" and told["pre_roll_s"] >= 1.9, "armed with a pre-roll")
+        box.wait_until(
+            lambda status: status["state"] == "armed" and status["pre_roll_s"] >= 1.9, "armed with a pre-roll"
+        )
         box.press()
-        box.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] >= 3.0, "recording")
+        box.wait_until(lambda status: status["recording"] and status["recording"]["seconds"] >= 3.0, "recording")
         box.press()
-        box.wait_until(lambda told: told["takes"] == 1, "kept")
+        box.wait_until(lambda status: status["takes"] == 1, "kept")
 
         server.touch()
         failed = hangtime("sync", "now", "--config", box.config)
         assert failed.returncode == 75, failed.stderr
         assert "the server's folder" in failed.stderr
-        told = box.wait_until(lambda told: told["faults"], "a fault of sync")
+        status = box.wait_until(lambda status: status["faults"], "a fault of sync")
         shown = hangtime("status", "--socket", box.socket)
         assert "the server's folder" in shown.stdout
-        assert told["waiting"] == 1
+        assert status["waiting"] == 1
 
         server.unlink()
         assert hangtime("sync", "now", "--config", box.config).returncode == 0
-        told = box.wait_until(lambda told: not told["faults"] and told["waiting"] == 0, "synced")
+        status = box.wait_until(lambda status: not status["faults"] and status["waiting"] == 0, "synced")
         shown = hangtime("status", "--socket", box.socket).stdout
         assert "0 takes wait, 1 safe on the server, last sync: today at" in shown
         assert "Last proved: today at" in shown
@@ -55,8 +57,8 @@ def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in
         assert verify_take(take).is_sound
 
         # Retention by hand: the take leaves, and the daemon counts it no more.
-        box.wait_until(lambda told: told["state"] != "syncing", "no longer syncing")
+        box.wait_until(lambda status: status["state"] != "syncing", "no longer syncing")
         pruned = hangtime("takes", "prune", "--config", box.config, "--quota-mb", 0)
         assert "take-000001 left; its receipt says where it is" in pruned.stdout
         assert not (box.spool / "take-000001.mcap").exists()
-        box.wait_until(lambda told: told["takes"] == 0, "no take any more")
+        box.wait_until(lambda status: status["takes"] == 0, "no take any more")

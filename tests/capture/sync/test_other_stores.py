@@ -1,7 +1,7 @@
-"""Google's and Azure's addresses, each against a server that speaks its protocol: fake-gcs-server and Azurite.
+"""Uploads to Google's and Azure's stores, simulated by fake-gcs-server and Azurite.
 
 `scripts/setup --with-stores` installs both; other places of the two programs go into HANGTIME_FAKE_GCS_SERVER and
-HANGTIME_AZURITE. Neither checks that a key may do what it does, and both are spoken to without TLS.
+HANGTIME_AZURITE. Neither checks a key's permissions, and both are used without TLS.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from capture.appliance.receipts import READ_BACK, receipts
 from capture.appliance.sync_status import read_status
 from capture.sync.credentials import Credentials
 from capture.sync.server import PART, ReadRefusedError, open_server
-from capture.sync.settings import SyncSettings, Told
+from capture.sync.settings import SyncSettings, SyncSetup
 from fit.batch.store import open_store
 from tests.capture.sync.servers import HOST, free_port, wait_until_listening
 from tests.capture.sync.syncing import check_server, sync_of
@@ -71,7 +71,7 @@ def asked(port, method, path, body, headers):
 
 
 class Signed(BaseHTTPRequestHandler):
-    """Passes requests on, and makes up for what fake-gcs-server lacks of Google's XML interface.
+    """Forwards requests, and adds parts of Google's XML interface that fake-gcs-server lacks.
 
     The server takes a plain upload only where its address looks signed, and answers it without the ETag, which is the
     content's MD5 (Cloud Storage, "XML API headers").
@@ -104,7 +104,7 @@ class Signed(BaseHTTPRequestHandler):
 
 @contextmanager
 def signed(port):
-    """Stand before fake-gcs-server; yields the port."""
+    """Run the proxy in front of fake-gcs-server; yield its port."""
     server = ThreadingHTTPServer((HOST, 0), type("Before", (Signed,), {"behind": port}))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
@@ -122,14 +122,14 @@ class Google:
 
     def __init__(self, port, before):
         self._port = port
-        told = {"gcs_base_url": f"http://{HOST}:{before}", "disable_oauth": True}
-        told |= dict.fromkeys(("client_email", "private_key", "private_key_id"), "")
-        self.keys = {"service_account_key": json.dumps(told)}
+        service = {"gcs_base_url": f"http://{HOST}:{before}", "disable_oauth": True}
+        service |= dict.fromkeys(("client_email", "private_key", "private_key_id"), "")
+        self.keys = {"service_account_key": json.dumps(service)}
         self._ask("POST", "/storage/v1/b?project=p", json.dumps({"name": "takes"}).encode())
 
     def objects(self):
-        told = json.loads(self._ask("GET", "/storage/v1/b/takes/o"))
-        names = [one["name"] for one in told.get("items", [])]
+        listed = json.loads(self._ask("GET", "/storage/v1/b/takes/o"))
+        names = [one["name"] for one in listed.get("items", [])]
         return {name: self._ask("GET", f"/storage/v1/b/takes/o/{name.replace('/', '%2F')}?alt=media") for name in names}
 
     def _ask(self, method, path, body=b""):
@@ -200,13 +200,13 @@ def store(request, tmp_path_factory):
         yield Azure(port)
 
 
-def told_of_store(store, spool, **named):
+def setup_of_store(store, spool, **named):
     settings = {"url": store.url, "endpoint": store.endpoint, "device": "box", "allow_http": True, **named}
-    return Told(SyncSettings(**settings), spool)
+    return SyncSetup(SyncSettings(**settings), spool)
 
 
 def test_three_takes_come_to_it_once_and_are_read_back_and_proved(store, spool, three):
-    sync, waits = sync_of(told_of_store(store, spool.folder), Credentials(store.keys))
+    sync, waits = sync_of(setup_of_store(store, spool.folder), Credentials(store.keys))
     assert (sync.run(), waits) == (None, [])
     assert sync.once() is None
     check_server({key: content for key, content in store.objects().items() if key.startswith("box/")}, three)
@@ -219,8 +219,8 @@ def test_a_prefix_of_the_address_is_a_prefix_of_the_names_and_the_night_finds_th
     store, spool, three, monkeypatch
 ):
     url = f"{store.url}/home/kitchen"
-    told = told_of_store(store, spool.folder, url=url)
-    assert sync_of(told, Credentials(store.keys))[0].once() is None
+    setup = setup_of_store(store, spool.folder, url=url)
+    assert sync_of(setup, Credentials(store.keys))[0].once() is None
     names = sorted(name for name in store.objects() if name.startswith("home/"))
     assert [name.split("/")[:3] for name in names] == [["home", "kitchen", "box"]] * 3
     names_there = {"service_account_key": "GOOGLE_SERVICE_ACCOUNT_KEY"}
@@ -236,7 +236,7 @@ def test_a_prefix_of_the_address_is_a_prefix_of_the_names_and_the_night_finds_th
 def test_an_upload_in_parts_arrives_whole(store, spool):
     if isinstance(store, Google):
         pytest.skip("fake-gcs-server knows no uploads in parts of Google's XML interface")
-    server = open_server(told_of_store(store, spool.folder), Credentials(store.keys))
+    server = open_server(setup_of_store(store, spool.folder), Credentials(store.keys))
     content = random.Random(1).randbytes(2 * PART + 12345)
     tag = server.send("large", io.BytesIO(content), len(content))
     assert server.size("large") == len(content)
@@ -257,7 +257,7 @@ def test_without_the_right_to_read_nothing_is_called_safe_on_a_store_without_com
 
     monkeypatch.setattr("capture.sync.server.BucketServer.size", forbidden)
     monkeypatch.setattr("capture.sync.server.BucketServer.fetch", forbidden)
-    sync, _ = sync_of(told_of_store(store, spool.folder, url=f"{store.url}/mute"), Credentials(store.keys))
+    sync, _ = sync_of(setup_of_store(store, spool.folder, url=f"{store.url}/mute"), Credentials(store.keys))
     assert "gives no checksum that can be compared" in str(sync.once())
     assert receipts(spool.folder) == []
     assert len(spool.waiting()) == 3

@@ -139,11 +139,11 @@ def test_keys_that_are_not_toml_are_refused_without_being_quoted(tmp_path, conte
     keys = tmp_path / "keys.toml"
     keys.touch(0o600)
     keys.write_text(content)
-    with pytest.raises(SyncError) as told:
+    with pytest.raises(SyncError) as raised:
         find_credentials(keys)
-    assert SECRET not in str(told.value)
-    assert told.value.__cause__ is None
-    assert "keys.toml" in str(told.value)
+    assert SECRET not in str(raised.value)
+    assert raised.value.__cause__ is None
+    assert "keys.toml" in str(raised.value)
 
 
 def test_addresses_are_shown_without_user_password_and_query():

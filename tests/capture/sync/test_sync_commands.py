@@ -137,6 +137,6 @@ def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named
     content = bytearray(three[1].path.read_bytes())
     content[100] ^= 1
     three[1].path.write_bytes(content)
-    told = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
-    assert "take-000002 stays: it differs from the file that the server verified; replace this device's disk" in told
+    setup = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+    assert "take-000002 stays: it differs from the file that the server verified; replace this device's disk" in setup
     assert [take.sequence for take in spool.takes()] == [2]

@@ -1,4 +1,4 @@
-"""Sync that is killed, and a device that loses power: nothing is lost, nothing is there twice."""
+"""Kills of sync and power cuts of the device: no take is lost or duplicated."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from capture.appliance.receipts import receipts
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from capture.sync.rounds import Sync
-from capture.sync.settings import SyncSettings, Told
+from capture.sync.settings import SyncSettings, SyncSetup
 from tests.capture.appliance.power_cut import Disk
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import CREDENTIALS
 from tests.capture.sync.syncing import check_server, on_server
 
 
-def told_of(spool, server, quota=1 << 30):
-    """What sync is told of a folder as a server."""
+def setup_of(spool, server, quota=1 << 30):
+    """Return the setup of sync for a folder as a server."""
     retention = Retention(quota_bytes=quota, least_free_bytes=0, days=None)
-    return Told(SyncSettings(url=f"file://{server}", device="box", retention=retention), spool)
+    return SyncSetup(SyncSettings(url=f"file://{server}", device="box", retention=retention), spool)
 
 
 def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_path, monkeypatch):
@@ -33,7 +33,7 @@ def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_pa
     disk = Disk(folder, beside=server)
     quota = takes[1].size
     with disk.recording(monkeypatch):
-        assert Sync(told_of(folder, server, quota), CREDENTIALS).once() is None
+        assert Sync(setup_of(folder, server, quota), CREDENTIALS).once() is None
     assert [take.sequence for take in Spool(folder).takes()] == [2]
     calls = [moment.call for moment in disk.moments]
     assert sum(call.startswith("rename to take-") for call in calls) == 2  # two receipts
@@ -50,13 +50,13 @@ def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_pa
             with Spool(place) as spool:
                 spool.salvage()
                 assert spool.begin().sequence >= 3, word
-            assert Sync(told_of(place, held, quota), CREDENTIALS).once() is None, word
+            assert Sync(setup_of(place, held, quota), CREDENTIALS).once() is None, word
             check_server(on_server(tmp_path / "cut"), takes)
             assert [one.sequence for one in receipts(place)] == [1, 2], word
             for path in sorted(held.rglob("*"), reverse=True):
                 path.unlink() if path.is_file() else path.rmdir()
     print(f"{len(disk.moments)} calls, {cuts} states of the disk")
-    assert cuts >= 40  # as recorded; far fewer would say that the shim no longer sees the calls
+    assert cuts >= 40  # as recorded; far fewer would mean that the shim misses calls
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""What is in the way of sync is one sentence, and a failing server is waited for."""
+"""Every fault of sync gives one sentence, and sync retries after failures of the server."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from capture.appliance.sync_status import read_status, sentences
 from capture.sync.credentials import Credentials
 from capture.sync.faults import fault_of
 from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
-from tests.capture.sync.servers import FAULTS, KEY, told_of
+from tests.capture.sync.servers import FAULTS, KEY, setup_of
 from tests.capture.sync.syncing import NOW, check_server, folder_of, on_server, sync_of
 
 SAID = {
@@ -33,9 +33,9 @@ SAID = {
 def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool, three, fault):
     server, proxy, authority = far
     proxy.fault = lambda method, path: fault if method == "PUT" else ""
-    told = told_of(spool.folder, proxy, authority)
+    setup = setup_of(spool.folder, proxy, authority)
     patience = {"timeout_s": 1.0} if fault == "silent" else {}
-    assert sync_of(told_of(spool.folder, proxy, authority, **patience))[0].once() is not None
+    assert sync_of(setup_of(spool.folder, proxy, authority, **patience))[0].once() is not None
     status = read_status(spool.folder)
     sentence, advice = SAID[fault]
     assert sentence in status.fault.sentence
@@ -45,9 +45,9 @@ def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool,
     assert first.startswith("Sync fails: ")
     assert first.count(". Next: ") == 1
     assert "\n" not in first
-    # Once it is over, everything arrives and nothing is said of it any more.
+    # Once the fault is over, all takes arrive and the status no longer reports it.
     proxy.fault = lambda method, path: ""
-    assert sync_of(told)[0].run() is None
+    assert sync_of(setup)[0].run() is None
     check_server(server.objects(), three)
     assert read_status(spool.folder).fault is None
 
@@ -64,14 +64,14 @@ def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool,
 )  # fmt: skip
 def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, named, sentence, advice):
     _, proxy, authority = far
-    fault = sync_of(told_of(spool.folder, proxy, authority, **named))[0].once()
+    fault = sync_of(setup_of(spool.folder, proxy, authority, **named))[0].once()
     assert sentence in fault.what
     assert advice in fault.advice
 
 
 def test_an_address_without_tls_that_is_not_allowed_is_a_persons_to_mend(far, spool, three):
     _, proxy, authority = far
-    fault = sync_of(told_of(spool.folder, proxy, authority, endpoint="http://127.0.0.1:9"))[0].once()
+    fault = sync_of(setup_of(spool.folder, proxy, authority, endpoint="http://127.0.0.1:9"))[0].once()
     assert fault.what == "http://127.0.0.1:9 is an address without TLS, to which nothing is sent unasked"
     assert (fault.kind, fault.advice[:30]) == ("person", "set allow_http = true in [sync")
 
@@ -87,21 +87,21 @@ def test_keys_that_are_not_set_are_told_as_such_and_not_as_the_refusal_of_anothe
 def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three):
     _, proxy, authority = far
     wrong = Credentials({"access_key_id": KEY, "secret_access_key": "another-secret"})
-    fault = sync_of(told_of(spool.folder, proxy, authority), wrong)[0].once()
+    fault = sync_of(setup_of(spool.folder, proxy, authority), wrong)[0].once()
     assert "the server does not accept the keys of this device (403 SignatureDoesNotMatch" in fault.what
     assert KEY not in (spool.folder / "sync-status.json").read_text()
 
 
 def test_a_server_folder_that_is_full_or_forbidden_is_one_sentence(tmp_path, spool, three, monkeypatch):
-    told = folder_of(tmp_path, spool)
+    setup = folder_of(tmp_path, spool)
     for number, sentence in ((errno.ENOSPC, "the server's disk is full"), (errno.EROFS, "cannot be written")):
         with monkeypatch.context() as patch:
             patch.setattr(
                 "capture.sync.server.make_folders", lambda folder, n=number: _raise(OSError(n, os.strerror(n)))
             )
-            fault = sync_of(told)[0].once()
+            fault = sync_of(setup)[0].once()
         assert sentence in fault.what
-    assert sync_of(told)[0].once() is None
+    assert sync_of(setup)[0].once() is None
     check_server(on_server(tmp_path), three)
 
 
@@ -146,7 +146,7 @@ def test_a_server_that_fails_four_times_is_waited_for_ever_longer(far, spool, th
     server, proxy, authority = far
     answers = iter(["500", "busy", "reset before", "500"])
     proxy.fault = lambda method, path: next(answers, "") if method == "PUT" else ""
-    sync, waits = sync_of(told_of(spool.folder, proxy, authority))
+    sync, waits = sync_of(setup_of(spool.folder, proxy, authority))
     assert sync.run() is None
     assert [whole / 2 <= wait <= whole for whole, wait in zip((2, 4, 8, 16), waits, strict=True)] == [True] * 4
     check_server(server.objects(), three)

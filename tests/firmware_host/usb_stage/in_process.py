@@ -1,4 +1,4 @@
-"""The models behind pyusb without libusb: a backend for the bus, and a link without any USB for the protocols alone."""
+"""The models in this process: a backend of pyusb without libusb, and a link without USB for the protocols alone."""
 
 from __future__ import annotations
 

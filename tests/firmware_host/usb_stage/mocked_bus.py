@@ -1,4 +1,4 @@
-"""Run a program on a machine that seems to have sensors.
+"""Run a program on a machine with simulated sensors.
 
     umockdev-wrapper /usr/bin/python3 mocked_bus.py MODEL[:FAULT]... -- PROGRAM [ARGUMENTS]
 
@@ -6,7 +6,7 @@ The distribution's Python runs this, because only that one has the bindings of u
 and sees the devices through ordinary libusb: sysfs and /dev/bus/usb are mocked, and the calls that libusb makes on a
 device node are answered here from a model. Structures: Linux's `include/uapi/linux/usbdevice_fs.h`.
 
-Prints what the models were told to standard error when the program has ended, and exits with its code.
+Prints the models' received requests to standard error when the program ends, and exits with its code.
 """
 
 import os
@@ -74,10 +74,10 @@ H: descriptors={descriptors(model).hex().upper()}
 
 
 class Gate:
-    """What libusb waits at: the device node, writable only while there is something to reap.
+    """The device node that libusb polls, writable only while a finished transfer is waiting.
 
-    umockdev makes nodes that are always writable, and libusb would ask without a pause, which starves its other
-    threads. A pipe in the node's place is writable unless it is full.
+    umockdev's nodes are always writable, so libusb would poll without a pause and starve its other threads. A pipe in
+    place of the node is writable unless it is full.
     """
 
     def __init__(self, path):
@@ -112,7 +112,7 @@ class Node(UMockdev.IoctlBase):
         self.reading = []
 
     def do_handle_ioctl(self, client):
-        """Answer one call; what goes wrong in here must not stop the main loop."""
+        """Answer one call; an error here must not stop the main loop."""
         try:
             self.answer(client, client.get_request() & 0xFFFFFFFF)
         except GLib.Error as error:
@@ -186,7 +186,7 @@ class Node(UMockdev.IoctlBase):
         client.complete(0, 0)
 
     def serve(self):
-        """Give the oldest transfer of each endpoint what the model has for it."""
+        """Complete the oldest transfer of each endpoint with the model's data."""
         served = set()
         for waiting in list(self.reading):
             urb, fields, buffer = waiting
@@ -213,7 +213,7 @@ def main(arguments):
     bed = UMockdev.Testbed.new()
     for address, model in enumerate(made, 4):
         bed.add_from_string(place(address, model))
-    # Kept in a list: umockdev holds no reference of Python's.
+    # Kept in a list, since umockdev holds no Python reference.
     nodes = [Node(model, f"{bed.get_root_dir()}/dev/bus/usb/001/{place:03}") for place, model in enumerate(made, 4)]
     for address, node in enumerate(nodes, 4):
         bed.attach_ioctl(f"/dev/bus/usb/001/{address:03}", node)

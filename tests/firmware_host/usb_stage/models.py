@@ -1,4 +1,4 @@
-"""What a PS1080 and a Kinect's foot answer to control transfers, and how they can misbehave.
+"""Models of a PS1080 and a Kinect's base: their answers to control transfers, and their faults.
 
 The standard library only: the distribution's Python runs this too, behind umockdev.
 
@@ -158,7 +158,7 @@ class KinectMotorModel:
 
 
 class KinectCameraModel:
-    """The part of a Kinect that gives depth; it is asked nothing here."""
+    """The Kinect's depth camera, which receives no requests here."""
 
     vendor, product, serial = 0x045E, 0x02AE, "A00364A01234567A"
 

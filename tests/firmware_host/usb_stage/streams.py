@@ -1,4 +1,4 @@
-"""A PS1080 that streams: what OpenNI2's own driver asks when it opens the sensor, and packets of depth and colour.
+"""A streaming PS1080: the answers to OpenNI2's driver when it opens the sensor, and packets of depth and colour.
 
     packet    u16 magic 0x4252, u16 kind, u16 number, u16 length (big-endian, header included), u32 time, then data
     depth     11 bits a pixel, 8 values in 11 bytes, highest bit first: shifts, which the driver turns into millimetres
@@ -87,7 +87,7 @@ class StreamingPs1080Model(Ps1080Model):
 
     @property
     def is_pulled(self) -> bool:
-        """Whether somebody has unplugged it."""
+        """Return whether the model was unplugged."""
         return self.fault == "pulled" and self.frames > 20 and self.is_on(DEPTH)
 
     def is_on(self, endpoint: int) -> bool:
@@ -95,7 +95,7 @@ class StreamingPs1080Model(Ps1080Model):
         return bool(self.parameters.get(6 if endpoint == DEPTH else 5, 0))
 
     def picture(self, endpoint: int) -> bytes:
-        """Return what the stream shows at its resolution, mirrored if it is told to; made once."""
+        """Return the stream's image at its resolution, mirrored if requested; cached."""
         size, mirror = self.parameters.get(RESOLUTION[endpoint], 0), self.parameters.get(MIRROR[endpoint], 0)
         key = (endpoint, size, mirror)
         if key not in self.pictures:
@@ -106,7 +106,7 @@ class StreamingPs1080Model(Ps1080Model):
         return self.pictures[key]
 
     def tick(self) -> None:
-        """A thirtieth of a second has passed: put the packets of a frame in line, unless the host is behind."""
+        """Advance by 1/30 s: queue the packets of a frame, unless the host is behind."""
         if self.fault == "no-frames" or any(len(packets) > 2 for packets in self.waiting.values()):
             return
         self.frames += self.is_on(DEPTH)
@@ -125,7 +125,7 @@ class StreamingPs1080Model(Ps1080Model):
         self.waiting[endpoint].append(header + struct.pack("<I", stamp if part else 0) + data)
 
     def read(self, endpoint: int, length: int) -> bytes | None:
-        """Return what the endpoint has for a transfer of this length, None while it has nothing."""
+        """Return the endpoint's data for a transfer of this length, None if there are none."""
         packets = self.waiting.get(endpoint, [])
         data = b""
         while packets and len(data) + len(packets[0]) <= length:

@@ -37,7 +37,8 @@ def find_where(observer: Observer, residual: Floats) -> Where:
         [_phases(r)[layout.moving(layout.frame)[take == k]] for k, r in enumerate(observer.recordings)]
     )
     time = [_bin(str(n), squared[phases == n], squared) for n in sorted(set(phases))]
-    term = [_bin(name, squared[axis_of == axis], squared) for axis, name in enumerate(DIRECTION_NAMES)]
+    most = max(float(squared.sum()), 1e-12)
+    term = [_part(name, float(squared[axis_of == a].sum()) / most, squared) for a, name in enumerate(DIRECTION_NAMES)]
     return Where(
         space=sorted(space, key=lambda b: -b.value_mm),
         vertices=[
@@ -57,9 +58,18 @@ def _means(values: Floats, index: Integers, count: int) -> Floats:
 
 
 def _bin(name: str, part: Floats, whole: Floats) -> WhereBin:
+    """Return some of the points or frames: their own root mean square distance, and their share of the square."""
     return WhereBin(
         name=name, value_mm=float(np.sqrt(3 * part.mean())), share=float(part.sum() / max(whole.sum(), 1e-12))
     )
+
+
+def _part(name: str, share: float, whole: Floats) -> WhereBin:
+    """Return a component of the distance at all points and frames: squares of components sum to the whole's square.
+
+    whole: squared error of every number [mm^2]
+    """
+    return WhereBin(name=name, value_mm=float(np.sqrt(3 * whole.mean() * share)), share=share)
 
 
 def _phases(recording) -> NDArray[np.str_]:  # type: ignore[no-untyped-def]
@@ -94,11 +104,8 @@ def _frequencies(observer: Observer, residual: Floats) -> list[WhereBin]:
         for k, (low, high) in enumerate(BANDS):
             power[k] += spectrum[(hertz >= low) & (hertz < high)].sum() / len(recording.time)
     total = max(power.sum(), 1e-12)
-    mean = 3 * ((1e3 * metres) ** 2).mean()
-    return [
-        WhereBin(name=_band(low, high), value_mm=float(np.sqrt(mean * p / total)), share=float(p / total))
-        for (low, high), p in zip(BANDS, power, strict=True)
-    ]
+    squared = (1e3 * metres) ** 2
+    return [_part(_band(low, high), float(p / total), squared) for (low, high), p in zip(BANDS, power, strict=True)]
 
 
 def _band(low: float, high: float) -> str:

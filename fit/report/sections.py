@@ -216,7 +216,11 @@ def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
     )
     if not maps:
         return NOTHING
-    intro = "Root mean square error of the base model in each part; small, the part's share of the whole squared error."
+    intro = (
+        "Root mean square error of the base model; small, the part's share of the whole squared error. A region or a "
+        "phase has the error of its own points and frames. Frequencies and directions are components of the whole "
+        "error, so their squares add up to its square."
+    )
     return lead(intro) + Markup('<div class="maps">{}</div>').format(maps)
 
 

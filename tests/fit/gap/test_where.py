@@ -42,6 +42,25 @@ def test_an_error_of_one_point_is_found_there_and_nowhere_else(scene):
     assert sum(v > 1e-6 for v in values) == 1
 
 
+def test_components_add_up_in_squares_and_places_and_phases_in_weighted_squares(scene):
+    """3, 4 and 12 mm along the axes are 13 mm in all; parts of all points add up, groups of points average."""
+    recording, observer = scene
+    by = np.zeros(recording.points.shape) + np.array([0.003, 0.004, 0.012])
+    found = missed(scene, by)
+    assert [b.value_mm for b in found.term] == pytest.approx([3.0, 4.0, 12.0])
+    by *= np.random.default_rng(0).normal(size=(*by.shape[:2], 1))
+    residual = observer.residuals_of([(recording.points - by)[None]])[0]
+    whole = float(observer.in_mm(residual))
+    found = find_where(observer, residual)
+    for components in (found.term, found.frequency):
+        assert np.sqrt(sum(b.value_mm**2 for b in components)) == pytest.approx(whole)
+        assert [b.value_mm for b in components] == pytest.approx([whole * np.sqrt(b.share) for b in components])
+    for groups in (found.space, found.time):  # share = weight times square over the whole's square
+        weights = [b.share * (whole / b.value_mm) ** 2 for b in groups]
+        assert sum(weights) == pytest.approx(1.0)
+    assert np.mean([v.value_mm**2 for v in found.vertices]) == pytest.approx(whole**2)
+
+
 def test_an_error_of_the_ring_down_is_found_in_it(scene):
     """The hanger rests from 2.3 s on; motion is the cloth's own a third of a second later."""
     recording, _ = scene

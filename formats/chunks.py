@@ -22,8 +22,8 @@ from formats.arrays import Integers
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
 LARGEST_WINDOW = 1 << 23  # bytes of zstd's window
-# Bytes that each of a chunk's own may unpack to. Blocks have 1 to 17, of 2000 points that nobody sees 390. A header of
-# 2000 points has 5, one of notes that repeat themselves 50. A second of version 1 at rest has 18 to 1700 (2000 points).
+# Unpacked bytes for each packed byte of a chunk. Blocks have 1 to 17, or 390 with 2000 unseen points. A header of 2000
+# points has 5, one of repetitive notes 50. A second of version 1 at rest has 18 to 1700 (2000 points).
 UNPACKED = 32
 FREE_BYTES = 1 << 26  # budget beyond that, for all chunks of a file together
 COPY_EVERY = 20  # chunks between copies of a header that are free of charge: writers put 30 blocks between them
@@ -115,13 +115,13 @@ class _Starts:
 
     def __init__(self, raw: bytes) -> None:
         self._raw, self._found, self._searched = raw, np.empty(0, np.int64), 0
-        self._asked, self._told = 0, -1
+        self._asked, self._answer = 0, -1
 
     def next_at(self, at: int) -> int:
         """Return the first such offset from `at` on, or the end of the file."""
-        if not self._asked <= at <= self._told:
-            self._asked, self._told = at, self._sought(at)
-        return self._told
+        if not self._asked <= at <= self._answer:
+            self._asked, self._answer = at, self._sought(at)
+        return self._answer
 
     def _sought(self, at: int) -> int:
         self._searched = max(self._searched, at)

@@ -49,7 +49,7 @@ def import_recordings(
     up: Annotated[str, typer.Option("--up", help="Axis that points up (motion capture): x, y, z, -x, -y, -z.")] = "z",
     frames: Annotated[
         int | None,
-        typer.Option("--frames", help="Keep so many frames from the beginning, 20 or more (motion capture).",
+        typer.Option("--frames", help="Frames to keep from the beginning, 20 or more (motion capture).",
                      show_default="all"),
     ] = None,
     unit: Annotated[

@@ -32,7 +32,7 @@ from formats.whole_files import give_name, is_device, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
-PATIENCE = 10.0  # s, longest wait for the lock; an import holds it for some milliseconds and the name of its take
+PATIENCE = 10.0  # s, longest wait for the lock; an import holds it for some milliseconds
 
 
 def check_room_beside(take: Path) -> None:

@@ -37,7 +37,7 @@ def _kind(take: Take) -> list[Finding]:
     return [
         Finding(
             name="points_of_no_kind",
-            words="its points count as those of a silhouette, as its garment file states no points_are",
+            words="its points count as silhouette points, as its garment file states no points_are",
             advice='in format = "hangtime-garment/2" state points_are = "material" for markers, and import again',
         )
     ]

@@ -46,7 +46,7 @@ def judge(take: Take) -> tuple[Finding, ...]:
     is_swapped = any(one.name == SWAPPED for one in markers)
     found += [*_hanger_gaps(take, sights), *_length(take, sights, with_cloth=not is_swapped), *markers]
     found += [*_path(take, sights.held), *_motion(take, sights.held)]
-    if not is_swapped:  # else the garment was looked for, and the held edge is, on the wrong side of the bar
+    if not is_swapped:  # else garment and held edge were sought on the wrong side of the bar
         found += [*body_findings(take, sights), *_cloth(take, sights)]
         found += [*held_row_findings(take, sights), *impossible_findings(take, sights)]
     # A longer take would have the other grave faults as well.

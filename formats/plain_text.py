@@ -86,7 +86,7 @@ def sized(count: float) -> str:
 
 def is_harmless(letter: str) -> bool:
     """Return whether a terminal displays a character and does nothing else."""
-    # Surrogates stand for bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.
+    # Surrogates represent bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.
     return letter.isprintable() or "\udca0" <= letter <= "\udcff"
 
 

@@ -37,7 +37,7 @@ POINT_WORDS: dict[PointKind, str] = {
     "material": "material points, which stay on the cloth",
     "silhouette": "points of a silhouette, which slide over the cloth",
 }
-ASSUMED = "points that count as those of a silhouette: the garment file states no points_are"
+ASSUMED = "points that count as silhouette points: the garment file states no points_are"
 
 
 def summarise(take: Take) -> dict[str, Any]:

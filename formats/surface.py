@@ -18,7 +18,7 @@ from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
 
 PLACE_STEP = 1e-4  # m
-LARGEST_GRID = 512  # places along a side: more than a depth sensor has on a garment
+LARGEST_GRID = 512  # positions along a side: more than a depth sensor has on a garment
 MOST_OUTLINE_PLACES = 65536  # around the silhouette
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 CELL_BYTES = 8  # memory of a decoded number
 # Bytes of memory: for a table, and for each of its bytes of the file. A second of 66 points, 30 frames, has 2^17.
 STILL_TABLE, MEMORY = 1 << 17, 64
-# Bytes for the tables of a file that need more: still ones have more numbers than bytes. 81 markers that nobody sees
-# for 1.6 hours, 30 frames a second, take so much; 500 take it in 2.6 minutes, 2000 in 36 seconds.
+# Bytes for all tables of a file beyond that, since tables without motion have more numbers than bytes. At 30 frames a
+# second, 81 unseen markers take this memory in 1.6 hours, 500 in 2.6 minutes, 2000 in 36 seconds.
 FREE_MEMORY = 1 << 27
 
 AT_ONCE = 1 << 20  # numbers decoded together: each takes 70 bytes meanwhile

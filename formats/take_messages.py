@@ -12,7 +12,7 @@ import msgpack
 from formats.take_writer import MOST_HEADER_BYTES, binding_of
 
 MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; ten hours lack 18,000 spans at most
-# Of another message: it has a map of at most 17 entries, and a list of two.
+# Limits of another message, which has a map of at most 17 entries, and a list of two.
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
 FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"

@@ -12,7 +12,7 @@ from formats.motion import axes_of
 from formats.outputs import write_bytes
 from formats.take import Take
 
-COLUMNS, LINES = 64, 8  # of letters; each holds 2 x 4 dots of braille
+COLUMNS, LINES = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
 WIDTH, HEIGHT, MARGIN = 960, 540, 56  # px
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f")

@@ -203,7 +203,7 @@ class _Archive:
         doubts += [*stray_scans(held, scans, spans)] if version == 1 else []
         doubts += [MIXED] * is_mixed
         notes = dict(words.notes)
-        if doubts:  # a file that is written of this take keeps them, beside those of an import
+        if doubts:  # a file written from this take keeps them, beside the import's
             notes["file"] = "; ".join(filter(None, [notes.get("file"), *doubts]))
         report = TakeReport(
             frames=len(columns["time"]), blocks=len(kept), scans=len(scans), damaged_blocks=damaged,

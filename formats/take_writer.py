@@ -43,7 +43,7 @@ MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three tim
 
 def binding_of(header: bytes) -> bytes:
     """Return the hash that binds blocks, scans and the end message to a header: the first bytes of its BLAKE2b hash."""
-    from hashlib import blake2b  # here: OpenSSL comes with it, 4 MB that an appliance does without until it records
+    from hashlib import blake2b  # imported here: it loads OpenSSL, 4 MB that an appliance saves until it records
 
     return blake2b(header, digest_size=BINDING_BYTES).digest()
 

@@ -40,7 +40,7 @@ def say(text: str, end: str = "\n", *, begin: str = "", is_error: bool = False) 
     if sys.stderr is None or (_Hushed.is_on and not is_error):  # closed before us
         return
     try:
-        # In one piece, or lines of processes side by side run into each other.
+        # One write call, since lines of parallel processes would otherwise mix.
         sys.stderr.write(begin + lines_of(text) + end)
         sys.stderr.flush()
     except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
@@ -105,7 +105,7 @@ class ProgressLine:
             filled = round(BAR * share)
             bar = "#" * filled + "." * (BAR - filled)
             width = max(20, min(100, _columns()) - len(self._title) - BAR - 12)
-            # A narrow terminal cuts the words and never the time that is left.
+            # A narrow terminal truncates the words and never the remaining time.
             words = f"{text[: max(width - len(left) - 2, 0)]}, {left}" if left else text
             say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
         elif share >= self._last + 0.1:

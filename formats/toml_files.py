@@ -17,13 +17,13 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LARGEST_TOML = 1 << 20  # bytes of a file
-# Signs of a file, those in strings and comments too. Python takes 1 kB and 12 us for each part of a table's name, hence
-# gigabytes for what a megabyte can hold. A garment of 1000 corners, 1000 of its holes and 2000 points has 8000 of each
-# but 4000 equals signs.
-MOST_CODES = {
+# Limits of characters in a file, including strings and comments. Python takes 1 kB and 12 us for each part of a table's
+# name, hence gigabytes for a file of a megabyte. A garment of 1000 corners, 1000 corners of holes and 2000 points has
+# 8000 of each, but 4000 equals signs.
+MOST_CHARACTERS = {
     "[{": (12_000, "opening brackets"), "=": (10_000, "equals signs"), ",": (30_000, "commas"), ".": (30_000, "dots"),
 }  # fmt: skip
-# Parts of a key, each with its dot: Python reads them in the square of their number, gigabytes for 200,000 of them.
+# Keys of 20 parts or more: Python's time and memory grow with the square of their number, gigabytes for 200,000 parts.
 LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
 TABLE_LINE = re.compile(r"\s*(\[\[?)\s*([A-Za-z_\"'][\w.\"' -]*?)\s*\]\]?\s*(?:#.*)?$")
@@ -72,7 +72,7 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     if long := LONG_KEY.search(text):
         line = text.count("\n", 0, long.start()) + 1
         raise failure(f"has a key of twenty parts or more (at line {line})", where=path, advice="mend it")
-    for signs, (most, words) in MOST_CODES.items():
+    for signs, (most, words) in MOST_CHARACTERS.items():
         if sum(map(text.count, signs)) > most:
             raise failure(f"has more than {most} {words}, which no such file has", where=path, advice="check the path")
     try:

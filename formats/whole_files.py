@@ -37,7 +37,7 @@ def name_of_its_own(path: Path) -> Path:
 
 def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
     partial = name_of_its_own(path)
-    # Unlike `tempfile`, which makes files for one user alone: who may read a result is the user's umask's to say.
+    # Unlike `tempfile`, whose files only their owner can read: the user's umask decides who may read a result.
     handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -149,10 +149,10 @@ def make_writable(folder: Path) -> None:
         OSError: it cannot be made or written to.
     """
     make_folders(folder)
-    with suppress(OSError, AttributeError):  # a file without a name, where the file system knows such files
+    with suppress(OSError, AttributeError):  # a nameless file, if the file system supports it
         os.close(os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600))
         return
-    import tempfile  # here: with what it imports, 4 MB of the appliance's memory
+    import tempfile  # imported here: it takes 4 MB of the appliance's memory
 
     with tempfile.TemporaryFile(dir=folder):
         pass

@@ -38,7 +38,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
         return f"{field or 'the file'} must be {_wanted(*expected.groups())}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"
-    return f"{field}: {words}" if field else words  # of a check of ours
+    return f"{field}: {words}" if field else words  # an error of Hangtime's own check
 
 
 def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None) -> str:

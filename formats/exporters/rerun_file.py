@@ -1,7 +1,7 @@
-"""All that a take tracks as an `.rrd` file, which the viewer Rerun plays: points, held edge, markers, surface, state.
+"""Export a take as an `.rrd` file for the viewer Rerun: points, held edge, markers, surface and state.
 
-Entities lie below `take/`, on the timelines `sensor` (seconds of the sensor's clock) and `frame`. An entity is empty
-in a frame that does not show it, so that a gap stays a gap. Places are 32-bit floats in metres.
+Entities lie below `take/`, on the timelines `sensor` (seconds of the sensor's clock) and `frame`. An entity is empty in
+a frame that does not show it. Positions are 32-bit floats in metres.
 Format and calls: rerun.io, reference of the Python SDK.
 """
 
@@ -26,11 +26,11 @@ GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
 
 
 def write_rrd(path: Path, take: Take, *, overwrite: bool = True) -> None:
-    """Write a take for Rerun.
+    """Write a take as a recording of Rerun.
 
     Raises:
         ModuleNotFoundError: rerun-sdk is not installed.
-        OutputError: it is there and may not be replaced, or cannot be written.
+        OutputError: the file exists and may not be replaced, or cannot be written.
     """
     import rerun
 
@@ -62,7 +62,7 @@ def _send_still(rerun: Any, stream: Any, take: Take) -> None:
 
 
 def about(take: Take) -> str:
-    """Return the words of a take, each on a line of its own: the end of a line within a word is escaped."""
+    """Return a description of a take, one item a line, with line breaks in items escaped."""
     words = [("take_id", take.take_id), ("created", take.created), ("source", take.source), *take.notes.items()]
     lines = [f"{name} = {text}" for name, text in words]
     lines += [f"missing: {missing}"] if (missing := missing_words(take)) else []
@@ -79,7 +79,7 @@ def _send_moving(rerun: Any, stream: Any, take: Take) -> None:
     every = [*times(take.time), rerun.TimeColumn("frame", sequence=np.arange(len(take.time)))]
 
     def send(entity: str, places: Floats, valid: Booleans, indexes: list[Any]) -> None:
-        """Send so many places a frame, (frames, places, 3), those that are valid."""
+        """Send the valid positions of each frame, out of (frames, places, 3)."""
         columns = rerun.Points3D.columns(positions=places[valid].astype(np.float32)).partition(valid.sum(1))
         stream.log(entity, rerun.Points3D.from_fields(radii=RADIUS), static=True)
         stream.send_columns(entity, indexes, columns)

@@ -37,7 +37,7 @@ from formats.two_clocks import at_times
 ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
 MOST_ARM_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
 FARTHEST = 0.03  # m, median distance from the pictures' corners: 2 mm in the public recordings, 100 mm in a wrong take
-FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
+FARTHEST_FOR_A_WHILE = 0.1  # m, median over WHILE pictures: the corners that a camera saw are up to 60 mm off
 LONGEST_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
 WHILE = 9  # pictures: a second of the public recordings
 SMALLEST_SHOWN = 1e-3  # s, standard error

@@ -118,21 +118,24 @@ def find_clock_shift(time: Floats, seen: Floats, path: Path) -> ClockShift | Non
 
 
 def _apart(time: Floats, seen: Floats, path: Path, shifts: Floats, fewest: float) -> Floats:
-    """Return the median distance [m] at each shift, (shifts,), infinite where fewer places are known."""
+    """Return the median distance [m] at each offset, (shifts,), infinite where fewer positions are known."""
     found = path((shifts[:, None] + time).ravel()).reshape(len(shifts), *seen.shape)
     away = _away(_residual(seen, found)).reshape(len(shifts), -1)
     return np.where(np.isfinite(away).sum(1) >= fewest, _median(away, 1)[:, 0], np.inf)
 
 
 def _residual(seen: Floats, path: Floats) -> Floats:
-    """Return places seen less those of the path, about their median over the pictures, (..., pictures, points, 3)."""
+    """Return seen positions less those of the trajectory, about their median over the pictures.
+
+    The shape is (..., pictures, points, 3).
+    """
     left = seen - path
     left = np.where(np.isfinite(left).all(axis=-1, keepdims=True), left, np.nan)
     return np.asarray(left - _median(left, left.ndim - 3))
 
 
 def _median(values: Floats, axis: int) -> Floats:
-    """Return the medians of many rows at once, without NaN; the axis stays, with one place."""
+    """Return the medians of many rows at once, ignoring NaN; the axis stays, with length 1."""
     ordered, count = np.sort(values, axis=axis), np.isfinite(values).sum(axis, keepdims=True)
     low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[axis] - 1)
     return np.asarray((np.take_along_axis(ordered, low, axis) + np.take_along_axis(ordered, high, axis)) / 2)

@@ -224,7 +224,7 @@ class _Numbers:
 
 
 def _numbers(rows: Rows, table: Table, path: Path, signs: DecimalSeparators) -> _Numbers:
-    """Convert lines to numbers; `signs` collects the separators in them."""
+    """Convert lines to numbers; `signs` records the decimal and thousands separators in them."""
     width, columns = table.width, table.columns()
     shape = len(rows), len(columns)
     found = _Numbers(

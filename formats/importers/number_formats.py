@@ -109,7 +109,7 @@ def remove_odd_numbers(
         return ""
     markers = {k: marker for marker, axes in enumerate(columns.tolist()) for k in axes}
     fixed = written_as(rows, markers, form)
-    usual = dict[int, re.Pattern[str]]()  # of lines of so many cells
+    usual = dict[int, re.Pattern[str]]()  # by the number of cells in a line
     odd = list[tuple[int, int, str]]()
     for at, text in enumerate(rows.lines[:-1]):  # other checks handle the last line
         cells = text.count(rows.separator) + 1

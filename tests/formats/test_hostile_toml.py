@@ -10,7 +10,7 @@ import pytest
 from formats.descriptions import dump_description
 from formats.errors import DescriptionError
 from formats.garment import TrackedPoint
-from formats.toml_files import MOST_CODES, read_toml
+from formats.toml_files import MOST_CHARACTERS, read_toml
 from tests.formats.measured import MeasuredReading
 from tests.formats.test_archive import GARMENT
 
@@ -60,7 +60,7 @@ def test_the_largest_garment_has_two_thirds_of_the_signs_at_most_and_is_read(tmp
         points=tuple(TrackedPoint(name=f"row {k} of a long name", at_m=(1e-4 * k, -0.1)) for k in range(2000)),
     )  # fmt: skip
     text = dump_description(large)
-    for signs, (most, _) in MOST_CODES.items():
+    for signs, (most, _) in MOST_CHARACTERS.items():
         assert sum(map(text.count, signs)) <= 0.67 * most
     (tmp_path / "a.toml").write_text(text)
     assert len(read_toml(tmp_path / "a.toml")["points"]) == 2000

@@ -18,7 +18,7 @@ ADVICE = 'in format = "hangtime-garment/2" state points_are = "material" for mar
 @pytest.mark.parametrize(
     ("garment", "is_reported", "tracked"),
     [
-        (SKIRT, True, "points that count as those of a silhouette: the garment file states no points_are"),
+        (SKIRT, True, "points that count as silhouette points: the garment file states no points_are"),
         (msgspec.structs.replace(SKIRT, format="hangtime-garment/2", points_are="material"), False,
          "material points, which stay on the cloth"),
         (msgspec.structs.replace(SKIRT, format="hangtime-garment/2", points_are="silhouette"), False,
@@ -30,6 +30,6 @@ ADVICE = 'in format = "hangtime-garment/2" state points_are = "material" for mar
 def test_markers_of_no_stated_kind_are_reported(tmp_path, garment, is_reported, tracked):
     take = import_marker_take(write_marker_csv(tmp_path / "a.csv", hanging()), garment)
     told = [(one.words, one.advice, one.is_grave) for one in judge(take) if one.name == "points_of_no_kind"]
-    words = "its points count as those of a silhouette, as its garment file states no points_are"
+    words = "its points count as silhouette points, as its garment file states no points_are"
     assert told == ([(words, ADVICE, False)] if is_reported else [])
     assert f"tracked   {tracked}" in describe(summarise(take)).splitlines()

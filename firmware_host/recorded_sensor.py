@@ -1,8 +1,9 @@
 """Play recordings with OpenNI2 in a separate process, so that a damaged file may crash the library but not the command.
 
-The process opens the recording through a link of an ASCII name, since the library crashes on other names. It sends the
-output of `OpenNI2Sensor`: `SensorInfo` first, then every frame, then None. An error may replace any of them. It ends
-with the pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE [--anyway].
+The process opens the recording through a link of an ASCII name in its working folder, since the library crashes on
+other names and folders. It sends the output of `OpenNI2Sensor`: `SensorInfo` first, then every frame, then None. An
+error may replace any of them. It ends with the pipe that it writes to.
+Run: python -m firmware_host.recorded_sensor LINK PIPE [--anyway].
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from firmware_host.oni_records import summarise
 from firmware_host.openni2_sensor import CLOCK, COPY_AGAIN, OpenNI2Sensor
 
 LONGEST_SILENCE = 60.0  # s: OpenNI2 reads a recorded frame in milliseconds, on a busy computer in a second
+LINK = "recording.oni"  # relative to the working folder, whose path may have letters that the library crashes on
 LARGEST_MESSAGE = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 MB
 
 
@@ -43,17 +45,16 @@ class RecordedSensor(DepthSensor):
         self._path = path
         summarise(path)  # raises an error with the cause if the file is not a recording
         self._folder = tempfile.TemporaryDirectory(prefix="hangtime-")
-        link = Path(self._folder.name) / "recording.oni"
-        link.symlink_to(path.resolve())
+        (Path(self._folder.name) / LINK).symlink_to(path.resolve())
         reading, writing = os.pipe()
         self._pipe = os.fdopen(reading, "rb")
-        words = [sys.executable, "-m", "firmware_host.recorded_sensor", os.fspath(link), str(writing)]
+        words = [sys.executable, "-m", "firmware_host.recorded_sensor", LINK, str(writing)]
         words += ["--anyway"] if anyway else []
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(os.path.abspath(part) for part in sys.path if part)}
         # A new session: Ctrl-C reaches only the command, which ends this process by closing the pipe.
         self._process = subprocess.Popen(
             words, pass_fds=[writing], env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL, start_new_session=True,
+            stderr=subprocess.DEVNULL, start_new_session=True, cwd=self._folder.name,
         )  # fmt: skip
         os.close(writing)
         self._is_at_end = False

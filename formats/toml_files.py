@@ -26,8 +26,11 @@ MOST_CHARACTERS = {
 # Keys of 20 parts or more: Python's time and memory grow with the square of their number, gigabytes for 200,000 parts.
 LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
-TABLE_LINE = re.compile(r"\s*(\[\[?)\s*([A-Za-z_\"'][\w.\"' -]*?)\s*\]\]?\s*(?:#.*)?$")
-KEY_LINE = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
+# A key of one part or more. None of these gives back what it took, so a line costs time in proportion to its length.
+PART = r"""(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')"""
+KEY = rf"({PART}(?:[ \t]*+\.[ \t]*+{PART})*+)[ \t]*+"
+TABLE_LINE = re.compile(rf"[ \t]*+(\[\[?+)[ \t]*+{KEY}\]\]?+[ \t]*+(?:#.*)?$")
+KEY_LINE = re.compile(rf"[ \t]*+{KEY}=")
 
 
 class Tables(dict[str, Any]):
@@ -94,7 +97,7 @@ def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "
 
     table: the table of the error, where its words do not name it
     """
-    unknown = re.search(r"(?:unknown field|the field) `(.+?)`(?: is missing)?(?: in ([\w.\[\]]+))?", words)
+    unknown = re.search(r"(?s)(?:unknown field|the field) `(.+?)`(?: is missing)?(?: in ([\w.\[\]]+))?", words)
     if unknown:
         parts = [unknown[2], unknown[1]]
     else:
@@ -112,7 +115,7 @@ def line_of(text: str, field: str) -> int | None:
     table = ""
     for number, line in enumerate(text.split("\n"), 1):
         if header := TABLE_LINE.match(line):
-            name = re.sub(r"[\s\"']", "", header[2])
+            name = _name_of(header[2])
             if header[1] == "[[":
                 counts[name] = counts.get(name, -1) + 1
                 places.setdefault(name, number)
@@ -120,10 +123,23 @@ def line_of(text: str, field: str) -> int | None:
             table = name
             places.setdefault(name, number)
         elif key := KEY_LINE.match(line):
-            name = re.sub(r"[\s\"']", "", key[1])
+            name = _name_of(key[1])
             places.setdefault(f"{table}.{name}" if table else name, number)
     while field:
         if field in places:
             return places[field]
-        field = re.sub(r"\.?[^.\[\]]+$|\[\d+\]$", "", field)
+        field = field[: max(field.rfind("."), field.rfind("["), 0)]  # always shorter, whatever the key's signs
     return None
+
+
+def _name_of(key: str) -> str:
+    """Return a key with dots between its parts, without quotes and escapes; "" if it is none."""
+    parts: list[str] = []
+    try:
+        table: Any = tomllib.loads(f"{key} = 0")
+    except tomllib.TOMLDecodeError:  # of a text of several lines
+        return ""
+    while isinstance(table, dict):
+        ((part, table),) = table.items()
+        parts.append(part)
+    return ".".join(parts)

@@ -194,7 +194,7 @@ def put_aside(partial: Path, path: Path) -> Path:
 def _aside_name(path: Path, number: int) -> Path:
     stem, ending = path.stem, f".left-{number}{path.suffix}"
     room = longest_name(path.parent) - len(os.fsencode(unfinished_name(Path(ending)).name))
-    while len(os.fsencode(stem)) > room:
+    while stem and len(os.fsencode(stem)) > room:
         stem = stem[:-1]
     return unfinished_name(path.with_name(stem + ending))
 

@@ -22,7 +22,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
     place = re.search(r" - at `\$\.?(.*?)`", message)
     field = place.group(1) if place else ""
     words = re.sub(r" - at `.*?`", "", message).removeprefix("Object ")
-    if unknown := re.search(r"unknown field `(.+?)`", message):
+    if unknown := re.search(r"(?s)unknown field `(.+?)`(?= - at `|$)", message):
         known = [f.name for part in parts for f in msgspec.structs.fields(part)]
         import difflib  # here: no right file needs it
 

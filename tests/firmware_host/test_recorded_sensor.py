@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 
 import numpy as np
 import pytest
@@ -30,6 +31,15 @@ def test_a_recording_of_any_name_gives_the_same_frames_as_in_this_process(tmp_pa
         assert (one.index, one.time_s) == (other.index, other.time_s)
         assert np.array_equal(one.depth, other.depth)
         assert np.array_equal(one.colour, other.colour)
+
+
+@pytest.mark.parametrize("folder", ["Rück-\u80cc", os.fsdecode(b"\xff")])
+def test_a_recording_is_played_whatever_the_letters_of_the_folder_for_temporary_files(tmp_path, monkeypatch, folder):
+    (tmp_path / folder).mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / folder))
+    with RecordedSensor(write_recording(tmp_path / "a.oni", 3)) as sensor:
+        assert len(list(sensor.frames())) == 3
+    assert not list((tmp_path / folder).iterdir())
 
 
 def test_a_library_that_crashes_is_one_sentence_and_leaves_no_process(tmp_path):

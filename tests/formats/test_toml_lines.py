@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from formats.descriptions import load_garment, load_rig
@@ -36,6 +38,52 @@ a.b = 3
 )  # fmt: skip
 def test_a_field_has_the_line_of_its_key_or_else_of_its_table(field, line):
     assert line_of(TEXT, field) == line
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ('"mass [kg]"', "mass [kg]"), ('"a b[c]"', "a b[c]"), ("'x ]'", "x ]"), ('"a [[b"', "a [[b"),
+        ('"p [0][x]"', "p [0][x]"), (r'"\u001b[31mkey"', "\x1b[31mkey"), (r'"a\nb"', "a\nb"), (r'"a \" b"', 'a " b'),
+        ("'['", "["), ("']'", "]"), ("'.['", ".["),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("table", ["", "hanger", "points[1]"])
+def test_a_key_of_any_signs_has_its_line(key, name, table):
+    asked = f"{table}.{name}" if table else name
+    head = {"": "", "hanger": "[hanger]\n", "points[1]": "[[points]]\n[[points]]\n"}[table]
+    assert line_of(f"{head}\n{key} = 1\n", asked) == head.count("\n") + 2
+    lost = {"": None, "hanger": 1, "points[1]": 2}[table]
+    assert line_of(f"{head}b = 1\n", asked) == lost
+
+
+@pytest.mark.parametrize("brackets", ["[%s]", "[[%s]]"])
+def test_a_table_with_brackets_in_its_name_has_its_line(brackets):
+    assert line_of("[hanger]\n" + brackets % '"rate [kB]"' + "  # slow\nx = 1\n", "rate [kB]") == 2
+    assert line_of("[hanger]\n" + brackets % '"rate [kB]"' + "\nx = 1\n", "hanger.x") == 1
+
+
+@pytest.mark.parametrize(
+    "line", ['["a' + " " * 200_000, "[a" + " " * 200_000, "a" + "-" * 200_000, "a" + ".a" * 100_000]
+)
+def test_a_long_line_without_its_end_costs_time_in_proportion_to_its_length(line):
+    begin = time.process_time()
+    assert line_of(f"x = 1\n{line}\n", "y [") is None
+    assert time.process_time() - begin < 2  # s; milliseconds here, and minutes in proportion to the square
+
+
+@pytest.mark.parametrize(
+    ("key", "says"),
+    [
+        ('"mass [kg]"', "unknown field `mass [kg]`; did you mean `mass_kg`?"),
+        (r'"\u001b[31mkey"', r"unknown field `\x1b[31mkey`"), (r'"mass\nkg"', r"unknown field `mass\nkg`; did you"),
+    ],
+)  # fmt: skip
+def test_an_unknown_key_of_any_signs_is_refused_with_its_line(tmp_path, key, says):
+    (tmp_path / "a.toml").write_text(f'name = "a"\n{key} = 3\n')
+    with pytest.raises(DescriptionError) as refused:
+        load_garment(tmp_path / "a.toml")
+    assert str(refused.value).startswith(f"{tmp_path}/a.toml, line 2: {says}")
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,14 @@ def test_a_long_name_gives_way_where_what_is_left_of_it_is_put_aside(tmp_path):
     assert len(names(tmp_path)) == 10
 
 
+def test_a_name_whose_ending_alone_is_too_long_is_refused_at_once(tmp_path):
+    left = tmp_path / "t.partial"
+    left.write_bytes(b"what is left")
+    with pytest.raises(OSError, match="File name too long"):
+        put_aside(left, tmp_path / f"t.{'m' * 250}")
+    assert left.read_bytes() == b"what is left"
+
+
 def test_a_writer_whose_folder_fails_leaves_no_empty_file_and_keeps_what_was_left(tmp_path, monkeypatch):
     def fail(folder):
         raise OSError(errno.EIO, "Input/output error")

@@ -152,7 +152,7 @@ def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():
     assert one.asked.tolist() == one.hidden.tolist() == one.learnt.tolist() == [[False, False, True, False]] * 2
     assert one.visible[:, [0, 1, 3]].all()
     assert one.pixels[:, 2].tolist() == [0, 0]
-    assert one.told.tolist() == one.hidden.tolist()
+    assert one.reported.tolist() == one.hidden.tolist()
     assert (one.followed(FITTED)[1][:, 2] > THRESHOLD).all()
 
 

@@ -67,18 +67,18 @@ def jittered(places: Floats) -> Floats:
     Raises:
         FitError: the variable holds something else than a whole number.
     """
-    told = os.environ.get(JITTER_VARIABLE, "")
-    if not told:
+    seed = os.environ.get(JITTER_VARIABLE, "")
+    if not seed:
         return places
-    if not told.isdecimal():
+    if not seed.isdecimal():
         raise FitError(
-            f"{told!r} is no whole number",
+            f"{seed!r} is no whole number",
             where=JITTER_VARIABLE,
             advice=f"set it to a seed such as {JITTER_VARIABLE}=1, or unset it",
         )
     nodes = places.reshape(-1, places.shape[-2], 3)[0]
     size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
-    return places + np.random.default_rng(int(told)).normal(0.0, JITTER_SIZE * size, nodes.shape)
+    return places + np.random.default_rng(int(seed)).normal(0.0, JITTER_SIZE * size, nodes.shape)
 
 
 @functools.cache
@@ -89,8 +89,8 @@ def lane_widths() -> tuple[int, ...]:
     bit of a result. A single candidate is faster in scalars than in vectors with one used lane.
     """
     try:
-        with open("/proc/cpuinfo") as told:
-            about = told.read()
+        with open("/proc/cpuinfo") as file:
+            about = file.read()
     except OSError:
         about = ""
     return (1, 8, 16) if "avx512f" in about.split() else (1, 8)

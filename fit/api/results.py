@@ -64,8 +64,8 @@ class FitOutcome(_Shown):
     def options(self) -> PlanOptions:
         """Options of `simulate` that reproduce the fit's simulation."""
         names = sorted({name.split(".")[0] for name in self.result.effects})
-        told: PlanOptions = {"method": self.result.method, "effects": names, "engine": self.result.engine}
-        return told if self.result.spacing is None else {**told, "spacing": self.result.spacing}
+        options: PlanOptions = {"method": self.result.method, "effects": names, "engine": self.result.engine}
+        return options if self.result.spacing is None else {**options, "spacing": self.result.spacing}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the whole result as plain Python values, as `fit.json` holds them."""

@@ -44,11 +44,11 @@ def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | Non
     lanes, calls = plan(groups, runtime.available_threads(), runtime.lane_widths(), is_pulled=observer_hz > 0)
     for number, tasks in enumerate(calls):
 
-        def told(share: float, number: int = number) -> None:
+        def report(share: float, number: int = number) -> None:
             if progress is not None:
                 progress((number + share) / len(calls))
 
-        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 1, told)
+        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 1, report)
 
 
 def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progress: Progress) -> None:

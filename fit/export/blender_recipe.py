@@ -42,12 +42,12 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
     """
     values = dict(zip(BLENDER_SETTINGS, blender_settings(_six(result, fabric)[None])[0].tolist(), strict=True))
     held, mesh = sheet.held.tolist(), {"points": sheet.start.round(6).tolist(), "faces": sheet.triangles.tolist()}
-    told = [
+    cautions = [
         *origin_lines(result),
         "APPROXIMATE: Blender's settings act per vertex and spring. They mean nothing on another mesh.",
         *caution_lines(result, fabric),
     ]
-    lines = "\n".join(f"# {line}" for line in told)
+    lines = "\n".join(f"# {line}" for line in cautions)
     return SCRIPT.format(
         lines=lines, name=repr(sheet.name), settings=json.dumps(values, indent=4), held=json.dumps(held),
         mesh=json.dumps(mesh), fps=BLENDER_FPS,

@@ -124,13 +124,13 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
     # Weight n - 1 of frame n is 1: frame 0 is the mesh itself.
     times = file.add(moving.time.astype(np.float32), "SCALAR", has_ends=True)
     weights = file.add(np.eye(frames, frames - 1, -1, dtype=np.float32).ravel(), "SCALAR")
-    told = [*words(result, fabric), *moving.remarks]
+    cautions = [*words(result, fabric), *moving.remarks]
     meshes, nodes, samplers, channels = _gltf_figure(file, moving.figure, moving.time, times)
     return file.finish(
         {
             "asset": {
                 "version": "2.0", "generator": provenance(result)["generator"],
-                "extras": {"hangtime": provenance(result), "cautions": told},
+                "extras": {"hangtime": provenance(result), "cautions": cautions},
             },
             "scene": 0,
             "scenes": [{"nodes": list(range(1 + len(nodes))), "name": moving.name}],

@@ -174,12 +174,12 @@ def why_no_fabric(result: FitResult) -> str:
 
 
 def _quantity(
-    name: str, unit: str, meaning: str, rows: FittedRows, read: Read, told: Sequence[Combination]
+    name: str, unit: str, meaning: str, rows: FittedRows, read: Read, combinations: Sequence[Combination]
 ) -> Quantity:
     behind = rows.parameters_behind(read)
     ends = rows.ends(read, behind)
     status: Status = status_of(behind) if behind else "weighed" if name == "areal_density" else "assumed"
-    same = [c for c in told if c.name == name.replace("_", " ")]
+    same = [c for c in combinations if c.name == name.replace("_", " ")]
     if same and len(behind) > 1:  # the takes may identify the quantity without identifying any of its parameters
         status, ends = status_of(same), (same[0].interval_low, same[0].interval_high)
     low, high = ends if ends is not None else (None, None)

@@ -23,8 +23,8 @@ def parquet(heads: Sequence[str], rows: Iterable[Sequence[object]], result: FitR
     arrays = []
     for values in columns:
         is_text = any(isinstance(v, str) for v in values)
-        told = [None if v is None else str(v) if is_text else float(v) for v in values]
-        arrays.append(pa.array(told, pa.string() if is_text else pa.float64()))
+        cells = [None if v is None else str(v) if is_text else float(v) for v in values]
+        arrays.append(pa.array(cells, pa.string() if is_text else pa.float64()))
     table = pa.table(dict(zip(heads, arrays, strict=True)))
     table = table.replace_schema_metadata({"hangtime": json.dumps(provenance(result))})
     stream = io.BytesIO()

@@ -56,8 +56,8 @@ def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[ob
 def _set_apart(row: Sequence[object]) -> Sequence[object]:
     """Return a row; a value that the takes do not identify is in the column `one_of_many`."""
     kind, name, value, low, high, unit, status, meaning = row
-    told, other = (None, value) if status == "not identified" else (value, None)
-    return kind, name, told, low, high, unit, status, other, meaning
+    known, other = (None, value) if status == "not identified" else (value, None)
+    return kind, name, known, low, high, unit, status, other, meaning
 
 
 def software_table(result: FitResult, fabric: Fabric) -> str:

@@ -337,8 +337,8 @@ class Run:
         rise = np.log(np.array([end.cost for end in ends]) / best.cost)
         is_sound = np.isfinite(self.costs)
         if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
-            told = self.residuals[is_sound]
-            emulator = Emulator(self.units[is_sound], told @ told.T)
+            finite = self.residuals[is_sound]
+            emulator = Emulator(self.units[is_sound], finite @ finite.T)
             places = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
 
             def cost(units: Floats) -> Floats:

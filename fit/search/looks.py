@@ -77,9 +77,9 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     sound, broken = units[is_sound], units[~is_sound]
     if len(sound) <= fewest(len(start)):
         return units[:0]
-    told = residuals[is_sound]
-    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_EMULATED]
-    emulator = Emulator(sound[order], told[order] @ told[order].T)
+    finite = residuals[is_sound]
+    order = np.argsort((finite**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_EMULATED]
+    emulator = Emulator(sound[order], finite[order] @ finite[order].T)
     random = np.random.default_rng([seed, len(units)])
     chosen: list[Floats] = []
     for caution in CAUTIONS:

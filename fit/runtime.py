@@ -11,6 +11,7 @@ import functools
 import io
 import os
 import shutil
+import stat
 import struct
 import tempfile
 import time
@@ -30,7 +31,8 @@ TASK = 512  # Taichi splits loops into tasks of at least 512 iterations: a kerne
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
 INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
-INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `is_sound_index` knows
+INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `sizes_of_kernels` knows
+LARGEST_INDEX = 1 << 26  # bytes: 400,000 kernels
 STALE_LOCK = 60.0  # s; Taichi holds its lock for milliseconds, and gives up after 0.2 s
 _started: dict[str, int] = {}
 
@@ -154,19 +156,20 @@ def _other_cache(ti: Any) -> dict[str, str]:
 def mend_cache(folder: Path) -> None:
     """Rename a damaged index of compiled kernels, and remove the stale lock of a killed process.
 
-    Taichi 1.7.4 trusts every length in its index: a damaged one ends the process, or requests more memory than exists.
-    With a stale lock every process compiles all of its kernels again. The damaged index becomes `ticache.tcb.damaged`.
+    Taichi 1.7.4 trusts its index: a damaged one ends the process, or requests more memory than exists. Another kernel's
+    file under a kernel's name ends the process, or computes something else. With a stale lock, or without a file of the
+    index, every process compiles again. The damaged index becomes `ticache.tcb.damaged`, and Taichi writes all anew.
 
     Raises:
         OSError: a file cannot be read, renamed or removed.
     """
     index, lock = folder / INDEX, folder / LOCK
     with contextlib.suppress(FileNotFoundError):
-        if time.time() - lock.stat().st_mtime > STALE_LOCK:
+        if abs(time.time() - lock.stat().st_mtime) > STALE_LOCK:  # the clock may have been put back since
             lock.unlink()
     for patience in (0.05, 0.1, 0.0):  # s: another process may be writing it
         try:
-            if lock.exists() or is_sound_index(index.read_bytes()):
+            if lock.exists() or _is_sound_cache(index):
                 return
         except FileNotFoundError:
             return
@@ -175,20 +178,35 @@ def mend_cache(folder: Path) -> None:
         index.rename(index.with_name(INDEX + ".damaged"))
 
 
-def is_sound_index(held: bytes) -> bool:
-    """Return whether an index of compiled kernels is undamaged: a header, then an entry for each kernel.
+def _is_sound_cache(index: Path) -> bool:
+    """Return whether an index is undamaged, and the file of each kernel has the size that the index states."""
+    state = index.stat()
+    if not stat.S_ISREG(state.st_mode) or state.st_size > LARGEST_INDEX:
+        return False
+    sizes = sizes_of_kernels(index.read_bytes())
+    if sizes is None:
+        return False
+    try:
+        return all((index.parent / f"{name}.tic").stat().st_size == size for name, size in sizes.items())
+    except FileNotFoundError:
+        return False
+
+
+def sizes_of_kernels(held: bytes) -> dict[str, int] | None:
+    """Return the sizes of compiled kernels [bytes] by name, from the bytes of their index; None if it is damaged.
 
     - header: length of the file, version of Taichi, size of all kernels, number of entries
-    - entry: the kernel's name twice, each after its length, then size and two dates
+    - entry: the kernel's name twice, each after its length, then the size of its file and two dates
 
-    Taichi itself discards the index of another version.
+    Taichi itself discards the index of another version, which gives no sizes here.
     """
     header = struct.Struct("<q3HQQ")
     if len(held) < header.size:
-        return False
+        return None
     length, *version, _, count = header.unpack_from(held)
     if tuple(version) != INDEX_VERSION:
-        return True
+        return {}
+    sizes: dict[str, int] = {}
     at = header.size
     for _ in range(min(count, len(held))):
         names = []
@@ -196,12 +214,13 @@ def is_sound_index(held: bytes) -> bool:
             end = at + 8 + int.from_bytes(held[at : at + 8], "little")
             names.append(held[at + 8 : end])
             if end > len(held):
-                return False
+                return None
             at = end
-        if names[0] != names[1]:
-            return False
+        if names[0] != names[1] or not names[0].isalnum():
+            return None
+        sizes[names[0].decode()] = int.from_bytes(held[at : at + 8], "little")
         at += 24
-    return at == length == len(held)
+    return sizes if at == length == len(held) else None
 
 
 def _read_kernels_quickly() -> None:

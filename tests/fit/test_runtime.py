@@ -5,6 +5,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -100,17 +101,59 @@ def test_a_damaged_cache_and_a_lock_left_behind_stop_no_fit(cache):
     assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
     assert not lock.exists()
     assert index.with_name("ticache.tcb.damaged").read_bytes()[35] == 255
-    assert runtime.is_sound_index(index.read_bytes())
+    assert runtime.sizes_of_kernels(index.read_bytes())
 
 
 def test_an_index_is_sound_only_as_a_whole(cache):
     folder, _ = cache
     whole = (folder / runtime.INDEX).read_bytes()
-    assert runtime.is_sound_index(whole)
-    assert [cut for cut in range(len(whole)) if runtime.is_sound_index(whole[:cut])] == []
-    assert not runtime.is_sound_index(whole + b"\0")
+    assert runtime.sizes_of_kernels(whole) == {file.stem: file.stat().st_size for file in folder.glob("*.tic")}
+    assert [cut for cut in range(len(whole)) if runtime.sizes_of_kernels(whole[:cut]) is not None] == []
+    assert runtime.sizes_of_kernels(whole + b"\0") is None
+    zero = whole[:39] + b"\0" + whole[40:104] + b"\0"
+    assert runtime.sizes_of_kernels(zero + whole[len(zero) :]) is None
     for at in (0, 25, 30, 35, 60, 105, 110):  # lengths and names: of these Taichi survives but 0 and 60
-        assert not runtime.is_sound_index(whole[:at] + b"\xff" + whole[at + 1 :]), at
+        assert runtime.sizes_of_kernels(whole[:at] + b"\xff" + whole[at + 1 :]) is None, at
+
+
+@pytest.mark.parametrize("change", ["exchanged", "gone"])
+def test_kernels_under_wrong_names_are_compiled_again_and_kept(cache, change):
+    """Taichi alone computes 1110704128 for 3 x 3 from an exchanged file, or ends with a segmentation fault."""
+    folder, run = cache
+    index, (kernel,) = folder / runtime.INDEX, folder.glob("*.tic")
+    whole = kernel.read_bytes()
+    if change == "gone":
+        kernel.unlink()
+    else:
+        kernel.write_bytes(b"TIC" + whole)
+    done = run()
+    assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
+    assert kernel.read_bytes() == whole
+    assert list(runtime.sizes_of_kernels(index.read_bytes())) == [kernel.stem]
+
+
+@pytest.mark.parametrize("kind", ["300 GB", "pipe", "folder"])
+def test_an_index_of_any_size_or_kind_is_put_aside_unread(tmp_path, kind):
+    index = tmp_path / runtime.INDEX
+    if kind == "pipe":
+        os.mkfifo(index)
+    elif kind == "folder":
+        index.mkdir()
+    else:
+        with index.open("wb") as file:
+            file.truncate(300 << 30)
+    runtime.mend_cache(tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == [runtime.INDEX + ".damaged"]
+
+
+def test_a_lock_dated_in_the_future_is_stale_too(tmp_path):
+    """A computer without a battery for its clock may start in 1970, and a lock of 2033 lies 63 years ahead."""
+    lock = tmp_path / runtime.LOCK
+    for ahead, is_stale in ((30, False), (90, True), (2e9, True)):
+        lock.touch()
+        os.utime(lock, (time.time() + ahead,) * 2)
+        runtime.mend_cache(tmp_path)
+        assert lock.exists() is not is_stale, ahead
 
 
 def test_a_lock_that_another_process_holds_is_left_alone(tmp_path):

@@ -54,6 +54,11 @@ def without_codes(text: str) -> str:
     return CODES.sub(lambda found: _escaped(found[0]), text)
 
 
+def in_one_line(text: str) -> str:
+    """Return a text for a picture, which measures single lines only; line breaks and control codes are escaped."""
+    return plain(without_codes(text))
+
+
 def in_utf8(name: str) -> str:
     """Return a file name as UTF-8 text; bytes that are not UTF-8 are escaped as in `caf\\xe9.oni`."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

@@ -10,6 +10,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.motion import axes_of
 from formats.outputs import write_bytes
+from formats.plain_text import in_one_line
 from formats.take import Take
 
 COLUMNS, LINES = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
@@ -92,7 +93,9 @@ def draw_png(take: Take, path: Path) -> None:
         colour = COLOURS[number % len(COLOURS)]
         for start, stop in _stretches(np.isfinite(paths[:, number])):
             pen.line(list(zip(x[start:stop], y[start:stop, number], strict=True)), fill=colour, width=2)
-        pen.text((right + 12, top + 18 * number), name.encode("ascii", "replace").decode()[:20], fill=colour)
+        pen.text(
+            (right + 12, top + 18 * number), in_one_line(name).encode("ascii", "replace").decode()[:20], fill=colour
+        )
     pen.text((left, 16), f"{way}, {len(take.time)} frames in {span:.1f} s", fill="black")
     stream = io.BytesIO()
     picture.save(stream, "PNG")

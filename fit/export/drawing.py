@@ -19,6 +19,7 @@ import numpy as np
 from fit.export.moving import Moving
 from fit.export.raster import FINER, Faces, drawn
 from formats.arrays import Floats, Integers
+from formats.plain_text import in_one_line
 
 SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad: azimuth and elevation of the camera
 BESIDE = np.radians(52.0)  # rad: the same for a camera that follows a figure and shows a stride from the side
@@ -139,7 +140,7 @@ class Stage:
         image = Image.fromarray(picture)
         if self._title:
             drawing, words = ImageDraw.Draw(image), f"{moving.time[frame]:.2f} s"
-            whole = f"{moving.name}   {words}"
+            whole = f"{in_one_line(moving.name)}   {words}"
             font = ImageFont.load_default(self._letter)
             fits = drawing.textlength(whole, font) <= self.size[0] - 2 * self._letter
             drawing.text((self._letter, self._letter), whole if fits else words, fill=WORDS, font=font)

@@ -12,6 +12,7 @@ from fit.errors import FitError
 from fit.report.charts import axis_top
 from fit.report.motion import ReportMotion, rms_of
 from formats.outputs import write_bytes
+from formats.plain_text import in_one_line
 
 WIDTH, PANEL, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
@@ -49,7 +50,7 @@ def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: P
             pen.text((at, bottom + 8), f"{span * k / 5:.1f} s", fill="black", anchor="ma", font=font)
         kind = "held out" if motion.is_held_out else "used to fit"
         title = f"{motion.take_id} ({kind}): root mean square distance of the free points"
-        pen.text((LEFT, top - 60), title.encode("ascii", "replace").decode(), fill="black", font=font)
+        pen.text((LEFT, top - 60), in_one_line(title).encode("ascii", "replace").decode(), fill="black", font=font)
         across = float(LEFT)
         for run, values in shown.items():
             y = bottom - values / reach * (bottom - top)
@@ -58,6 +59,7 @@ def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: P
                 pen.line(line, fill=COLOURS[run], width=3)
             whole = rms_of([motion], run)
             words = f"{names[run]}: {1e3 * whole:.1f} mm" if whole is not None else f"{names[run]}: no free point seen"
+            words = in_one_line(words)
             pen.text((across, top - 34), words, fill=COLOURS[run], font=font)
             across += pen.textlength(words, font=font) + 28
     stream = io.BytesIO()

@@ -24,6 +24,7 @@ from fit.recordings.recording import Recording
 from fit.report.plot import WIDTH
 from formats.arrays import Booleans, Floats
 from formats.outputs import write_bytes
+from formats.plain_text import in_one_line
 
 INSTANTS = 6
 ROW, CHART, MARGIN = 210, 190, 44  # px
@@ -179,4 +180,4 @@ def _arrow(pen: Any, at: Floats, to: Floats) -> None:
 
 
 def _plain(text: str) -> str:
-    return text.encode("ascii", "replace").decode()
+    return in_one_line(text).encode("ascii", "replace").decode()

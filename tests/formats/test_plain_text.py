@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain, shortened, sized
+from formats.plain_text import LONGEST_TEXT, counted, in_one_line, lines_of, plain, shortened, sized
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,10 @@ from formats.plain_text import LONGEST_TEXT, counted, lines_of, plain, shortened
 def test_what_is_no_letter_is_shown_by_its_code(text, shown):
     """A byte of a name that is no UTF-8 stays, but for those that are control characters to a terminal."""
     assert plain(text) == shown
+
+
+def test_a_text_for_a_picture_is_one_line_without_codes_and_surrogates():
+    assert in_one_line("a\r\n\tb\u2028\udcff\ud800\x1b") == r"a\r\n\tb\u2028\udcff\ud800\x1b"
 
 
 def test_lines_keep_their_ends_and_tabs_and_no_code_of_a_terminal():

@@ -104,6 +104,19 @@ def test_a_picture_shows_the_front_blue_the_back_brown_and_fills_most_of_its_hei
     assert tuple(front[-1, -1]) == SKY
 
 
+@pytest.mark.parametrize(
+    ("name", "shown"), [("a\nb", r"a\nb"), ("a\r\u2028b", r"a\r\u2028b"), ("\udcff\x1b[2J", r"\udcff\x1b[2J")]
+)
+def test_a_take_whose_name_has_a_line_break_or_a_code_is_drawn_with_its_escapes(name, shown):
+    pytest.importorskip("PIL", reason="Pillow is not installed")
+    pictures = [
+        np.asarray(Stage(dataclasses.replace(square(0.0), name=one), (640, 480)).picture(0))
+        for one in (name, shown, "other")
+    ]
+    assert np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[0], pictures[2])
+
+
 @pytest.mark.parametrize("size", [(960, 720), (320, 240), (64, 640), (160, 120)])
 def test_words_never_lie_on_the_cloth_and_leave_a_small_picture_to_it(size):
     pytest.importorskip("PIL", reason="Pillow is not installed")

@@ -46,6 +46,7 @@ class Seen:
     - `kind` of motion, and `reach` [m]: root mean square of the hanger's motion in all ways
     - `seconds` [s]: its length
     - `is_calibrated`: whether its rig was
+    - `damage`: the take's missing parts and damage, with the next step; '' for a whole take
     """
 
     name: str
@@ -54,6 +55,7 @@ class Seen:
     reach: float
     seconds: float
     is_calibrated: bool
+    damage: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,19 +81,25 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
         lack = "its rig was never calibrated; run `hangtime calibrate`, then record again with the calibrated rig"
         return Wardrobe(name=name, takes=every, missing=lack)
     if not moving:
-        return Wardrobe(name=name, takes=every, missing=f"in no take does its hanger move; {OTHER_MOTION}")
+        lack = f"in no take does its hanger move; {OTHER_MOTION}"
+        return Wardrobe(name=name, takes=every, missing=_with_damage(lack, calibrated))
     middle = _middle_strength(moving)
     if len(kinds) == 1 and not middle:
         (kind,) = kinds
         count = f"its {len(moving)} takes all move" if len(moving) > 1 else "its only take moves"
         lack = f"{count} {kind}, and none is left to judge on; {OTHER_MOTION}"
-        return Wardrobe(name=name, takes=every, missing=lack)
+        return Wardrobe(name=name, takes=every, missing=_with_damage(lack, calibrated))
     judged = min(kinds, key=lambda kind: (SHOWN[kind] * kinds[kind], list(SHOWN).index(kind)))
     held_out = middle or [take for take in moving if take.kind == judged]
     return Wardrobe(
         name=name, takes=every, training=tuple(take for take in moving if take not in held_out),
         held_out=tuple(held_out),
     )  # fmt: skip
+
+
+def _with_damage(lack: str, takes: Sequence[Seen]) -> str:
+    """Return why takes cannot be diagnosed, and their damage, which may be the cause."""
+    return "; ".join([lack, *(take.damage for take in takes if take.damage)])
 
 
 def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
@@ -115,6 +123,7 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
     Raises:
         BatchError, UnreachableError: a take cannot be read any more.
     """
+    from fit.recordings.intact import damage_of
     from fit.recordings.selection import content_of
 
     by_garment: list[tuple[Garment, list[Seen]]] = []
@@ -133,7 +142,7 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
         seconds = float(take.time[-1] - take.time[0]) if len(take.time) else 0.0
         seen = Seen(
             name=row.take, digest=digest, kind=kind_of(take), reach=math.hypot(*reach_of(take).values()),
-            seconds=seconds, is_calibrated=is_calibrated,
+            seconds=seconds, is_calibrated=is_calibrated, damage=damage_of([take]),
         )  # fmt: skip
         same = next((others for garment, others in by_garment if garment.as_meant == take.garment.as_meant), None)
         if same is None:

@@ -34,7 +34,7 @@ from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import camera_clause, describe_camera
-from fit.recordings.intact import describe_flaws
+from fit.recordings.intact import describe_flaws, naming_damage
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.runtime import one_thread_of_algebra
@@ -98,12 +98,13 @@ def diagnose(
     rng = np.random.default_rng(seed)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
-    observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
-    key = _key(takes, added, observer, seed, by)
-    kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
-    begun()
-    fits, observer, predictability = fit_base(observer, progress, kept, seed)
-    judge = observer.of(test) if test else observer
+    with naming_damage([*training, *held_out]):
+        observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
+        key = _key(takes, added, observer, seed, by)
+        kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
+        begun()
+        fits, observer, predictability = fit_base(observer, progress, kept, seed)
+        judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, progress, kept)
     progress("noise floor", 0.3)
     noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)

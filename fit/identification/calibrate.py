@@ -36,7 +36,7 @@ from fit.observer.residuals import BLOCK_SECONDS
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
-from fit.recordings.intact import describe_flaws
+from fit.recordings.intact import describe_flaws, naming_damage
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
@@ -203,17 +203,18 @@ def calibrate(
     """
     takes = prepared or ready(training, held_out)
     train, test = takes.training, takes.held_out
-    check_blocks(np.concatenate(blocks_of(train)))  # before anything is simulated
-    model = Model(train, request)
-    saved = SavedSearch(checkpoint, _key(takes.contents, model))
-    saved.read()  # one that cannot be continued is refused before anything is simulated
-    judge = Model(test, request, is_fitted=False) if test else None
-    begun()
-    if judge is not None:
-        _ = judge.error_before  # a take that blows up is refused before the search
-    run = _least_squares if request.search in OBSERVED else _ask_and_tell
-    found = run(model, request, saved, progress)
-    result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
+    with naming_damage([*training, *held_out]):
+        check_blocks(np.concatenate(blocks_of(train)))  # before anything is simulated
+        model = Model(train, request)
+        saved = SavedSearch(checkpoint, _key(takes.contents, model))
+        saved.read()  # one that cannot be continued is refused before anything is simulated
+        judge = Model(test, request, is_fitted=False) if test else None
+        begun()
+        if judge is not None:
+            _ = judge.error_before  # a take that blows up is refused before the search
+        run = _least_squares if request.search in OBSERVED else _ask_and_tell
+        found = run(model, request, saved, progress)
+        result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
         result,
         notes=[*result.notes, *describe_flaws([*training, *held_out])],

@@ -12,16 +12,20 @@ under a hanger at rest is no cloth at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
+from fit.errors import FitError
 from formats.arrays import Floats
 from formats.fault_words import doubts_of
 from formats.missing import listed, missing_words, origin_of, span_words
 from formats.motion import STILL_MOTION
+from formats.plain_text import counted
 from formats.sights import SETTLING
 from formats.take import LONGEST_GAP, Take, told_apart
 
@@ -139,6 +143,47 @@ def describe_doubts(takes: Sequence[Take]) -> list[str]:
 def describe_flaws(takes: Sequence[Take]) -> list[str]:
     """Return the warnings about takes: missing parts first, then other doubts."""
     return describe_missing(takes) + describe_doubts(takes)
+
+
+@contextmanager
+def naming_damage(takes: Sequence[Take]) -> Iterator[None]:
+    """Add to a refusal within this context which of these takes are incomplete or damaged, as that may be its cause.
+
+    Raises:
+        FitError: the refusal, of its own class; unchanged if it is about an option, a file or the garment, or if the
+        takes are whole.
+    """
+    try:
+        yield
+    except FitError as error:
+        named = [take for take in takes if error.where == take.take_id] or list(takes)
+        is_elsewhere = _is_elsewhere(error.where) or error.where in {take.garment.name for take in takes}
+        damage = "" if is_elsewhere else damage_of(named)
+        if not damage:
+            raise
+        raise type(error)(error.what, where=error.where, advice=f"{error.advice}; {damage}") from error
+
+
+def _is_elsewhere(where: object) -> bool:
+    """Return whether an error is about an option or a file of the command's own."""
+    return isinstance(where, Path) or str(where).startswith("--")
+
+
+def damage_of(takes: Sequence[Take]) -> str:
+    """Return which takes are incomplete or damaged, with the next step, or '' where none is."""
+    found, is_damaged = [], False
+    for take, name in zip(takes, told_apart(takes), strict=True):
+        blocks = take.report.damaged_blocks if take.report else 0
+        missing = missing_words(take) or "its end was never written"
+        words = [] if take.is_complete else [f"is incomplete (missing: {missing})"]
+        words += [f"has {counted(blocks, 'damaged block')}"] if blocks else []
+        if words:
+            found.append(f"the take {name} {' and '.join(words)}, which may be the cause")
+            is_damaged |= blocks > 0
+    if not found:
+        return ""
+    step = "copy the file again from where it was recorded, or record again" if is_damaged else "record again"
+    return f"{'; '.join(found)}; {step}"
 
 
 def flaw_notes(notes: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fit.recordings.geometry import check_geometry
+from fit.recordings.intact import naming_damage
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together
 from formats.diagnosis_records import Diagnosis
@@ -36,7 +37,8 @@ def ready(training: list[Take], held_out: list[Take]) -> Ready:
         its garment.
     """
     contents = check_together(training, held_out)
-    train, test = prepare_together(training, held_out)
-    for recording in train + test:
-        check_geometry(recording)
+    with naming_damage([*training, *held_out]):
+        train, test = prepare_together(training, held_out)
+        for recording in train + test:
+            check_geometry(recording)
     return Ready(train, test, contents[: len(train)], contents[len(train) :])

@@ -11,6 +11,7 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.recordings.copies import Track, are_copies
+from fit.recordings.intact import naming_damage
 from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.plain_text import counted, shortened
@@ -113,10 +114,13 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
             )
     by_take = [kind_of(take) for take in takes]
     there = ", ".join(f"{name} {kind}" for name, kind in zip(told_apart(takes), by_take, strict=True))
-    for kind in kinds:
-        if kind not in by_take:
-            raise FitError(f"no take moves {kind!r}", advice=f"the takes move like this: {there}")
-    if kinds and set(by_take) <= set(kinds):
-        raise FitError("every take is held out and none is left to fit to", advice=f"the takes move like this: {there}")
+    with naming_damage(takes):
+        for kind in kinds:
+            if kind not in by_take:
+                raise FitError(f"no take moves {kind!r}", advice=f"the takes move like this: {there}")
+        if kinds and set(by_take) <= set(kinds):
+            raise FitError(
+                "every take is held out and none is left to fit to", advice=f"the takes move like this: {there}"
+            )
     both = list(zip(takes, by_take, strict=True))
     return [t for t, kind in both if kind not in kinds], [t for t, kind in both if kind in kinds]

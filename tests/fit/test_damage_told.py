@@ -6,20 +6,26 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
+from fit.batch.garments import Seen, wardrobe_of
+from fit.errors import DriveError, FitError
 from fit.export.about import remarks_on_take
 from fit.export.kinds import EXPORT_KINDS, Order
-from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_flaws, describe_missing
+from fit.identification.calibrate import calibrate
+from fit.identification.request import Plan
+from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_flaws, describe_missing, naming_damage
 from fit.virtual_tests.sheet import sheet_of
 from formats.archive import read_take, write_take
 from formats.fault_words import state_of_take
 from formats.results import load_fit_result, save_fit_result
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
+from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.formats.damage import chunks_of
 from tests.formats.test_archive import a_scan, a_take
 
@@ -207,3 +213,51 @@ def test_takes_and_fits_side_by_side_and_exports_tell_everything_that_does_not_h
         assert exported.endswith("".join(f"; {doubt}" for doubt in doubts) or " frames")
         made = EXPORT_KINDS["csv"].make(Order(result=load_fit_result(odd / name / "fit.json")))
         assert all(doubt in next(iter(made.values())).decode() for doubt in doubts)
+
+
+def test_a_refused_fit_names_the_damage_that_may_be_its_cause(tmp_path):
+    """Of the five blocks of 5 s, only the first is sound."""
+    raw = bytearray(write_take(tmp_path / "a.mcap", a_take()).read_bytes())
+    for begin, end, _ in chunks_of(bytes(raw))[2:-1]:
+        raw[(begin + end) // 2] ^= 255
+    (tmp_path / "a.mcap").write_bytes(raw)
+    names = (
+        "the take a is incomplete (missing: 1.00 to 4.97 s) and has 4 damaged blocks, which may be the cause; "
+        "copy the file again from where it was recorded, or record again\n"
+    )
+    for command in ("fit", "diagnose"):
+        assert hangtime_here(command, "a.mcap", "--out", "out", folder=tmp_path).stderr.endswith(names), command
+    done = hangtime_here("fit", "a.mcap", "--held-out-motion", "twist", "--out", "out", folder=tmp_path)
+    assert "no take moves" in done.stderr
+    assert done.stderr.endswith(names)
+
+
+def test_only_a_refusal_that_lost_data_may_cause_names_them():
+    hole, of_garment = with_a_hole(), with_a_hole().garment.name
+    named = "; the take a is incomplete (missing: 2.03 to 3.10 s), which may be the cause; record again"
+    for where, take, told in (
+        (hole.take_id, hole, named), ("another take", hole, named), ("--effect", hole, ""),
+        (Path("fit.json"), hole, ""), (of_garment, hole, ""), (hole.take_id, a_take(), ""),
+    ):  # fmt: skip
+        with pytest.raises(DriveError) as error, naming_damage([take]):
+            raise DriveError("is too short", where=where, advice="record a longer take")
+        assert error.value.words == "is too short; record a longer take" + told, where
+
+
+def test_a_take_too_short_for_intervals_names_its_missing_seconds():
+    """A swing of 5 s, of which the first 0.8 s are left."""
+    time = np.arange(150) / 30
+    garment, kept = sheet(), slice(0, 25)
+    whole = take_of(garment, time, swing(time), hung(garment, time) + swing(time)[:, None])
+    arrays = {name: values[kept] for name in FRAME_FIELDS if (values := getattr(whole, name)) is not None}
+    left = replace(whole, **arrays, is_complete=False, missing=((float(time[24]), float(time[-1])),))
+    with pytest.raises(FitError, match=r"too short: .* longer take; the take .* is incomplete \(missing: 0\.80 to "):
+        calibrate([left], [], Plan().request())
+
+
+def test_a_batch_names_lost_data_where_a_garment_has_too_few_motions():
+    seen = Seen(
+        name="a", digest="1", kind="sideways", reach=0.1, seconds=2.0, is_calibrated=True, damage="a has a hole"
+    )
+    for kind in ("sideways", "still"):
+        assert wardrobe_of("swatch", [replace(seen, kind=kind)]).missing.endswith("; a has a hole")

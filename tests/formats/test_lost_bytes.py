@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.marker_text import read_marker_text
+from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
+from tests.formats.test_cut_numbers import TRC
 from tests.formats.test_marker_tables import read
 
 AT = 60
-HOLE = "{} missing behind line {}, so its markers count as not seen"
+HOLE = "{} missing behind line {}"
+JOINED = f"{HOLE}, so its markers count as not seen"
 NO_DIGITS = "line 66: {!r} of a lacks the 3 digits behind a point of its column, so it counts as not seen there"
 
 
@@ -67,9 +71,50 @@ def test_two_joined_lines_show_by_the_frames_that_are_missing(tmp_path):
     begin, end = lines[AT].split(","), lines[AT + 10].split(",")
     joined = ",".join([*begin[:4], begin[4][:1] + end[4][1:], *end[5:]])
     found = imported(tmp_path, [*lines[:AT], joined, *lines[AT + 11 :]])
-    assert (found.warning, unseen(found)) == (HOLE.format("frames 62 to 71 are", 66), [[AT, 0], [AT, 1]])
-    found = imported(tmp_path, [*lines[: AT + 1], *lines[AT + 2 :]])
-    assert (found.warning, unseen(found)) == (HOLE.format("frame 62 is", 66), [[AT, 0], [AT, 1]])
+    assert (found.warning, unseen(found)) == (JOINED.format("frames 62 to 71 are", 66), [[AT, 0], [AT, 1]])
+
+
+@pytest.mark.parametrize("lost", [1, 2, 10])
+def test_a_joined_line_is_left_out_or_as_near_its_path_as_noise_and_motion_are(tmp_path, lost):
+    """The markers swing by up to 7.5 mm a frame, and a straight line misses them by up to 1.7 mm."""
+    lines = vicon(WRITERS["%.3f"], places())
+    whole = imported(tmp_path, lines).positions
+    told = 0
+    for column in range(2, 8):
+        begin, end = lines[AT].split(","), lines[AT + lost].split(",")
+        joined = ",".join([*begin[:column], *end[column:]])
+        found = imported(tmp_path, [*lines[:AT], joined, *lines[AT + lost + 1 :]])
+        off = np.abs(found.positions[AT] - whole[AT]).max()
+        told += np.isnan(off)
+        assert np.isnan(off) or off < 3.4e-3, column
+    assert told >= 4
+
+
+def test_a_whole_line_before_missing_frames_keeps_its_positions(tmp_path):
+    lines = vicon(WRITERS["%.3f"], places())
+    whole = imported(tmp_path, lines).positions
+    for at in (2, 30, AT, 140):
+        found = imported(tmp_path, [*lines[: at + 1], *lines[at + 2 :]])
+        assert (found.warning, unseen(found)) == (HOLE.format(f"frame {at + 2} is", at + 6), [])
+        assert (found.positions == np.delete(whole, at + 1, 0)).all()
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.trc"])
+def test_a_pause_in_the_times_keeps_every_position(tmp_path, name):
+    """Two seconds are missing behind the 60th frame, and a marker is hidden just before."""
+    where, time = places().reshape(-1, 2, 3) * 1e-3, np.arange(150) / 100 + 2.0 * (np.arange(150) >= AT)
+    where[AT - 3 : AT - 1, 0] = np.nan
+    if name == "a.csv":
+        write_marker_csv(tmp_path / name, MarkerTracks(("a", "b"), time, where))
+    else:
+        rows = [f"{k + 1}\t{t:.3f}\t" + "\t".join(map("{:.5f}".format, row)) for k, (t, row) in
+                enumerate(zip(time, where.reshape(-1, 6) * 1e3, strict=True))]  # fmt: skip
+        head = TRC.replace("\t30\t", "\t150\t")
+        (tmp_path / name).write_text(head + "".join(f"{row}\n" for row in rows).replace("nan", ""))
+    found = read_marker_text(tmp_path / name, None)
+    assert found.warning == (HOLE.format("2.01 s are", 61) if name == "a.csv" else "")
+    np.testing.assert_allclose(found.positions, where, atol=1e-6)
+    np.testing.assert_allclose(found.time, time, atol=1e-6)
 
 
 @pytest.mark.parametrize(("lost", "is_reported"), [(1, False), (2, True), (10, True)])
@@ -80,6 +125,7 @@ def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is
     text = head + "\n".join([*lines[:AT], *lines[AT + lost :]]) + "\n"
     found = read(tmp_path, text, None, "own.csv")
     assert found.warning == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_reported else "")
+    assert unseen(found) == []
 
 
 def test_programs_that_leave_out_frames_in_many_places_lost_no_bytes(tmp_path):

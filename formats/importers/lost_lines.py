@@ -14,12 +14,12 @@ from collections.abc import Callable
 import numpy as np
 
 from formats.arrays import Floats
+from formats.importers.broken_numbers import STRETCH
 from formats.importers.path_outliers import straight_lines
 
 MOST_HOLES = 3  # of a file, stated by us
 FEWEST_LINES = 10  # stated by us: fewer do not show the interval of frames
 LONGEST_STEP_IN_TURN = 2.5  # median intervals: times rounded to 0.01 s at 99.7 frames a second have steps of 2
-STRETCH = 50  # lines: half a swing at 100 frames a second
 FEWEST_DEVIATIONS = 8  # lines around, stated by us
 FARTHER = 2.0  # times the largest of 50 deviations, stated by us: 4.5 standard deviations of noise
 

@@ -1,0 +1,124 @@
+"""An export by call is the command's file, and a diagnosis shows its own numbers as CSV, dictionary and HTML."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+
+import hangtime
+from formats.archive import write_take
+from tests.fit.export.exported import a_fit
+from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import diagnosis
+from tests.fit.scenes import hung, sheet, take_of
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a fit and a still take of another garment than the swatch."""
+    folder = tmp_path_factory.mktemp("export")
+    hangtime.FitOutcome(result=a_fit()).save(folder / "fit.json")
+    time, garment = np.arange(0, 1, 1 / 30), sheet()
+    write_take(folder / "still.mcap", take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("usd-physics", {"thickness": 0.0004}),
+        ("usd-physics", {"spacing": 0.05}),
+        ("usd-physics", {"thickness": 0.002, "take": "still.mcap"}),
+        ("mujoco", {"take": "still.mcap", "spacing": 0.1}),
+        ("newton", {"spacing": 0.05}),
+        ("blender", {"take": "still.mcap"}),
+        ("csv", {}),
+        ("table", {}),
+        ("u3m", {}),
+    ],
+)
+def test_an_export_by_call_is_the_commands_file(folder, tmp_path, kind, options):
+    """And each option counts in either: without it the file is another one."""
+    if kind == "usd-physics":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    by_command, by_call, plain = (tmp_path / f"{name}/a" for name in ("command", "call", "plain"))
+    done = hangtime_here("export", "fit.json", "--to", kind, "--out", by_command, *words, folder=folder)
+    assert done.returncode == 0, done.stderr
+    given = {name: folder / value if name == "take" else value for name, value in options.items()}
+    assert hangtime.export(folder / "fit.json", kind, by_call, **given) == [by_call]
+    assert by_call.read_bytes() == by_command.read_bytes()
+    if options:
+        hangtime.export(hangtime.load(folder / "fit.json"), kind, plain)
+        assert plain.read_bytes() != by_call.read_bytes()
+
+
+def test_an_export_by_call_replaces_a_file_only_where_that_is_asked_for(folder, tmp_path):
+    (tmp_path / "a.csv").write_text("mine")
+    with pytest.raises(hangtime.HangtimeError, match=r"a\.csv"):
+        hangtime.export(folder / "fit.json", "csv", tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text() == "mine"
+    hangtime.export(folder / "fit.json", "csv", tmp_path / "a.csv", overwrite=True)
+    assert "stretch_stiffness" in (tmp_path / "a.csv").read_text()
+
+
+ROWS = [
+    {"effect": "air_drag", "is_tested": "True", "is_named": "True", "probability": "0.94", "amplitude": "1.31",
+     "unit": "1", "closure": "0.87", "p_value": "2e-07"},
+    {"effect": "hem", "is_tested": "True", "is_named": "False", "probability": "0.03", "amplitude": "0.004",
+     "unit": "kg/m", "closure": "0.08", "p_value": "0.21"},
+    {"effect": "time_offset", "is_tested": "True", "is_named": "False", "probability": "", "amplitude": "-0.0021",
+     "unit": "s", "closure": "0.01", "p_value": "0.64"},
+    {"effect": "clip_slip", "is_tested": "False", "is_named": "False", "probability": "", "amplitude": "0.0",
+     "unit": "N", "closure": "", "p_value": ""},
+]  # fmt: skip
+
+
+def test_a_diagnosis_has_a_row_an_effect_as_csv(tmp_path):
+    """Every cell of it: each column holds another number."""
+    outcome = hangtime.DiagnosisOutcome(result=diagnosis())
+    text = outcome.to_csv(tmp_path / "tables/effects.csv")
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert [{name: value.lower() for name, value in row.items()} for row in rows] == [
+        {name: value.lower() for name, value in row.items()} for row in ROWS
+    ]
+    assert (tmp_path / "tables/effects.csv").read_text() == text == outcome.to_csv()
+
+
+def test_a_diagnosis_as_a_dictionary_is_its_file(tmp_path):
+    outcome = hangtime.DiagnosisOutcome(result=diagnosis())
+    told = outcome.to_dict()
+    assert (told["verdict"], told["named"], outcome.verdict) == ("effect", ["air_drag"], "effect")
+    numbers = [(one["id"], one["probability"], one["amplitude"], one["p_value"]) for one in told["effects"][:2]]
+    assert numbers == [("air_drag", 0.94, 1.31, 2e-7), ("hem", 0.03, 0.004, 0.21)]
+    assert told["gap"]["closure"]["value"] == 0.87
+    file = outcome.save(tmp_path / "diagnosis.json")
+    assert json.loads(file.read_text()) == json.loads(json.dumps(told))
+    assert hangtime.load(file).result == outcome.result
+
+
+def test_a_diagnosis_shows_its_effects_as_html_and_as_text():
+    """Those tested, the most probable first; in a notebook every word is text and no HTML."""
+    given = diagnosis(sentence="The model lacks <b>air</b> drag.")
+    effects = [given.effects[k] for k in (1, 3, 2, 0)]
+    outcome = hangtime.DiagnosisOutcome(result=diagnosis(sentence=given.sentence, effects=effects))
+    html = outcome._repr_html_()
+    heads = re.findall(r"<th>(.*?)</th>", html)
+    assert heads == ["effect", "probability", "amplitude", "gap closed", ""]
+    rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(<td>.*?)</tr>", html)]
+    shown = [
+        ["air_drag", "94 %", "1.31 1", "87 %", "named"],
+        ["hem", "3 %", "0.004 kg/m", "8 %", ""],
+        ["time_offset", "", "-0.0021 s", "1 %", ""],
+    ]
+    assert rows == shown
+    assert re.findall(r"<p>(.*?)</p>", html) == [
+        "Verdict: effect", "The model lacks &lt;b&gt;air&lt;/b&gt; drag.", given.next_experiment.sentence,
+    ]  # fmt: skip
+    lines = [line.split() for line in str(outcome).splitlines()]
+    assert lines[-3:] == [" ".join(row).split() for row in shown]

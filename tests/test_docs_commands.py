@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 import re
 import shlex
 import shutil
@@ -14,9 +15,12 @@ import pytest
 import typer
 
 from docs.generator.commands import Part, every_command, whole_command
+from fit.figure.dressmaking import plain_skirt
+from fit.figure.gait import walk
 from formats.archive import write_take
+from tests.fit.figure.walking import bvh_of
 from tests.fit.here import hangtime_here
-from tests.fit.scenes import material, sheet, simulate_take, swing
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 from tests.test_docs import DOCS, PAGES, ROOT, name_of
 
 # Pages that show how Hangtime is used now; notebook, decisions and changelog are records of their days.
@@ -26,6 +30,7 @@ GUIDE = [
     if not {"notebook", "decisions", "systemd"} & set(page.relative_to(ROOT).parts) and page.name != "CHANGELOG.md"
 ]
 SHORT = " --iterations 8 --spacing 0.1"
+COARSE = (r"$", " --spacing 0.15")
 AS_NEW = (r"--out (\w+)", r"--out new-\1")  # the existing takes are of another garment
 
 
@@ -37,6 +42,7 @@ class Rule:
     how: str
     changes: tuple[tuple[str, str], ...] = ()
     why: str = ""
+    needs: tuple[str, ...] = ()  # modules without which the command is left out
 
 
 def parsed(pattern: str, why: str) -> Rule:
@@ -54,9 +60,20 @@ RULES = (
     parsed(r".*(?:swung-cloth/|--real takes)", "needs real recordings"),
     parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
     parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
-    parsed(r"hangtime export .*--to usd", "needs usd-core; tests/fit/export runs these"),
-    parsed(r"hangtime animate ", "needs PyAV; tests/fit/export runs these"),
+    Rule(r"hangtime export .*--to usd", "quick", (AS_NEW,), needs=("pxr",)),
     Rule(r"hangtime export ", "quick", (AS_NEW,)),
+    parsed(r"hangtime animate .*--wear t-shirt", "takes minutes; tests/fit/export/test_worn.py makes one walk"),
+    Rule(r"hangtime animate .*--bvh", "slow", ((r"--seconds \d+", "--seconds 2"), COARSE)),
+    Rule(
+        r"hangtime animate .*--figure", "slow",
+        ((" --seconds [0-9]+", ""), ("--take swing", "--take skirt"), COARSE, (r"$", " --size 64x64 --seconds 2")),
+        needs=("av",),
+    ),
+    Rule(
+        r"hangtime animate .*--motion", "slow",
+        ((" --seconds [0-9]+", ""), COARSE, (r"$", " --size 64x64 --seconds 2")), needs=("av",),
+    ),
+    Rule(r"hangtime animate ", "slow", (COARSE, (r"$", " --size 64x64")), needs=("av",)),
     Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|report|compare|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs the first one's output
@@ -169,6 +186,9 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_take(folder / f"{name}.mcap", take)
         if name in ("swing", "gentle", "mixed"):
             write_take(folder / "demo" / f"{name}.mcap", take)
+    worn = plain_skirt(0.2)
+    write_take(folder / "skirt.mcap", take_of(worn, time, np.zeros((len(time), 3)), hung(worn, time)))
+    (folder / "dance.bvh").write_text(bvh_of(walk(3.0)))
     for name, hz in (("swing", 0.7), ("other", 0.9)):
         (folder / f"{name}.csv").write_text(marker_paths(time, hz))
     run(folder, "hangtime fit swing.mcap --method si --search annealing --iterations 4 --spacing 0.15 --out results")
@@ -188,38 +208,55 @@ def marker_paths(time: np.ndarray, hz: float) -> str:
     return "\n".join(lines) + "\n"
 
 
+def run_all(folder: Path, commands: list[Command]) -> None:
+    """Run the commands of a page in turn; skip at the end, and say so, where modules of some are not installed."""
+    missing = {name for one in commands for name in one.needs if importlib.util.find_spec(name) is None}
+    for one in commands:
+        if not missing & set(one.needs):
+            run(folder, one.text)
+    if missing:
+        left_out = [one.text for one in commands if missing & set(one.needs)]
+        pytest.skip(f"{', '.join(sorted(missing))} is not installed; left out: {'; '.join(left_out)}")
+
+
 def run(folder: Path, text: str) -> None:
     """Run a command in this process, in a folder; it must end with 0."""
     done = hangtime_here(*words_of_command(text), folder=folder)
     assert done.returncode == 0, f"{text}: {done.stderr}"
 
 
-def runnable(how: tuple[str, ...]) -> dict[str, list[str]]:
+@dataclass(frozen=True)
+class Command:
+    """A command as it is run, and the modules that it needs."""
+
+    text: str
+    needs: tuple[str, ...]
+
+
+def runnable(how: tuple[str, ...]) -> dict[str, list[Command]]:
     """Return each page's commands to run, in the page's order, with their reductions."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, list[Command]] = {}
     for page, text in shown_commands():
         rule = next((rule for rule in RULES if re.match(rule.pattern, text)), None)
         if rule is not None and rule.how in how:
             small = text
             for before, after in rule.changes:
                 small = re.sub(before, after, small)
-            found.setdefault(page, []).append(small)
+            found.setdefault(page, []).append(Command(small, rule.needs))
     return found
 
 
 @pytest.mark.parametrize("page", runnable(("quick",)))
 def test_the_quick_commands_of_a_page_run_in_its_order(page: str, workshop: Path, tmp_path: Path) -> None:
     shutil.copytree(workshop, tmp_path / "shop")
-    for text in runnable(("quick",))[page]:
-        run(tmp_path / "shop", text)
+    run_all(tmp_path / "shop", runnable(("quick",))[page])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", sorted(set(runnable(("slow",)))))
 def test_all_commands_of_a_page_run_in_its_order_on_small_inputs(page: str, workshop: Path, tmp_path: Path) -> None:
     shutil.copytree(workshop, tmp_path / "shop")
-    for text in runnable(("quick", "slow"))[page]:
-        run(tmp_path / "shop", text)
+    run_all(tmp_path / "shop", runnable(("quick", "slow"))[page])
 
 
 @pytest.mark.parametrize("page", sorted({page for page, _ in shown_commands()}))

@@ -277,6 +277,8 @@ def test_a_brier_score_of_certainty_and_of_doubt():
     assert brier({"hem": 1.0}, "draught") == 2.0
     assert brier({"hem": 0.8}, "hem") == pytest.approx(0.08)
     assert brier({"hem": 0.2}, "") == pytest.approx(0.08)
+    # Probabilities of effects that are at work together may pass 1, and then leave nothing: 0.3^2 + 0.6^2.
+    assert brier({"hem": 0.7, "draught": 0.6}, "hem") == pytest.approx(0.45)
 
 
 def test_sizes_fall_into_their_bins():

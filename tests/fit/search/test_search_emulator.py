@@ -39,6 +39,20 @@ def test_what_was_told_is_known_to_a_percent_and_elsewhere_the_cost_to_a_tenth(p
     assert np.abs(emulator.costs(others, 0.0)[0] - true).max() < 0.1 * true.mean()
 
 
+def test_far_from_two_places_caution_costs_their_unbiased_variance():
+    """Two residuals d apart, of correlation k and with a nugget g, have the variance d^2 / (2 (1 + g - k)).
+
+    Infinitely far away the prediction's variance is that times 1 + (1 + g + k) / 2: of one number and of the mean.
+    """
+    told = np.array([[3.0, 0.0], [0.0, 4.0]])
+    found = Emulator(np.array([[0.0], [1.0]]), told @ told.T)
+    apart = np.sqrt(5) / np.exp(found._logs[0])
+    k, whole = (1 + apart + apart**2 / 3) * np.exp(-apart), 1 + np.exp(found._logs[1])
+    far = np.array([[1e4]])
+    caution = found.costs(far, 1.0)[0] - found.costs(far, 0.0)[0]
+    assert caution == pytest.approx([25 / (2 * (whole - k)) * (1 + (whole + k) / 2)])
+
+
 def test_caution_costs_least_where_something_was_told(places, emulator):
     def doubt(units):
         return emulator.costs(units, 1.0)[0] - emulator.costs(units, 0.0)[0]

@@ -1,0 +1,122 @@
+"""Intervals of searches: residuals of free rollouts in units of their deviation, and ends that fit as well."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fit.identification import trials
+from fit.identification.free_intervals import blocks_of, free_intervals
+from fit.identification.trials import Run
+from fit.search.intervals import LinearModel, block_intervals
+from fit.search.least_squares import BoundedSpace
+from fit.search.steps import Step
+
+SPACE = BoundedSpace(minimum=np.zeros(2), maximum=np.array([4.0, 10.0]), is_log=np.zeros(2, bool))
+BEST = np.array([1.0, 9.9])  # of the second parameter no step upwards stays within the box
+
+
+def seen(frames, missing=()):
+    """A recording of one point at four frames a second that is not seen in some."""
+    valid = np.ones((frames, 1), bool)
+    valid[list(missing)] = False
+    points = np.random.default_rng(frames).normal(0, 0.01, (frames, 1, 3))
+    return SimpleNamespace(time=np.arange(frames) / 4, points=points, valid=valid)
+
+
+def test_half_seconds_of_two_takes_are_blocks_of_their_own():
+    """A second of four frames, the second one unseen, and then three frames; each frame has three numbers."""
+    first, second = blocks_of([seen(4, missing=[1]), seen(3)])
+    assert first.tolist() == [0] * 3 + [1] * 6
+    assert second.tolist() == [2] * 6 + [3] * 3
+
+
+def test_intervals_of_free_rollouts_are_those_of_the_residuals_in_their_own_deviation():
+    """Points that follow both parameters along lines: the Jacobian is minus these lines, whatever the step."""
+    recordings = [seen(12, missing=[2]), seen(9)]
+    rng = np.random.default_rng(0)
+    slopes = [rng.normal(0, 0.02, (2, *one.points.shape)) for one in recordings]  # m per share of the box
+
+    def points(candidates):
+        away = SPACE.to_unit(candidates) - SPACE.to_unit(BEST)
+        return [np.einsum("cp,pfkx->cfkx", away, slope) for slope in slopes]
+
+    found = free_intervals(SPACE, recordings, points, BEST)
+    residual = np.concatenate([one.points[one.valid].ravel() for one in recordings])
+    jacobian = np.concatenate(
+        [-slope[:, one.valid].reshape(2, -1) for one, slope in zip(recordings, slopes, strict=True)], axis=1
+    ).T
+    deviation = np.sqrt(np.mean(residual**2))
+    frames = [*(k // 2 for k in range(12) if k != 2), *(6 + k // 2 for k in range(9))]
+    model = LinearModel(
+        parameters=BEST, residuals=residual / deviation, jacobian=jacobian / deviation, block=np.repeat(frames, 3)
+    )
+    known = block_intervals(SPACE, model)
+    assert found.ends == pytest.approx(known.ends)
+    assert found.covariance == pytest.approx(known.covariance, rel=1e-6, abs=0)
+    assert found.way == pytest.approx(known.way)
+    assert found.is_identified.tolist() == known.is_identified.tolist()
+
+
+def test_noise_leaves_its_mean_and_one_deviation_of_chi_square():
+    """Of 200 numbers 200 + sqrt(400); before anything was looked at there is no limit."""
+    assert Run._noise(SimpleNamespace(residuals=np.zeros((3, 200)))) == pytest.approx(220.0)
+    assert Run._noise(SimpleNamespace(residuals=None)) == np.inf
+
+
+def an_end(cost, at):
+    return Step(
+        is_look=False, vector=np.array(at), cost=cost, vectors=np.zeros((0, 2)), simulations=0, distances=(),
+        slopes_at=np.array(at),
+    )  # fmt: skip
+
+
+def intervals_of(monkeypatch, **changes):
+    """What the intervals of a search are made with, whose best end costs 100 and another one e^(2/3) times that."""
+    given = {}
+    monkeypatch.setattr(trials, "block_intervals", lambda space, model, **more: given.update(more, model=model))
+    free = SimpleNamespace(
+        recordings=[SimpleNamespace(duration=2.5), SimpleNamespace(duration=3.5)], by_place=lambda residuals: residuals,
+        layout=SimpleNamespace(block=np.arange(4), is_judged=slice(None)),
+    )  # fmt: skip
+    run = SimpleNamespace(
+        search=SimpleNamespace(space=SPACE, free=free), residuals=None, costs=np.zeros(0), units=np.zeros((0, 2)),
+        unit=np.full(2, 0.5), least=[100.0], settings=SimpleNamespace(seed=0),
+    )  # fmt: skip
+    for name, value in changes.items():
+        setattr(run, name, value)
+    best = SimpleNamespace(parameters=np.array([1.0, 2.0]), cost=100.0, residuals=np.ones(4), jacobian=np.ones((4, 2)))
+    ends = [an_end(100.0, [1.0, 2.0]), an_end(100.0 * np.exp(2 / 3), [2.0, 2.0])]
+    Run._intervals(run, best, ends)
+    return given
+
+
+def test_ends_of_descents_without_looks_count_a_number_for_every_two_seconds(monkeypatch):
+    """Six seconds are 3 numbers: an end that costs e^(2/3) times the best one has a weight of e^-1; it is 0.25 off."""
+    given = intervals_of(monkeypatch)
+    share = np.exp(-1) / (1 + np.exp(-1))
+    assert given["between"] == pytest.approx(np.array([[share * 0.25**2, 0.0], [0.0, 0.0]]))
+    assert given["model"].jacobian[0].tolist() == [4.0, 10.0]  # by shares of the box
+
+
+@pytest.mark.parametrize(("apart", "pieces"), [(0.001, 40.0), (0.1, 20.0)])
+def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pieces):
+    """Of 40 independent numbers chance moves a cost by 2 / 40; trials that end farther apart leave fewer numbers."""
+    told = {}
+    monkeypatch.setattr(trials, "independent", lambda takes: 40.0)
+    monkeypatch.setattr(trials, "Emulator", lambda units, gram: None)
+    monkeypatch.setattr(
+        trials,
+        "draw",
+        lambda cost, places, pieces, seed: told.update(pieces=pieces) or np.array([[0.25, 0.2], [0.35, 0.2]]),
+    )
+    given = intervals_of(
+        monkeypatch, residuals=np.ones((6, 4)), costs=np.arange(6.0), units=np.zeros((6, 2)),
+        least=[100.0, 100.0 * np.exp(apart)],
+    )  # fmt: skip
+    assert told["pieces"] == pytest.approx(pieces)
+    # Draws lie 0 and 0.1 of the box from the best end, and the other end 0.25; the wider of both counts.
+    share = np.exp(-pieces / 3) / (1 + np.exp(-pieces / 3))
+    assert given["spread"][0] == pytest.approx(max(0.1 / np.sqrt(2), 0.25 * np.sqrt(share)))

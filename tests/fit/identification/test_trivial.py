@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from fit.identification.trivial import describe_trivial, fitted_pendulum, pendul
 from fit.methods import SI
 from fit.recordings.recording import prepare
 from formats.fit_records import ErrorFigure, TrivialFigure
+from formats.nature import GRAVITY
 from tests.fit.scenes import hung, material, sheet, simulate_take, take_of
 from tests.formats.damage import a_report
 
@@ -90,3 +92,28 @@ def test_every_fit_has_both_beside_it():
     assert any("rigid sheet" in note for note in result.notes)
     assert len(result.trivial[0].held_out.per_frame_m) == len(time)
     assert replace(result, trivial=[]).trivial == []
+
+
+def test_a_hanger_that_is_accelerated_upwards_pulls_its_pendulum_straighter():
+    """1 m/s^2 through the cloth and 3 m/s^2 upwards: the sheet leans by atan(1 / (9.81 + 3)) once it is at rest."""
+    instants = np.arange(0, 4, 1 / 30)
+
+    def held(at):
+        arm = np.array([0.1, 0.0, 0.0])
+        moved = np.stack([0 * at, 0.5 * at**2, 1.5 * at**2], 1)
+        return np.concatenate([moved - arm, moved + arm], 1)
+
+    recording = SimpleNamespace(time=instants, duration=float(instants[-1]), held=held)
+    angle = swing(recording, np.array([0.25]), np.array([6.0]))[0]
+    assert angle[instants > 3.3][:10] == pytest.approx(np.full(10, -np.arctan(1 / (GRAVITY + 3))), rel=1e-3)
+
+
+def test_the_two_numbers_of_a_pendulum_are_those_of_all_takes_together():
+    """Of takes that swing 50 mm and, with other numbers, 2 mm the first one decides, in either order."""
+    found = []
+    for amplitude, numbers in ((0.05, (0.35, 1.5)), (0.002, (0.8, 0.5))):
+        time, moved = shaken(amplitude=amplitude, hz=0.8, seconds=4.0)
+        empty = prepare(take_of(sheet(), time, moved, hung(sheet(), time)))
+        found.append(dataclasses.replace(empty, points=pendulum(empty, *numbers)))
+    assert fitted_pendulum(found[1:]) == (0.8, 0.5)
+    assert fitted_pendulum(found) == fitted_pendulum(found[::-1]) == (0.35, 1.5)

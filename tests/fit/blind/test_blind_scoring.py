@@ -11,12 +11,12 @@ import pytest
 from fit.blind.cases import Look
 from fit.blind.classifier import RIDGE, leave_one_out
 from fit.blind.engine import Cloth
-from fit.blind.judging import bin_of, conditions_of, judge
+from fit.blind.judging import BINS, Judged, bin_of, conditions_of, judge
 from fit.blind.making import open_labels, read_manifest
 from fit.blind.page import check_page_name, figure, write_page
 from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
-from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
+from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, rates_of, score_set, summarise
 from fit.errors import FitError
 from formats.diagnosis_records import Cost
 from formats.results import save_diagnosis
@@ -199,6 +199,8 @@ def test_an_effect_in_third_place_is_among_the_first_three_groups(a_set, tmp_pat
     assert not one.right_first
     assert one.right_in_three
     assert one.confident_and_wrong
+    untested = [finding("added_mass", tested=False), *three]  # a group that was not tested takes no place
+    assert judged(a_set, tmp_path, "single", diagnosis("effect", ["draught"], untested)).right_in_three
     four = [*three[:2], finding("added_mass"), three[2]]
     assert not judged(a_set, tmp_path, "single", diagnosis("effect", ["draught"], four)).right_in_three
 
@@ -337,3 +339,19 @@ def test_a_named_local_effect_says_its_place_and_else_the_largest_residual_does(
     assert not found(["clip_slip"], (wrong,), right)
     assert found(["draught"], (), right)
     assert not found(["draught"], (right,), "bottom left")
+
+
+def test_closure_is_compared_with_the_true_effects_where_that_closes_anything():
+    """0.4 of 0.8; 1.2 of 0.6 counts as all, -0.3 of 0.5 as nothing; what is refitted to close 0.05 tells no share."""
+    closed = [(0.4, 0.8), (1.2, 0.6), (-0.3, 0.5), (0.04, 0.05), (0.3, None)]
+    singles = [
+        Judged(
+            id=str(k), kind="single", planted=("hem",), amplitude=1.0, ratio=None, bin=BINS[-1], verdict="effect",
+            named=("hem",), is_tested=True, closure=mine, closure_of_oracle=best,
+        )
+        for k, (mine, best) in enumerate(closed)
+    ]  # fmt: skip
+    found = rates_of(singles)
+    assert found.closure_against_oracle == pytest.approx((0.5 + 1.0 + 0.0) / 3)
+    assert found.closure == pytest.approx(0.3)  # the median of all five
+    assert rates_of(singles[3:]).closure_against_oracle is None

@@ -114,6 +114,8 @@ def test_erosion_pulls_the_free_corners_inwards_and_leaves_the_rest():
 def test_a_scale_of_2_percent_about_the_sensor():
     """At the reference distance of 1.5 m exactly 2 %: 30 mm."""
     assert sensing.scaled(np.array([[0.3, 0.0, 1.5]]), 0.02, 1.5)[0] == pytest.approx([0.306, 0.0, 1.53])
+    # The error grows with the distance: at twice the distance 3 %.
+    assert sensing.scaled(np.array([[0.3, 0.0, 3.0]]), 0.02, 1.5)[0] == pytest.approx([0.309, 0.0, 3.09])
 
 
 def test_slow_noise_has_deviation_one_and_forgets_within_its_time():
@@ -169,6 +171,9 @@ def test_a_clip_slips_once_at_the_hardest_jerk_and_stays():
     ends[:, [1, 4]] += (0.1 * hands.step(np.arange(801) / SAMPLES_A_SECOND, 2.0, 0.3))[:, None]
     moved = boundary.real_ends(ends, (planted("clip_slip", 0.005, left=0.005, right=0.0),), 0) - ends
     assert moved[399, 2] == 0.0
+    begin = int(np.flatnonzero(moved[:, 2])[0]) - 1
+    later = begin + round(0.04 * SAMPLES_A_SECOND)
+    assert moved[later, 2] == pytest.approx(-0.005 * (1 - np.exp(-1)))  # after 40 ms
     assert moved[-1, 2] == pytest.approx(-0.005, rel=1e-3)
     assert not moved[:, 5].any()
 
@@ -332,3 +337,16 @@ def test_takes_of_ordinary_cloth_are_predictable():
     second = make_takes(replace(truth, bending=3.003e-5, damping=0.8), side=0.05)
     for one, other in zip(first, second, strict=True):
         assert np.abs(one.points - other.points).max() < 0.5e-3
+
+
+def test_two_low_passes_delay_a_ramp_from_rest_as_their_law_says():
+    """Two of T = 40 ms: y = t - 2 T + (t + 2 T) e^(-t/T); a hundredth of T is what the second one's samples leave."""
+    time = np.arange(200) / SAMPLES_A_SECOND
+    found = sensing.lagged(np.tile(time[:, None, None], (1, 1, 3)), 0.08)
+    assert found[:, 0, 0] == pytest.approx(time - 0.08 + (time + 0.08) * np.exp(-time / 0.04), abs=4e-4)
+
+
+def test_a_pendulum_at_a_corner_weighs_a_share_of_the_cloth():
+    cloth = Cloth(width=0.4, height=0.5)
+    hung = with_plants(cloth, (planted("corner_pendulum", 0.1, **{"": -0.1}),))
+    assert (hung.bob, hung.corner) == (pytest.approx(0.1 * cloth.mass), -1)

@@ -340,7 +340,7 @@ def test_takes_of_ordinary_cloth_are_predictable():
 
 
 def test_two_low_passes_delay_a_ramp_from_rest_as_their_law_says():
-    """Two of T = 40 ms: y = t - 2 T + (t + 2 T) e^(-t/T); a hundredth of T is what the second one's samples leave."""
+    """Two of T = 40 ms: y = t - 2 T + (t + 2 T) e^(-t/T); samples add less than a hundredth of T."""
     time = np.arange(200) / SAMPLES_A_SECOND
     found = sensing.lagged(np.tile(time[:, None, None], (1, 1, 3)), 0.08)
     assert found[:, 0, 0] == pytest.approx(time - 0.08 + (time + 0.08) * np.exp(-time / 0.04), abs=4e-4)

@@ -65,6 +65,11 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     labels, points = [label for name in LABELS for label in parameters.texts("POINT", name)], header.points
     rate, stated = _rate(parameters, header), _stated_frames(parameters)
     frames = min(header.held, max(header.frames, stated) if header.is_at_its_most else header.frames)
+    if points and frames <= 0 and header.held:
+        raise TakeError(
+            f"states {frames} frames and has room for {header.held} of its {points} points", where=path,
+            advice="export it again",
+        )  # fmt: skip
     if not points or frames <= 0:
         raise TakeError(
             f"has no marker paths ({points} points, {max(frames, 0)} frames)", where=path,
@@ -82,14 +87,16 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(parameters.texts("POINT", "UNITS"), points, unit, path)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
-    positions, lacking, zeros = _places(path, header, len(time), scale)
+    positions, lacking, zeros, infinite = _places(path, header, len(time), scale)
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
+    infinite[:, others] = False
+    _refuse_infinity(infinite, labels, path)
     positions[:, others], lacking[:, others], zeros[:, others] = np.nan, False, False
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    warnings = []
+    warnings = [header.doubts]
     if wanted.frames is None or wanted.frames > frames:
         warnings.append(_warning_of_length(path, size, header, frames))
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
@@ -136,15 +143,27 @@ def _warning_of_length(path: Path, size: int, header: _Header, frames: int) -> s
     return f"the file states {frames} frames and has room for {header.held}; the first {frames} were read"
 
 
-def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans, Booleans]:
+def _refuse_infinity(infinite: Booleans, labels: list[str], path: Path) -> None:
+    """Refuse positions with an infinite coordinate, as in a text; `infinite`: whether one has, (frames, points)."""
+    if infinite.any():
+        frame, point = np.argwhere(infinite)[0].tolist()
+        more = f", the first of {infinite.sum()} such positions" if infinite.sum() > 1 else ""
+        raise TakeError(
+            f"frame {frame + 1} holds inf, which is no number, for {labels[point][:LONGEST_SHOWN]}{more}", where=path,
+            advice="export it again, with markers that were not seen as NaN or with a negative residual",
+        )  # fmt: skip
+
+
+def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Floats, Booleans, Booleans, Booleans]:
     """Return the points' positions [m], (frames, points, 3), NaN where not seen.
 
-    Also return whether one or two coordinates are missing, and whether all three are zero, both (frames, points). The
-    file is read in pieces of `PIECE` bytes.
+    Also return whether one or two coordinates are missing, whether all three are zero, and whether one is infinite, all
+    (frames, points). The file is read in pieces of `PIECE` bytes.
 
     scale: metres of each point's unit, (points,)
     """
-    positions, (lacking, zeros) = np.empty((frames, header.points, 3)), np.empty((2, frames, header.points), bool)
+    positions = np.empty((frames, header.points, 3))
+    lacking, zeros, infinite = np.empty((3, frames, header.points), bool)
     at_once = max(PIECE // header.width, 1)
     kind = FLOAT if header.is_float else SHORT
     with path.open("rb") as file:
@@ -160,7 +179,8 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> tuple[Fl
                 piece[:] = as_seen(where, rows[..., 3] < 0)
             lacking[first : first + at_once] = are_incomplete(where) & ~(rows[..., 3] < 0)
             zeros[first : first + at_once] = are_zeros(where, rows[..., 3] < 0)
-    return positions, lacking, zeros
+            infinite[first : first + at_once] = np.isinf(rows[..., :3]).any(2) & ~(rows[..., 3] < 0)
+    return positions, lacking, zeros, infinite
 
 
 def _parameters(path: Path, data_at: int) -> Parameters:
@@ -247,6 +267,7 @@ class _Header:
     - `parameters_at` [bytes]: offset of the parameters
     - `is_at_its_most`: whether the header states the largest number of frames that it can
     - `rate` [1/s]: None where the header states none
+    - `doubts`: warnings of parameters that contradict the header, '' without any
     """
 
     processor: int
@@ -260,6 +281,7 @@ class _Header:
     parameters_at: int
     is_at_its_most: bool
     rate: float | None
+    doubts: str
 
 
 def _refuse_a_short_file(path: Path, size: int) -> _Header:
@@ -276,23 +298,60 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     points, analogue, first, last = struct.unpack_from(f"{order}HHHH", head, 2)
     start = struct.unpack_from(f"{order}H", head, 16)[0]
     scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
-    if not start or not np.isfinite(scale) or scale == 0.0:  # the header has copies of parameters
-        parameters = _parameters(path, BLOCK_BYTES * (start - 1))
-        start = start or int(_first(parameters.numbers("POINT", "DATA_START")))
-        copy = _first(parameters.numbers("POINT", "SCALE"))
+    parameters = _copies(path, BLOCK_BYTES * (start - 1))
+    if not np.isfinite(scale) or scale == 0.0:
+        copy = parameters.get("SCALE", 0.0)
         if not np.isfinite(scale) and not copy:
             raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
         scale = scale if scale and np.isfinite(scale) else copy or -1.0
     is_float = scale < 0
     width = (4 * points + analogue) * (4 if is_float else 2)
-    frames = last - first + 1
+    frames, doubts = last - first + 1, list[str]()
+    if (copy := int(parameters.get("FRAMES", 0.0))) > 0 >= frames:
+        doubts.append(f"its header states frames {first} to {last}, and its parameter POINT:FRAMES {copy} frames")
+        frames = copy
+    start, other = _begin(size, start, int(parameters.get("DATA_START", 0.0)), width * max(frames, 0))
+    if other:
+        doubts.append(f"its header and its parameter POINT:DATA_START state blocks {other[0]} and {other[1]} as the "
+                      f"first of its frames; they were read from block {start}")  # fmt: skip
     held = (size - BLOCK_BYTES * (start - 1)) // width if width and start > 1 else 0
+    if (used := int(parameters.get("USED", points))) != points:
+        counts = f"its header states {points} points, and its parameter POINT:USED {used}"
+        if held != frames and not 0 <= size - BLOCK_BYTES * (start - 1) - frames * width < BLOCK_BYTES:
+            raise TakeError(f"{counts}, and its size agrees with neither", where=path, advice="export it again")
+        doubts.append(f"{counts}; {points} were read")
     if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
         raise _cut_off(max(held, 0), frames, "its header states", path)
     return _Header(
         processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
         BLOCK_BYTES * (head[0] - 1), last == MOST_FRAMES and first <= 1, rate if 0 < rate < FASTEST_RATE else None,
+        "; ".join(doubts),
     )  # fmt: skip
+
+
+def _copies(path: Path, data_at: int) -> dict[str, float]:
+    """Return the parameters of points that the header has copies of, by name; {} where the section is malformed."""
+    try:
+        parameters = _parameters(path, data_at)
+    except TakeError:  # reported where the parameters themselves are needed
+        return {}
+    found = {name: parameters.numbers("POINT", name) for name in ("SCALE", "FRAMES", "DATA_START", "USED")}
+    return {name: _first(numbers) for name, numbers in found.items() if len(numbers)}
+
+
+def _begin(size: int, stated: int, copy: int, length: int) -> tuple[int, tuple[int, int] | None]:
+    """Return the block at which the frames begin, and the two stated blocks where they contradict each other.
+
+    The header's block counts, unless the file's size agrees with the parameter's block only.
+
+    - `size` [bytes]: of the file; `length` [bytes]: of all frames
+    - `stated`, `copy`: the block by the header and by POINT:DATA_START, 0 where it is not stated
+    """
+    if not stated or copy < 2 or copy == stated:
+        return stated or copy, None
+    rest, other = (size - BLOCK_BYTES * (block - 1) - length for block in (stated, copy))
+    is_copy = stated < 2 or rest < 0 <= other or (0 <= other < BLOCK_BYTES <= rest)
+    return (copy if is_copy else stated), (stated, copy)
 
 
 def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> None:

@@ -97,7 +97,8 @@ def test_zeros_behind_the_frames_and_parameters_there_are_no_frames(tmp_path):
     begin = 512 * (struct.unpack_from("<H", raw, 16)[0] - 1)
     head = bytearray(raw[:512])
     head[0], head[16:18] = 3, struct.pack("<H", 2)
-    moved = bytes(head) + raw[begin:] + raw[512:begin]
+    at = raw.index(b"DATA_START") + 14
+    moved = bytes(head) + raw[begin:] + raw[512:at] + struct.pack("<H", 2) + raw[at + 2 : begin]
     assert (read(tmp_path, moved).labels, read(tmp_path, moved).warning) == (("a",), "")
     np.testing.assert_array_equal(read(tmp_path, moved).positions, read(tmp_path, raw).positions)
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from formats.errors import TakeError
 from formats.importers.c3d_file import _scale, read_c3d
+from formats.importers.marker_tracks import Wanted
 from tests.formats.c3d_by_hand import PROCESSORS, c3d_bytes
 
 MIXTURES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -91,6 +92,68 @@ def test_a_damaged_number_is_a_gap_and_brings_no_warning(tmp_path):
     raw[at : at + 4] = bytes.fromhex("0100807f")
     found = read(tmp_path, bytes(raw)).positions
     assert np.argwhere(np.isnan(found)).tolist() == [[4, 1, 0], [4, 1, 1], [4, 1, 2]]
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf])
+def test_an_infinite_position_is_refused_as_in_a_text(tmp_path, value):
+    places = np.nan_to_num(paths(), nan=7.0)
+    places[4:6, 1, 2] = value
+    raw = c3d_bytes(np.nan_to_num(places, posinf=7e33, neginf=-7e33), list("abcde"))
+    raw = raw.replace(struct.pack("<f", np.sign(value) * 7e33), struct.pack("<f", value))
+    told = "frame 5 holds inf, which is no number, for b, the first of 2 such positions; export it again, with markers"
+    with pytest.raises(TakeError, match=told):
+        read(tmp_path, raw)
+    assert len(read_c3d(tmp_path / "a.c3d", None, Wanted(names=("a", "c"))).time) == 12
+    assert len(read_c3d(tmp_path / "a.c3d", None, Wanted(frames=4)).time) == 4
+
+
+@pytest.mark.parametrize(
+    ("first", "told"),
+    [
+        (100, "its header states frames 100 to 20, and its parameter POINT:FRAMES 12 frames"), (9, ""),
+    ],
+)  # fmt: skip
+def test_frames_by_the_parameter_are_read_where_the_header_states_none(tmp_path, first, told):
+    raw = bytearray(c3d_bytes(paths(), list("abcde"), header={"first": first}))
+    if told:
+        struct.pack_into("<H", raw, 8, 20)
+    found = read(tmp_path, bytes(raw))
+    assert (len(found.time), found.warning) == (12, told)
+    np.testing.assert_allclose(1e3 * found.positions, paths(), rtol=1e-6, equal_nan=True)
+
+
+def test_frames_that_nothing_counts_are_refused_with_the_room_for_them(tmp_path):
+    raw = bytearray(c3d_bytes(paths(), list("abcde"), header={"first": 9}))
+    struct.pack_into("<H", raw, 8, 8)
+    at = raw.index(b"FRAMES") + 10
+    raw[at : at + 2] = bytes(2)
+    with pytest.raises(TakeError, match="states 0 frames and has room for 12 of its 5 points; export it again"):
+        read(tmp_path, bytes(raw))
+
+
+@pytest.mark.parametrize(("header", "copy"), [(40, 0), (0, 40), (1, 0), (-1, 0), (0, -1), (0, 1)])
+def test_the_block_of_the_frames_that_agrees_with_the_size_counts(tmp_path, header, copy):
+    """One of the header and the parameter is off by so many blocks."""
+    raw = bytearray(c3d_bytes(paths(), list("abcde")))
+    true = struct.unpack_from("<H", raw, 16)[0]
+    struct.pack_into("<H", raw, 16, true + header)
+    struct.pack_into("<H", raw, raw.index(b"DATA_START") + 14, true + copy)
+    found = read(tmp_path, bytes(raw))
+    np.testing.assert_allclose(1e3 * found.positions, paths(), rtol=1e-6, equal_nan=True)
+    stated = f"state blocks {true + header} and {true + copy} as the first of its frames"
+    assert found.warning == (
+        f"its header and its parameter POINT:DATA_START {stated}; they were read from block {true}"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("used", [4, 8])
+def test_two_numbers_of_points_are_told_and_refused_where_the_size_agrees_with_neither(tmp_path, used):
+    raw = bytearray(c3d_bytes(paths(), list("abcde")))
+    struct.pack_into("<H", raw, raw.index(b"USED") + 8, used)
+    told = f"its header states 5 points, and its parameter POINT:USED {used}"
+    assert read(tmp_path, bytes(raw)).warning == f"{told}; 5 were read"
+    with pytest.raises(TakeError, match=f"{told}, and its size agrees with neither; export it again"):
+        read(tmp_path, bytes(raw) + bytes(4096))
 
 
 def test_of_a_unit_that_nobody_knows_twenty_letters_are_reported(tmp_path):

@@ -28,7 +28,7 @@ from formats.system_causes import step_to_read
 from formats.take_reader import read_take
 from formats.take_report import LeftState
 from formats.unfinished import ANOTHER_FOLDER, TellAside, already_there, put_aside, unfinished_name
-from formats.whole_files import give_name, is_device, sync_folder
+from formats.whole_files import give_name, is_device, is_folder, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
@@ -60,7 +60,7 @@ def check_description(path: Path, description: Garment | Rig, *, overwrite: bool
     else:
         check_garment(description, path)
     refuse_codes(path, msgspec.to_builtins(description))
-    if not os.path.lexists(path) or (overwrite and not path.is_dir()):
+    if not os.path.lexists(path) or (overwrite and not is_folder(path)):
         return
     try:
         if says(path, description):

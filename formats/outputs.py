@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -12,7 +13,16 @@ from formats.errors import OutputError
 from formats.plain_text import counted
 from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
-from formats.whole_files import is_device, longest_name, make_folders, make_writable, name_of_its_own, write_whole
+from formats.whole_files import (
+    is_device,
+    is_folder,
+    kind_of_file,
+    longest_name,
+    make_folders,
+    make_writable,
+    name_of_its_own,
+    write_whole,
+)
 
 NAMED_PARTIAL = (".mcap", ".oni")  # written as NAME.partial; others are written as `name_of_its_own`
 
@@ -77,7 +87,7 @@ def refuse_to_replace(
     except OSError as error:
         raise unwritable(path, error) from error
     if overwrite:
-        if path.is_dir() or is_device(path):
+        if is_folder(path) or is_device(path):
             raise already_there(path, instead=instead)
         return
     if os.path.lexists(path) and not (text is not None and holds(path, text.encode())):
@@ -107,7 +117,7 @@ def holds(path: Path, content: bytes) -> bool:
     Raises:
         OSError: the file cannot be read.
     """
-    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+    return stat.S_ISREG(kind_of_file(path)) and path.stat().st_size == len(content) and path.read_bytes() == content
 
 
 def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:

@@ -15,7 +15,17 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
-from formats.whole_files import NO_PLACE, is_device, longest_name, loop_words, sync_folder
+from formats.whole_files import (
+    NO_PLACE,
+    give_name,
+    is_device,
+    is_folder,
+    is_hidden,
+    kind_of_file,
+    longest_name,
+    loop_words,
+    sync_folder,
+)
 
 ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
 TellAside = Callable[[Path, Path], None]  # called with the names of a file that was put aside, before and after
@@ -32,11 +42,11 @@ def already_there(path: Path, *, instead: str = ANOTHER_NAME, what: str = "is al
     - `instead`: the next step for a user who wants to keep both files
     - `what`: description of an existing file
     """
-    if path.is_dir():
+    if is_folder(path):
         return OutputError("is a folder", where=path, advice=instead)
     if is_device(path):
         return OutputError(f"cannot be written ({NO_PLACE})", where=path, advice=instead)
-    if not path.exists():
+    if not kind_of_file(path) and not is_hidden(path):
         what = loop_words(path, "is a link that leads to nothing")
     return OutputError(what, where=path, advice=f"{instead}, or --overwrite to replace it")
 
@@ -135,9 +145,10 @@ class UnfinishedFile:
         """
         self.sync()
         self._refuse_device()
-        if not self._may_replace and os.path.lexists(self.path):
-            raise already_there(self.path, instead=self._instead)
-        self.partial.replace(self.path)
+        try:
+            give_name(self.partial, self.path, may_replace=self._may_replace)
+        except FileExistsError as error:  # it appeared since this file was begun
+            raise already_there(self.path, instead=self._instead) from error
         self.file.close()
         sync_folder(self.path.parent)
 

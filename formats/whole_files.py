@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 from contextlib import suppress
 from pathlib import Path
 
 NO_PLACE = "a device, a pipe or a socket is no place for a file"
+AT_FDCWD, RENAME_NOREPLACE = -100, 1  # Linux, fcntl.h and fs.h
 MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 
 
@@ -68,7 +70,12 @@ def give_name(partial: Path, path: Path, *, may_replace: bool) -> None:
 
 
 def _put_where_none_is(partial: Path, path: Path) -> None:
-    """Give a file its name unless another file has it; a hard link tests and names in one step."""
+    """Give a file its name unless another file has it, tested and named in one step.
+
+    A file system that cannot rename like this gets a hard link, which a crash may leave beside the unfinished name.
+    """
+    if _rename_where_none_is(partial, path):
+        return
     try:
         path.hardlink_to(partial)
     except FileExistsError:
@@ -79,6 +86,22 @@ def _put_where_none_is(partial: Path, path: Path) -> None:
         partial.replace(path)
     else:
         partial.unlink()
+
+
+def _rename_where_none_is(partial: Path, path: Path) -> bool:
+    """Rename a file unless another file has the name (`man 2 renameat2`); False where the system cannot do that."""
+    import ctypes  # imported here: few commands need it
+
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    sys.audit("os.rename", str(partial), str(path), -1, -1)  # as `os.rename` does, whose system call cannot refuse
+    if rename(AT_FDCWD, os.fsencode(partial), AT_FDCWD, os.fsencode(path), RENAME_NOREPLACE) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP):
+        return False
+    raise OSError(number, os.strerror(number), str(path))
 
 
 def _refuse_device(path: Path) -> None:
@@ -93,11 +116,44 @@ def is_device(path: Path) -> bool:
     Raises:
         OSError: its folder cannot be read.
     """
-    with suppress(FileNotFoundError):
-        if not leads_to_itself(path):
-            kind = path.stat().st_mode
-            return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+    kind = kind_of_file(path)
+    return bool(kind) and not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a path names a folder, or a link to one.
+
+    Raises:
+        OSError: its folder cannot be read.
+    """
+    return stat.S_ISDIR(kind_of_file(path))
+
+
+def is_hidden(path: Path) -> bool:
+    """Return whether a path leads into a folder without permission, so that nobody here may see what is there."""
+    try:
+        path.stat()
+    except PermissionError:
+        return True
+    except OSError:
+        return False
     return False
+
+
+def kind_of_file(path: Path) -> int:
+    """Return the mode of a file, or 0 where there is none or a link leads to what nobody here may see.
+
+    Raises:
+        OSError: its folder cannot be read.
+    """
+    try:
+        return path.stat().st_mode
+    except FileNotFoundError:
+        return 0
+    except OSError as error:
+        if error.errno == errno.ELOOP or (error.errno in (errno.EACCES, errno.EPERM) and path.is_symlink()):
+            return 0
+        raise
 
 
 def leads_to_itself(path: Path) -> bool:

@@ -114,6 +114,26 @@ def test_an_unfinished_take_and_a_rig_without_permission_are_reported_as_such(de
     assert (desk / "o/m.left-1.mcap.partial").read_text() == "mine"
 
 
+@pytest.mark.unmutated
+def test_a_link_into_a_locked_folder_stops_no_other_recording(desk):
+    """Where the garment goes beside a take; `--overwrite` replaces the link."""
+    (desk / "locked").mkdir()
+    (desk / "o/garment.toml").symlink_to(desk / "locked/garment.toml")
+    (desk / "locked").chmod(0)
+    try:
+        plainly, replaced = hangtime_unprivileged(
+            (*IMPORT, "--out", "o"), (*IMPORT, "--out", "o", "--overwrite"), folder=desk
+        )
+    finally:
+        (desk / "locked").chmod(0o700)
+    what = "is already there and cannot be compared with the garment of this take: cannot be read (Permission denied)"
+    step = f"{OTHER_FOLDER}, or --overwrite to replace it"
+    assert (plainly.returncode, plainly.stderr) == (2, f"hangtime: o/garment.toml: {what}; {step}\n")
+    assert replaced.returncode == 0
+    assert not (desk / "o/garment.toml").is_symlink()
+    assert list((desk / "locked").iterdir()) == []
+
+
 @pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
 def test_a_folder_in_the_place_of_a_file_is_reported_before_anything_is_made(desk, option):
     for words, name in (

@@ -238,3 +238,18 @@ def test_what_a_recording_left_that_ended_before_its_first_block_blocks_no_name(
     add(writer, 40)
     writer.finish()
     assert names(tmp_path) == ["t.mcap"]
+
+
+def test_a_file_that_appears_while_a_take_gets_its_name_is_not_replaced(tmp_path, monkeypatch):
+    """It appears after the last look at the name, and before the take is renamed."""
+    writer = a_writer(tmp_path, overwrite=False)
+    add(writer, 40)
+    monkeypatch.setattr("formats.unfinished.is_device", lambda path: path.write_text("mine") and False)
+    with pytest.raises(
+        OutputError, match=r"t\.mcap: is already there; give another name, or --overwrite to replace it"
+    ):
+        writer.finish()
+    monkeypatch.undo()
+    writer.keep()
+    assert (tmp_path / "t.mcap").read_text() == "mine"
+    assert names(tmp_path) == ["t.mcap", "t.mcap.partial"]

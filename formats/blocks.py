@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,8 @@ SMALLEST_SD, LARGEST_SD = 1e-9, 1e9
 SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
 Columns = dict[str, NDArray[Any]]
+REAL, FLAGS = ("fiu", "real numbers"), ("b", "true or false")  # kinds of `np.dtype`
+KINDS = {"held_valid": FLAGS, "points_valid": FLAGS, "points_hidden": FLAGS}  # the others are real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +62,26 @@ class Frame:
         """Return the frame as columns of one row, by the names of `formats.take.Take`."""
         hidden = np.zeros(len(self.points), bool) if self.points_hidden is None else self.points_hidden
         values = {**{name: getattr(self, name) for name in self.__dataclass_fields__}, "points_hidden": hidden}
-        return {name: np.asarray(value)[None] for name, value in values.items()}
+        return {name: value[None] for name, value in as_arrays(values, "a frame").items()}
+
+
+def as_arrays(values: Mapping[str, object], take_id: object) -> Columns:
+    """Return values as arrays.
+
+    Raises:
+        TakeError: a value is no array of real numbers, or of flags where its name requires them.
+    """
+    arrays = {}
+    for name, value in values.items():
+        kinds, words = KINDS.get(name, REAL)
+        try:
+            arrays[name] = np.asarray(value)
+            kind = arrays[name].dtype
+        except (TypeError, ValueError) as error:  # lists of several lengths
+            raise TakeError(f"{name} is no array", where=take_id, advice=f"give an array of {words}") from error
+        if kind.kind not in kinds:
+            raise TakeError(f"{name} is an array of {kind}, not of {words}", where=take_id, advice=f"give {words}")
+    return arrays
 
 
 def check_columns(columns: Columns, *, points: int, take_id: str, first: int, after: float) -> None:
@@ -70,9 +91,11 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
 
     Raises:
         TakeError: time does not increase or lies centuries away, a valid value is not finite, a number is out of range,
-            or a shape is wrong; names the frame.
+            or a shape is wrong; names the frame. Or a column has another type of values; names the column.
     """
-    time = columns["time"]
+    time = as_arrays(columns, take_id)["time"]
+    if time.ndim != 1:
+        raise TakeError(f"time has shape {time.shape}", where=take_id, advice="give one time a frame")
 
     def refuse(row: int, what: str, advice: str) -> None:
         raise TakeError(what, where=f"{take_id}, frame {first + row}", advice=advice)
@@ -106,6 +129,9 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         if (bad := valid & ~finite).any():
             row, place = (int(at[0]) for at in np.nonzero(bad))
             refuse(row, f"{thing} {place} is marked valid but is not a number", "mark it invalid, or give its place")
+        if (endless := np.isinf(values).any(2) & (name == "markers")).any():
+            row, place = (int(at[0]) for at in np.nonzero(endless))
+            refuse(row, f"{thing} {place} is infinite", "give NaN where it was not seen")
         far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST_PLACE)
         if far.any():
             row, place = (int(at[0]) for at in np.nonzero(far))
@@ -123,6 +149,8 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
             )
     for name, least, most in (("quality", 0.0, 1.0), ("pitch", -MOST_TURN, MOST_TURN), ("state", 0, 65535)):
         outside = (columns[name] < least) | (columns[name] > most)
+        if name == "state":
+            outside |= columns[name] != np.rint(columns[name])
         if outside.any():
             row = int(np.argmax(outside))
             refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}", "give one of these")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from formats.arrays import Floats
-from formats.blocks import FARTHEST_PLACE, LATEST, TICKS
+from formats.blocks import FARTHEST_PLACE, LATEST, TICKS, as_arrays
 from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
 
@@ -39,23 +39,30 @@ def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
     """Return a scan as the content of a `/surface` message.
 
     Raises:
-        TakeError: the scan has too many positions, or a position that is too far away.
+        TakeError: the scan has another shape or other values, too many positions, or a position that is too far away.
     """
-    size, count = len(scan.grid), len(scan.contour)
-    where = f"scan at {scan.time:g} s"
-    if size > LARGEST_GRID or count > MOST_OUTLINE_PLACES or scan.grid.shape[:2] != (size, size):
+    arrays = as_arrays({"time": scan.time, "grid": scan.grid, "contour": scan.contour}, "a scan")
+    grid, contour = arrays["grid"], arrays["contour"]
+    if arrays["time"].ndim or grid.shape[2:] != (3,) or contour.shape[1:] != (3,):
         raise TakeError(
-            f"has {scan.grid.shape[:2]} places and {count} around them", where=where,
+            f"time, grid and contour have shapes {arrays['time'].shape}, {grid.shape} and {contour.shape}",
+            where="a scan", advice="give a number, a square of places, (n, n, 3), and a row of places, (k, 3)",
+        )  # fmt: skip
+    time, size, count = float(arrays["time"]), len(grid), len(contour)
+    where = f"scan at {time:g} s"
+    if size > LARGEST_GRID or count > MOST_OUTLINE_PLACES or grid.shape[:2] != (size, size):
+        raise TakeError(
+            f"has {grid.shape[:2]} places and {count} around them", where=where,
             advice=f"give a square of at most {LARGEST_GRID} a side and at most {MOST_OUTLINE_PLACES} around it",
         )  # fmt: skip
-    if not abs(scan.time) <= LATEST / TICKS:
+    if not abs(time) <= LATEST / TICKS:
         raise TakeError("lies centuries away", where=where, advice="give its time in seconds")
     return {
-        "surface": round(scan.time * TICKS),
+        "surface": round(time * TICKS),
         "grid_size": size,
         "contour_size": count,
-        "grid": _coded(scan.grid.reshape(-1, 3), where),
-        "contour": _coded(scan.contour, where),
+        "grid": _coded(grid.reshape(-1, 3), where),
+        "contour": _coded(contour, where),
     }
 
 
@@ -63,6 +70,8 @@ def _coded(places: Floats, where: str) -> bytes:
     """Return positions as the bytes of a table: x, y, z in steps, and whether the position was seen."""
     if not len(places):
         return b""
+    if np.isinf(places).any():
+        raise TakeError("a place is infinite", where=where, advice="give NaN where nothing was seen")
     seen = np.asarray(np.isfinite(places).all(1))
     shown = np.where(seen[:, None], places, 0.0)
     if np.abs(shown).max() > FARTHEST_PLACE:

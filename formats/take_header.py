@@ -11,19 +11,8 @@ from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.plain_text import shortened
 from formats.rig import Rig
-from formats.take_report import Span
-from formats.take_writer import PROFILE, VERSION
+from formats.take_writer import PROFILE, VERSION, Words
 from formats.wrong_fields import wrong_field
-
-
-class Words(msgspec.Struct, frozen=True, kw_only=True):
-    """The texts of a header besides its rig and garment."""
-
-    take_id: str
-    created: str
-    source: str
-    notes: dict[str, str]
-    missing: tuple[Span, ...] = ()
 
 
 def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from importlib.resources import files
 from pathlib import Path
@@ -15,9 +15,9 @@ import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 from formats.arrays import Floats
-from formats.blocks import Columns, Frame, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
-from formats.descriptions import check_garment, check_rig
-from formats.errors import TakeError
+from formats.blocks import Columns, Frame, as_arrays, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
+from formats.descriptions import PARTS, Description, check_garment, check_rig
+from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.missing import possible_spans
 from formats.outputs import check_name
@@ -25,8 +25,10 @@ from formats.plain_text import in_utf8
 from formats.rig import Rig
 from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
+from formats.take_report import Span
 from formats.unfinished import ANOTHER_NAME, TellAside, UnfinishedFile
 from formats.whole_files import make_folders
+from formats.wrong_fields import wrong_field
 
 VERSION = 2
 PROFILE = f"hangtime-take/{VERSION}"
@@ -38,7 +40,19 @@ WRITTEN_AT_ONCE = 1 << 20  # numbers encoded together: each takes 400 bytes mean
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
+COLUMNS = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
+           "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
 MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists
+
+
+class Words(msgspec.Struct, frozen=True, kw_only=True):
+    """The texts of a header besides its rig and garment."""
+
+    take_id: str
+    created: str
+    source: str
+    notes: dict[str, str]
+    missing: tuple[Span, ...] = ()
 
 
 def binding_of(header: bytes) -> bytes:
@@ -67,19 +81,21 @@ class TakeWriter:
 
         Raises:
             DescriptionError: an impossible rig or garment.
-            TakeError: a text that cannot be written, or impossible spans; names the field.
+            TakeError: a text that cannot be written or is no text, or impossible spans; names the field.
             OutputError: another process writes this take; the file exists and may not be replaced; its name is not
                 UTF-8; or a link has its name.
             OSError: the file cannot be written.
         """
+        told = _checked_words(path, take_id, created, source, notes, missing)
+        rig, garment = _checked_description(path, rig, Rig), _checked_description(path, garment, Garment)
         check_rig(rig, take_id)
         check_garment(garment, take_id)
         self._points, self._take_id = len(garment.points), take_id
         self._most_rows = most_rows(self._points)
         header = {
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
-            "garment": msgspec.to_builtins(garment), "source": in_utf8(source), "notes": notes or {},
-            **({"missing": [list(span) for span in missing]} if missing else {}),
+            "garment": msgspec.to_builtins(garment), "source": in_utf8(source), "notes": told.notes,
+            **({"missing": [list(span) for span in told.missing]} if told.missing else {}),
         }  # fmt: skip
         make_folders(path.parent)
         self._unfinished = UnfinishedFile(path, overwrite=overwrite, instead=instead, tell_aside=tell_aside)
@@ -146,6 +162,9 @@ class TakeWriter:
             TakeError: as `formats.blocks.check_columns`.
         """
         self._flush()
+        columns = as_arrays(columns, self._take_id)
+        if not columns["time"].size:
+            return
         self._check(columns)
         if self._first_time == -np.inf:
             self._first_time = float(columns["time"][0])
@@ -175,9 +194,14 @@ class TakeWriter:
         beside: context entered once the file is complete and durable, and left once it has its name
 
         Raises:
-            OutputError: a file that may not be replaced has appeared there; this file can still be kept or discarded.
+            TakeError: no frame was written, and no reader accepts such a file.
+            OutputError: a file that may not be replaced has appeared there.
+
+        After an error this file can still be kept or discarded.
         """
         self._flush()
+        if not self._count:
+            raise TakeError("holds no frame", where=self.path, advice="give one frame or more")
         self._write(HEADER, self._header)
         ends = {}
         if self._count:
@@ -210,7 +234,11 @@ class TakeWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is None:
-            self.finish()
+            try:
+                self.finish()
+            except TakeError:
+                self.discard()
+                raise
         elif not self._unfinished.file.closed:
             self._flush()
             self._unfinished.sync()
@@ -242,6 +270,43 @@ class TakeWriter:
         last = self._last_time * 1e6 if np.isfinite(self._last_time) else 0.0
         stamp = max(1000 * int(last if start is None else start), 0)
         self._mcap.add_message(self._channels[topic], stamp, content, stamp)
+
+
+def _checked_words(
+    path: Path, take_id: object, created: object, source: object, notes: object, missing: Iterable[Iterable[float]]
+) -> Words:
+    """Return the texts of a header as a reader will parse them; refuse others, by their field."""
+    try:
+        spans = [[float(end) for end in span] for span in missing]
+    except (TypeError, ValueError) as error:
+        raise TakeError("missing must be pairs of seconds", where=path, advice="give numbers") from error
+    held = {"take_id": take_id, "created": created, "source": source, "notes": notes or {}, "missing": spans}
+    try:
+        return msgspec.convert(held, Words)
+    except msgspec.ValidationError as error:
+        raise TakeError(wrong_field(error, (Words,)), where=path, advice="give it in that form") from error
+
+
+def _checked_description(path: Path, description: Description, kind: type[Description]) -> Description:
+    """Return a rig or garment as a reader will parse it, with NumPy's numbers as Python's; refuse others."""
+    name = kind.__name__
+    if not isinstance(description, kind):
+        what = f"{name.lower()} must be a {name} (got {type(description).__name__})"
+        raise TakeError(what, where=path, advice="load one from its file, or make one")
+    try:
+        return msgspec.convert(msgspec.to_builtins(description, enc_hook=_without_numpy), kind)
+    except msgspec.ValidationError as error:
+        words = f"{name.lower()}: {wrong_field(error, (kind, *PARTS[kind]))}"
+        raise DescriptionError(words, where=path, advice="see docs/reference/file-formats.md") from error
+    except TypeError as error:
+        what = f"{name.lower()} has a value that no file can hold ({error})"
+        raise DescriptionError(what, where=path, advice="see docs/reference/file-formats.md") from error
+
+
+def _without_numpy(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "biuf":
+        return value.tolist()
+    raise TypeError(f"of type {type(value).__name__}")
 
 
 def _check_spans(spans: Sequence[Sequence[float]], time: Floats, where: Path) -> None:
@@ -280,30 +345,23 @@ def write_take(
     - `beside`: as in `TakeWriter.finish`
 
     Raises:
-        TakeError: as `TakeWriter.append_columns`.
-        OutputError: as `TakeWriter` and `TakeWriter.finish`.
+        TakeError: as `TakeWriter`, `TakeWriter.append_columns` and `TakeWriter.finish`.
+        DescriptionError, OutputError: as `TakeWriter` and `TakeWriter.finish`.
         OSError: it cannot be written; names the file.
     """
-    frames = len(take.time)
-    if len(take.missing) <= MOST_MISSING:
-        _check_spans(take.missing, take.time, path)
+    values = {name: getattr(take, name) for name in COLUMNS}
+    columns = as_arrays({name: value for name, value in values.items() if value is not None}, path)
+    told = _checked_words(path, take.take_id, take.created, take.source, take.notes, take.missing)
+    if len(told.missing) <= MOST_MISSING:
+        _check_spans(told.missing, columns["time"].ravel(), path)
     writer = TakeWriter(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
         notes=take.notes, overwrite=overwrite, missing=take.missing, instead=instead, tell_aside=tell_aside,
     )  # fmt: skip
-    absent = np.full(frames, np.nan)
-    columns = {
-        "time": take.time, "markers": take.markers, "held": take.held, "held_valid": take.held_valid,
-        "held_sd": take.held_sd, "points": take.points, "points_valid": take.points_valid, "points_sd": take.points_sd,
-        "state": take.state,
-        "points_hidden": np.zeros(take.points_valid.shape, bool) if take.points_hidden is None else take.points_hidden,
-        "quality": absent if take.quality is None else take.quality,
-        "pitch": absent if take.pitch is None else take.pitch,
-        "pitch_sd": absent if take.pitch_sd is None else take.pitch_sd,
-    }  # fmt: skip
+    absent = dict.fromkeys(("quality", "pitch", "pitch_sd"), np.full(columns["time"].shape, np.nan))
+    unseen = {"points_hidden": np.zeros(columns["points_valid"].shape, bool)}
     try:
-        if frames:
-            writer.append_columns(columns)
+        writer.append_columns({**absent, **unseen, **columns})
         for scan in take.scans:
             writer.append_scan(scan)
         return writer.finish(beside)

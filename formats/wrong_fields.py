@@ -19,9 +19,9 @@ BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
     """Return the wrong field and its required value; for an unknown field, name the closest known one."""
     message = str(error)
-    place = re.search(r" - at `\$\.?(.*?)`", message)
-    field = place.group(1) if place else ""
-    words = re.sub(r" - at `.*?`", "", message).removeprefix("Object ")
+    place = re.search(r" - at (`key` in )?`\$\.?(.*?)`", message)
+    field = f"a key of {place.group(2)}" if place and place.group(1) else place.group(2) if place else ""
+    words = re.sub(r" - at (`key` in )?`.*?`", "", message).removeprefix("Object ")
     if unknown := re.search(r"(?s)unknown field `(.+?)`(?= - at `|$)", message):
         known = [f.name for part in parts for f in msgspec.structs.fields(part)]
         import difflib  # here: no right file needs it

@@ -22,6 +22,7 @@ class Whole(msgspec.Struct, forbid_unknown_fields=True):
     share: float | None = None
     many: bool = False
     kinds: list[Literal["x", "y"]] = []
+    notes: dict[str, str] = {}
 
     def __post_init__(self) -> None:
         if self.size > 50:
@@ -43,6 +44,7 @@ class Whole(msgspec.Struct, forbid_unknown_fields=True):
         ({"name": "a", "kinds": ["x", "z"]}, "kinds[1] must be one of x, y (got 'z')"),
         ({"name": "a", "parts": [{"at": [1.0]}]}, "parts[0].at must be a list of 2 (got 1)"),
         ({"name": "a", "parts": [{"kid": "a"}]}, "unknown field `kid` in parts[0]; did you mean `kind`?"),
+        ({"name": "a", "notes": {1: "b"}}, "a key of notes must be text (got a whole number)"),
         ({"name": "a", "size": 51.0}, "the size is beyond all measure"),
         ([], "the file must be a table (got a list)"),
     ],

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Container, Iterable, Sequence
 
 from formats.plain_text import plain, without_codes
+
+SIGNS = "-=+@\uff1d\uff0b\uff0d\uff20"  # that begin a formula; spreadsheets read full-width ones alike
+FORMULA = re.compile(f"(^|;)(?=[{SIGNS}\t\r])")
+GUARDED = re.compile(f"(^|;)'(?=[{SIGNS}\t\r])")
+NUMBER = re.compile(r"[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -21,20 +27,21 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 def spreadsheet_cell(cell: object) -> object:
     """Return a cell that a spreadsheet shows unchanged: an apostrophe before a text stops a formula from running.
 
+    Full-width signs begin formulas too. A semicolon begins a cell wherever the comma is the decimal separator.
     Terminal control codes and line breaks are escaped, so that `cat` shows one line a row.
 
     Source: OWASP, "CSV Injection".
     """
-    if not isinstance(cell, str):
+    if not isinstance(cell, str) or NUMBER.fullmatch(cell):
         return cell
-    shown = without_codes(cell).replace("\n", "\\n").replace("\t", "\\t")
-    if not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return shown
-    try:
-        float(cell)
-    except ValueError:
-        return f"'{shown}"
-    return cell
+    shown = without_codes(FORMULA.sub(r"\1'", cell))
+    return shown.replace("\n", "\\n").replace("\t", "\\t")
+
+
+def named_in_cell(word: str) -> str:
+    """Return the text for which `spreadsheet_cell` returns this word, or the word where no text gives it."""
+    bare = GUARDED.sub(r"\1", word)
+    return bare if spreadsheet_cell(bare) == word else word
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:

@@ -34,7 +34,7 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
         words = wrong_field(error, (Rig, Garment))
         raise TakeError(f"its rig or garment is invalid: {words}", where=path, advice="record it again") from error
     except DescriptionError as error:
-        raise TakeError(f"its rig or garment is invalid: {error}", where=path, advice="record it again") from error
+        raise TakeError(f"its rig or garment is invalid: {error.what}", where=path, advice="record it again") from error
     try:
         return rig, garment, msgspec.convert(header, Words)
     except msgspec.ValidationError as error:

@@ -218,7 +218,8 @@ def _finish(writer: TakeWriter, with_hanger: int) -> None:
         advice = f"the recording is kept as {writer.partial.name}; give it another name"
         raise OutputError("has come there meanwhile", where=writer.path, advice=advice) from error
     except (OSError, TakeError) as error:
-        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}", error) from error
+        words = error.what if isinstance(error, TakeError) else error
+        raise _broken_off(writer, with_hanger, f"the take could not be finished: {words}", error) from error
 
 
 def _lack_of_room(out: Path) -> OutputError | None:

@@ -19,7 +19,7 @@ from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
 from formats.importers.stated_values import names_of
 from formats.importers.units import metres_of
-from formats.rows import spreadsheet_cell
+from formats.rows import named_in_cell
 
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 TIME = "time_s"
@@ -62,9 +62,8 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
 
 
 def _as_named(cell: str) -> str:
-    """Return a name without the leading apostrophe that stops a spreadsheet from running the name as a formula."""
-    word = cell.strip()
-    return word[1:] if word.startswith("'") and spreadsheet_cell(word[1:]) == word else word
+    """Return a name without the apostrophes that stop a spreadsheet from running the name as a formula."""
+    return named_in_cell(cell.strip())
 
 
 def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[str], str]:

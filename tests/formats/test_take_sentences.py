@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 
 import msgpack
+import msgspec
 import pytest
 
 from formats.archive import take_of
@@ -12,6 +13,7 @@ from formats.chunks import MCAP_MAGIC
 from formats.errors import TakeError
 from tests.formats.bombs import header_of
 from tests.formats.damage import chunk_of, chunks_of
+from tests.formats.test_archive import RIG
 
 GIVE = "give a file that `hangtime record` or `hangtime import` wrote"
 COPY = "copy it again from where it was recorded"
@@ -67,6 +69,10 @@ def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
         (
             {"garment": None},
             "a: its rig or garment is invalid: the file must be a table (got nothing); record it again",
+        ),
+        (
+            {"rig": msgspec.to_builtins(msgspec.structs.replace(RIG, gravity=(0.0, 2.0, 0.0)))},
+            "a: its rig or garment is invalid: gravity must be a unit vector (its length is 2); record it again",
         ),
     ],
 )

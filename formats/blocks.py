@@ -28,7 +28,7 @@ SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
 Columns = dict[str, NDArray[Any]]
 REAL, FLAGS = ("fiu", "real numbers"), ("b", "true or false")  # kinds of `np.dtype`
-KINDS = {"held_valid": FLAGS, "points_valid": FLAGS, "points_hidden": FLAGS}  # the others are real
+KINDS_OF_COLUMNS = {"held_valid": FLAGS, "points_valid": FLAGS, "points_hidden": FLAGS}  # the others are real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ def as_arrays(values: Mapping[str, object], take_id: object) -> Columns:
     """
     arrays = {}
     for name, value in values.items():
-        kinds, words = KINDS.get(name, REAL)
+        kinds, words = KINDS_OF_COLUMNS.get(name, REAL)
         try:
             arrays[name] = np.asarray(value)
             kind = arrays[name].dtype

@@ -44,6 +44,7 @@ LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered 
 MOST_PIXELS = 100_000  # along a picture's side
 HEIGHT_TOLERANCE = 0.01  # m, tolerance of other sides above the held edge's lower end: flat cloth is laid by hand
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # characters that TOML strings must escape, toml.io/en/v1.0.0#string
+LEAST_FALL, MOST_FALL = 9.5, 10.1  # m/s^2: from 9.78 at the equator to 9.83 at the poles, typed with two digits or more
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
@@ -157,7 +158,7 @@ def _converted(path: Path, plain: Tables, kind: type[Description]) -> Descriptio
         return msgspec.convert(dict(plain), kind)
     except msgspec.ValidationError as error:
         raise DescriptionError(
-            wrong_field(error, (kind, *PARTS[kind])), where=path, advice="see docs/reference/file-formats.md"
+            wrong_field(error, (kind, *PARTS[kind]), plain), where=path, advice="see docs/reference/file-formats.md"
         ) from error
 
 
@@ -291,7 +292,9 @@ def check_rig(rig: Rig, where: object) -> None:
     _refuse_what_is_not_finite(rig, refuse)
     length = float(np.linalg.norm(rig.gravity))
     if not abs(length - 1) < 0.01:
-        refuse(f"gravity must be a unit vector (its length is {length:.3g})")
+        upright = ", ".join(f"{part / length:.6g}" for part in rig.gravity) if length > 0 else ""
+        meant = f"; were m/s2 meant, gravity = [{upright}]?" if LEAST_FALL <= length <= MOST_FALL else ""
+        refuse(f"gravity must be a unit vector (its length is {length:.3g}){meant}")
     if rig.sensor is not None:
         for name in ("width", "height", "fx", "fy"):
             if not 0 < getattr(rig.sensor, name) < MOST_PIXELS:

@@ -31,6 +31,7 @@ HEADINGS = {
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
 # Placeholders of values by type; an option that takes no value has none.
 WORDS = {bool: "", int: "N", float: "NUMBER", str: "NAME"}
+NUMERIC = {float: "number", int: "whole number", "float": "number", "integer": "whole number"}  # by type or its name
 # Commands that report nothing at their end: services, and commands that run until they are stopped.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
 WITHOUT_JSON = ("daemon", "sync run")
@@ -110,6 +111,7 @@ def finish(root: Any) -> None:
         for parameter in command.params:
             _worded(parameter)
             _leave_to_the_reader(parameter)
+            _refuse_underscores(parameter)
             heading = next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), None)
             if heading is not None and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
@@ -173,6 +175,24 @@ def _leave_to_the_reader(parameter: Any) -> None:
     checked: Any = getattr(parameter, "type", None) if described is None else described.parameter_info
     if getattr(checked, "readable", False):
         checked.readable = False
+
+
+def _refuse_underscores(parameter: Any) -> None:
+    """Let a parameter refuse numbers with underscores: to Python 1_0 is ten, and its typist may have meant 1.0."""
+    described = getattr(parameter, "type_descriptor", None)  # as in `_worded`
+    kind = getattr(parameter.type, "name", "").split(" ")[0] if described is None else described.annotation
+    if kind not in NUMERIC:
+        return
+    process = parameter.process_value
+
+    def checked(ctx: Any, value: Any) -> Any:
+        for given in value if isinstance(value, list | tuple) else [value]:
+            if isinstance(given, str) and "_" in given:
+                message = f"{given!r} is no {NUMERIC[kind]}; write it without an underscore"
+                raise typer.BadParameter(message, ctx=ctx, param=parameter)
+        return process(ctx, value)
+
+    parameter.process_value = checked
 
 
 def _panel_of(part: Any, otherwise: str) -> str:

@@ -1,9 +1,41 @@
-"""Guess the unit or position that a person meant by an implausible number."""
+"""Guess the unit or number that a person meant by an implausible number or by a text in a number's place."""
 
 from __future__ import annotations
 
+import re
+
 NEAR_A_RANGE = 2.0  # times the longest: a nearer length has the right unit; a wrong unit is off 25 times or more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
+
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "min": 60.0}
+# By the end of a field's name, the units that may stand behind a number, in the field's own unit.
+UNITS_OF = {
+    "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": {"kg": 1.0, "g": 1e-3},
+    "mb": {"MB": 1.0, "GB": 1e3, "kB": 1e-3}, "hz": {"Hz": 1.0}, "degrees": {"\u00b0": 1.0, "deg": 1.0, "degrees": 1.0},
+    "px": {"px": 1.0},
+}  # fmt: skip
+NUMBER_WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)[ \t]*([^\W\d_]*|\u00b0)", re.ASCII)
+
+
+def number_meant(text: str, field: str) -> str:
+    """Return the number that a text such as `0,06` or `35 g` means in the unit of a field, '' if it means none.
+
+    The unit of a field is the end of its name: kilograms of `mass_kg`, metres of `points[2].at_m[0]`.
+    """
+    found = NUMBER_WITH_UNIT.fullmatch(text.strip()[:100])
+    if found is None:
+        return ""
+    units = UNITS_OF.get(re.sub(r"\[.*", "", field.rpartition(".")[2]).rpartition("_")[2], {})
+    size = 1.0 if not found[2] else units.get(found[2])
+    return "" if size is None else f"{float(found[1].replace(',', '.')) * size:.12g}"
+
+
+def question_of(number: str, field: str) -> str:
+    """Return a question that names the number meant, with its field where the number is all of the field's value."""
+    if not number:
+        return ""
+    return f"; was {field} = {number} meant?" if field and not field.endswith("]") else f"; was {number} meant?"
 
 
 def unit_of(value: float, least: float, most: float) -> str:

@@ -17,6 +17,7 @@ from formats.plausible import LONGEST, SHORTEST
 
 SWATCH_SIDE = 0.5  # m, section 2
 MARKERS = 9  # along each side, section 2: 81 in all
+LEAST_SIDE = 0.01  # m: the side of the smallest area of a garment
 FEWEST_MARKERS = 4  # along each side: a Catmull-Rom segment needs four
 
 
@@ -33,9 +34,12 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
             f"a swatch has too few markers along each side (got {markers})", where=name,
             advice=f"give {FEWEST_MARKERS} or more",
         )  # fmt: skip
-    if not (0 < side < 10 and mass > 0):
+    if not (LEAST_SIDE <= side < 10 and mass > 0):
+        larger = next((times * side for times in (100, 1000) if SHORTEST <= times * side <= LONGEST), None)
+        meant = f"; was {larger:g} meant?" if larger is not None and side < LEAST_SIDE else ""
+        meant = meant or unit_of(side, SHORTEST, LONGEST)
         raise DescriptionError(
-            f"no swatch has a side of {side:g} m and a mass of {mass:g} kg{unit_of(side, SHORTEST, LONGEST)}",
+            f"no swatch has a side of {side:g} m and a mass of {mass:g} kg{meant}",
             where=name, advice="give metres and kilograms",
         )  # fmt: skip
     if markers**2 > MOST_POINTS:

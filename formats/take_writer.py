@@ -40,7 +40,7 @@ WRITTEN_AT_ONCE = 1 << 20  # numbers encoded together: each takes 400 bytes mean
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
-COLUMNS = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
+STORED = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
            "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
 MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists
 
@@ -349,7 +349,7 @@ def write_take(
         DescriptionError, OutputError: as `TakeWriter` and `TakeWriter.finish`.
         OSError: it cannot be written; names the file.
     """
-    values = {name: getattr(take, name) for name in COLUMNS}
+    values = {name: getattr(take, name) for name in STORED}
     columns = as_arrays({name: value for name, value in values.items() if value is not None}, path)
     told = _checked_words(path, take.take_id, take.created, take.source, take.notes, take.missing)
     if len(told.missing) <= MOST_MISSING:

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from formats.errors import DescriptionError, HangtimeError
+from formats.meant_units import number_meant, question_of
 from formats.plain_text import encoding_of
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LARGEST_TOML = 1 << 20  # bytes of a file
+LONGEST_LINE = 1000  # characters of a line that are searched for a number
 # Limits of characters in a file, including strings and comments. Python takes 1 kB and 12 us for each part of a table's
 # name, hence gigabytes for a file of a megabyte. A garment of 1000 corners, 1000 corners of holes and 2000 points has
 # 8000 of each, but 4000 equals signs.
@@ -31,6 +33,11 @@ PART = r"""(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')"""
 KEY = rf"({PART}(?:[ \t]*+\.[ \t]*+{PART})*+)[ \t]*+"
 TABLE_LINE = re.compile(rf"[ \t]*+(\[\[?+)[ \t]*+{KEY}\]\]?+[ \t]*+(?:#.*)?$")
 KEY_LINE = re.compile(rf"[ \t]*+{KEY}=")
+
+
+# A number behind an equals sign, with a comma, with a unit, or with both; or a number with a comma in a list.
+LONE_NUMBER = re.compile(r"([\w.-]*)[ \t]*=[ \t]*([+-]?\d[\d.,]*[ \t]*[^\W\d_]*)[ \t]*(?:[#,}].*)?$")
+LISTED_NUMBER = re.compile(r"(?<![\d.,+-])[+-]?\d+,0\d+(?![\d.,])")
 
 
 class Tables(dict[str, Any]):
@@ -81,8 +88,11 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     try:
         tables = Tables(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        detail = str(error).replace("end of document", f"line {text.rstrip().count(chr(10)) + 1}, the last")
-        raise failure(f"is not valid TOML: {detail}", where=path, advice="mend that line") from error
+        lines = text.rstrip().split("\n")
+        detail = str(error).replace("(at end of document)", f"(at line {len(lines)}, the last)")
+        named = re.search(r"\(at line (\d+)", detail)
+        meant = _meant_on(lines[min(int(named[1]), len(lines)) - 1]) if named else ""
+        raise failure(f"is not valid TOML: {detail}{meant}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
         line = re.split(r"\d{4300}", text.replace("_", "0"), maxsplit=1)[0].count("\n") + 1
         raise failure(f"has a number of thousands of digits (at line {line})", where=path, advice="mend it") from error
@@ -90,6 +100,16 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
         raise failure("has too many brackets in each other", where=path, advice="mend it") from error
     tables.text = text
     return tables
+
+
+def _meant_on(line: str) -> str:
+    """Return a question that names the number meant on a line that is no TOML, '' if none is seen."""
+    line = line[:LONGEST_LINE]
+    found = LONE_NUMBER.search(line)
+    if found and not re.fullmatch(r"[+-]?[\d.]+", found[2].strip()):  # a plain number needs no mending
+        return question_of(number_meant(found[2], found[1]), found[1])
+    listed = LISTED_NUMBER.search(line)
+    return question_of(number_meant(listed[0], ""), "") if listed else ""
 
 
 def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "") -> object:

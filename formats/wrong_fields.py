@@ -8,6 +8,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
+from formats.meant_units import number_meant, question_of
+
 KINDS = {
     "str": "text", "bool": "true or false", "int": "a whole number", "float": "a number", "array": "a list",
     "object": "a table", "null": "nothing", "datetime": "a date", "date": "a date", "time": "a time",
@@ -16,8 +18,11 @@ EXPECTED = re.compile(r"Expected `([^`]+)`(?: (matching regex|of length|>=|<=|>|
 BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 
 
-def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
-    """Return the wrong field and its required value; for an unknown field, name the closest known one."""
+def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object = None) -> str:
+    """Return the wrong field and its required value; for an unknown field, name the closest known one.
+
+    held: the tables in which the error was found, for a text in a number's place
+    """
     message = str(error)
     place = re.search(r" - at (`key` in )?`\$\.?(.*?)`", message)
     field = f"a key of {place.group(2)}" if place and place.group(1) else place.group(2) if place else ""
@@ -35,7 +40,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any]) -> str:
         choices = _choices(field, parts)
         return f"{field} must be one of {choices} (got {invalid.group(1)})"
     if expected := EXPECTED.match(words):
-        return f"{field or 'the file'} must be {_wanted(*expected.groups())}"
+        return f"{field or 'the file'} must be {_wanted(*expected.groups())}{_meant(expected[1], field, held)}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"
     return f"{field}: {words}" if field else words  # an error of Hangtime's own check
@@ -51,6 +56,21 @@ def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None
     elif relation:
         wanted += " of another form"
     return wanted if got is None else f"{wanted} (got {_named(got.strip('`'))})"
+
+
+def _meant(kinds: str, field: str, held: object) -> str:
+    """Return a question that names the number meant by a text, '' where the field takes no number or none is meant."""
+    wanted = set(kinds.split(" | "))
+    value = held
+    for key, row in re.findall(r"([^.\[\]]+)|\[(\d+)\]", field):
+        try:
+            value = value[int(row) if row else key]  # type: ignore[index]
+        except (LookupError, TypeError):  # a name with signs of a path
+            return ""
+    if not isinstance(value, str) or not wanted & {"float", "int"}:
+        return ""
+    number = number_meant(value, field)
+    return question_of(number, field) if "float" in wanted or re.fullmatch(r"[+-]?\d+", number) else ""
 
 
 def _named(kind: str) -> str:

@@ -40,7 +40,7 @@ def load(path: Path) -> InForce:
     try:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
-        words = wrong_in_tables(error)
+        words = wrong_in_tables(error, plain)
         raise DescriptionError(
             words, where=place_in(path, plain, words),
             advice="mend that setting; docs/reference/appliance.md explains each",

@@ -113,6 +113,6 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     sync: dict[str, Any] = {}
 
 
-def wrong_in_tables(error: msgspec.ValidationError) -> str:
-    """Return the invalid key, and the values that it accepts."""
-    return wrong_field(error, (Config, *Part.__subclasses__()))
+def wrong_in_tables(error: msgspec.ValidationError, held: object) -> str:
+    """Return the invalid key, and the values that it accepts; held: the tables of the file."""
+    return wrong_field(error, (Config, *Part.__subclasses__()), held)

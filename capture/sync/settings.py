@@ -124,7 +124,7 @@ def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:
                 words = f"unknown field `{wrong[0]}` in {name}"
                 raise SyncError(words, where=place_in(file, plain, words), advice=CONFIG_ADVICE)
     except msgspec.ValidationError as error:
-        words = wrong_in_tables(error)
+        words = wrong_in_tables(error, plain)
         raise SyncError(words, where=place_in(file, plain, words), advice=CONFIG_ADVICE) from error
 
 
@@ -144,7 +144,7 @@ def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = Non
         settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
         folder_of(settings.url)
     except msgspec.ValidationError as error:
-        words = wrong_field(error, (SyncSettings, Retention))
+        words = wrong_field(error, (SyncSettings, Retention), table)
         place = where if plain is None else place_in(where, plain, words, table="sync")
         raise SyncError(f"[sync] is invalid: {words}", where=place, advice=SETTINGS_ADVICE) from error
     except AddressError as error:

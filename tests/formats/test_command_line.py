@@ -99,6 +99,9 @@ def test_a_swatch_has_as_many_markers_as_the_command_is_reported(tmp_path):
     [
         (("--side", 50), "a side of 50 m and a mass of 0.05 kg; were centimetres or inches meant? Give metres"),
         (("--side", 500), "a side of 500 m and a mass of 0.05 kg; were millimetres meant? Give metres"),
+        (("--side", 0.0005), "a side of 0.0005 m and a mass of 0.05 kg; was 0.5 meant? Give metres and kilograms"),
+        (("--side", 0.005), "a side of 0.005 m and a mass of 0.05 kg; was 0.5 meant? Give metres and kilograms"),
+        (("--side", 1e-9), "a side of 1e-09 m and a mass of 0.05 kg; give metres and kilograms"),
         (("--markers", 100_000), "100000 markers along each side are more than the 2000 that a take holds; give 44"),
         (("--mass", 210), "(got 210); were grams meant, mass_kg = 0.21?"),
     ],

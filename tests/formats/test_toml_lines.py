@@ -26,6 +26,18 @@ name = "a"
 "na me" = "b"
 a.b = 3
 """
+A_SWATCH = """format = "hangtime-garment/1"
+name = "a"
+kind = "swatch"
+mass_kg = 0.04
+outline_m = [[0.0, 0.0], [0.5, 0.0], [0.5, -0.5], [0.0, -0.5]]
+held = "corners"
+points = []
+"""
+A_RIG = """format = "hangtime-rig/1"
+name = "a"
+gravity = [0, 9.81, 0]
+"""
 
 
 @pytest.mark.parametrize(
@@ -94,7 +106,18 @@ def test_an_unknown_key_of_any_signs_is_refused_with_its_line(tmp_path, key, say
         (b"a = 1\n" + b"b." * 30 + b"c = 1\n", "has a key of twenty parts or more (at line 2)"),
         (b"a = 1\nb = " + b"9" * 5000, "has a number of thousands of digits (at line 2)"),
         (b"a = 1\nb = [1,\n\n", "(at line 2, the last)"),
-        (b"a = 1\nb = 1,5\n", "(at line 2, column 6)"),
+        (b"a = 1\nb = 1,5\n", "(at line 2, column 6); was b = 1.5 meant? Mend that line"),
+        (
+            b"mass_kg = 0,035",
+            "newline or end of document after a statement (at line 1, column 12); was mass_kg = 0.035",
+        ),
+        (b"a = 1\nmass_kg = 35 g  # weighed\n", "(at line 2, column 14); was mass_kg = 0.035 meant? Mend that line"),
+        (b"a.x_m = 0,5cm\n", "was a.x_m = 0.005 meant?"),
+        (b"a = 05 kg\n", "(at line 1, column 6); mend that line"),
+        (b"a = {x = 0,5}\n", "(at line 1, column 13); was x = 0.5 meant?"),
+        (b"a = [\n[0, 0,06]\n]\n", "(at line 2, column 8); was 0.06 meant? Mend that line"),
+        (b"a = [1, 2\nb = 3\n", "; mend that line"),
+        (b"a = 1,500,000\n", "(at line 1, column 6); mend that line"),
         (b"a = 1\n\nb = -1_" + b"9" * 4300, "has a number of thousands of digits (at line 3); mend it"),
         (b"#" * LARGEST_TOML + b"\n", "has more than 1048576 bytes, which no such file has; check the path"),
     ],
@@ -112,6 +135,35 @@ def test_text_that_is_no_toml_is_named_by_its_line(tmp_path, raw, says):
         (load_rig, "name = 3\n", "line 1: name must be text"),
         (load_rig, TEXT, "line 4: the field `marker_size_m` is missing in hanger"),
         (load_garment, 'name = "a"\nmas_kg = 3\n', "line 2: unknown field `mas_kg`; did you mean `mass_kg`?"),
+        (
+            load_garment,
+            A_SWATCH.replace("0.04", '"0,06"'),
+            "line 4: mass_kg must be a number (got text); was mass_kg = 0.06 meant? See docs",
+        ),
+        (
+            load_garment,
+            A_SWATCH.replace("0.04", '"35 g"'),
+            "line 4: mass_kg must be a number (got text); was mass_kg = 0.035 meant? See docs",
+        ),
+        (load_garment, A_SWATCH.replace("0.04", '"heavy"'), "line 4: mass_kg must be a number (got text); see docs"),
+        (load_garment, A_SWATCH.replace("0.04", '"35 stone"'), "line 4: mass_kg must be a number (got text); see docs"),
+        (
+            load_garment,
+            A_SWATCH.replace("0.0]", '"5 mm"]'),
+            "line 5: outline_m[0][1] must be a number (got text); was 0.005 meant? See",
+        ),
+        (
+            load_garment,
+            'layers = "2"\n' + A_SWATCH,
+            "line 1: layers must be a whole number (got text); was layers = 2 m",
+        ),
+        (load_garment, 'layers = "2.5"\n' + A_SWATCH, "line 1: layers must be a whole number (got text); see docs"),
+        (
+            load_rig,
+            A_RIG,
+            "line 3: gravity must be a unit vector (its length is 9.81); were m/s2 meant, gravity = [0, 1, 0]? See",
+        ),
+        (load_rig, A_RIG.replace("9.81", "2"), "line 3: gravity must be a unit vector (its length is 2); see docs"),
         (load_rig, TEXT.partition("[[")[0] + "marker_size_m = 0.1\nmarker_distance_m = 0.3\n[x]\n", "line 13: unknown"),
     ],
 )

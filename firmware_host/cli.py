@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
+from formats.anyway import Anyway
 from formats.command_groups import RECORD
 from formats.plain_text import counted
 from formats.telling import know, tell
@@ -57,16 +58,17 @@ def list_sensors() -> None:
 def play(
     source: Annotated[str, typer.Argument(metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")],
     max_frames: Annotated[int | None, typer.Option("--max-frames", min=1, help="Stop after so many frames.")] = None,
+    anyway: Anyway = False,
 ) -> None:
     """Play a recording or sensor to its end; report frames, rate, resolution, depth coverage and drops."""
     import numpy as np
 
     from firmware_host.opening import open_sensor
 
-    count = dropped = without_colour = 0
+    count = dropped = without_colour = set_back = 0
     coverage: list[float] = []
     first = last = 0.0
-    with open_sensor(source) as sensor:
+    with open_sensor(source, anyway=anyway) as sensor:
         info = sensor.info
         tell(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
         camera = info.intrinsics
@@ -75,6 +77,7 @@ def play(
             tell(f"note: {note}")
         for frame in sensor.frames():
             first = frame.time_s if count == 0 else first
+            set_back += count > 0 and frame.time_s < last
             last = frame.time_s
             count += 1
             dropped += frame.dropped_before
@@ -87,14 +90,15 @@ def play(
     elif last > first:
         rate = f" ({(count - 1) / (last - first):.1f} a second)"
     else:
-        rate = " (its clock was set back)"
+        rate = "" if set_back else " (its clock stands still)"
+    back = f"; its clock was set back {counted(set_back, 'time')}" if set_back else ""
     depth = float(np.mean(coverage)) if coverage else 0.0
     tell(
         f"{counted(count, 'frame')} in {max(last - first, 0):.2f} s{rate}, "
-        f"{dropped} dropped, {without_colour} without colour; depth in {100 * depth:.0f} % of the pixels",
+        f"{dropped} dropped, {without_colour} without colour; depth in {100 * depth:.0f} % of the pixels{back}",
         name=info.name, width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx,
         cy=camera.cy, notes=list(info.notes), frames=count, duration_s=max(last - first, 0.0), dropped=dropped,
-        without_colour=without_colour, depth_share=depth,
+        without_colour=without_colour, depth_share=depth, clock_set_back=set_back,
     )  # fmt: skip
 
 

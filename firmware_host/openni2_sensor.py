@@ -19,7 +19,9 @@ from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
 from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summarise
+from formats.blocks import LATEST
 from formats.plain_text import plain
+from formats.plausible import FASTEST, RATE_WITHIN, SLOWEST
 from formats.rig import Sensor
 
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: the best mode of PS1080 devices in both depth and colour
@@ -33,8 +35,7 @@ MOST_COLOURS = 4  # colour frames read per depth frame while they are too old fo
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame: above, they are of different clocks or a restarted clock
 COLOUR_PATIENCE = 30  # depth frames for which a colour frame so far ahead is kept
 ROUND, AROUND = 1 << 32, 10_000_000  # us: range of a 32-bit timestamp, and the margin in which it may wrap around
-FASTER_AT_MOST, SLOWER_AT_MOST = 1.25, 10.0  # times the stated rate: sensors slow down in the dark, none is faster
-RATE_WITHIN = 0.2  # of the stated rate, deviation without a note
+ANOTHER_UNIT = 10.0  # times the stated rate: so far off, stamps have another unit; a camera in dim light is nearer
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
 
@@ -94,6 +95,7 @@ class OpenNI2Sensor(DepthSensor):
         else:
             self._set_up_live(depth, colour)
         self._info = self._describe(depth)
+        self._check_numbers()
         self._check_clock()
         self._check_formats(depth, colour)
         for stream in (depth, colour):
@@ -133,19 +135,38 @@ class OpenNI2Sensor(DepthSensor):
                 "record depth as DEPTH_1_MM or DEPTH_100_UM, and colour as RGB888",
             )
 
+    def _check_numbers(self) -> None:
+        """Refuse a recording none of whose frames can be played, because the player goes by their count."""
+        if self._summary is not None and (count := self._summary.depth_frames) <= self._summary.beyond:
+            raise self._refused(
+                f"the numbers of all its {count} depth frames are above {count}, so none of them can be played",
+                "record again, with frames numbered from 1",
+            )
+
     def _check_clock(self) -> None:
-        """Refuse a recording whose frame rate shows that its timestamps are not in microseconds."""
+        """Refuse a recording whose timestamps contradict its stated frame rate, or whose rate suits no garment.
+
+        Frames of consecutive numbers count, so that dropped frames do not look like a slow sensor. A wrong time scale
+        would give a wrong fabric, hence `--anyway` alone accepts it.
+        """
         interval = None if self._summary is None or self._accepts_stamps else self._summary.interval_us
         if interval is None:
             return
-        faster = 1e6 / self._info.fps / interval
-        if FASTER_AT_MOST >= faster >= 1 / SLOWER_AT_MOST:
-            return
-        how = f"{faster:.3g} times as fast" if faster > 1 else f"{1 / faster:.3g} times as slowly"
-        raise self._refused(
-            f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:g} us apart",
-            "record again with stamps in microseconds, or accept them with --anyway",
-        )
+        rate = 1e6 / interval
+        faster = rate / self._info.fps
+        if not 1 / RATE_WITHIN <= faster <= RATE_WITHIN:
+            how = f"{faster:.3g} times as fast" if faster > 1 else f"{1 / faster:.3g} times as slowly"
+            step = "record again with stamps in microseconds, or accept them with --anyway"
+            if 1 / ANOTHER_UNIT <= faster <= ANOTHER_UNIT:
+                step = "record again with a steady rate; where its frames did come so, accept the stamps with --anyway"
+            raise self._refused(
+                f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:g} us apart", step
+            )
+        if not rate * 1.001 >= SLOWEST or rate > FASTEST * 1.001:
+            raise self._refused(
+                f"it has {rate:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}",
+                "record with more frames a second, or accept them with --anyway",
+            )
 
     def _describe(self, depth: Any) -> SensorInfo:
         mode = depth.get_video_mode()
@@ -171,7 +192,7 @@ class OpenNI2Sensor(DepthSensor):
             notes.append("the recording says that its pictures are mirrored; they are turned round")
         if self._summary is not None and self._summary.interval_us is not None:
             rate = 1e6 / self._summary.interval_us
-            if abs(rate / mode.fps - 1) > RATE_WITHIN:
+            if not 1 / RATE_WITHIN <= rate / mode.fps <= RATE_WITHIN:
                 notes.append(f"its frames come at {rate:.1f} a second, it states {mode.fps}")
         info = self._device.get_device_info()
         return SensorInfo(
@@ -236,6 +257,11 @@ class OpenNI2Sensor(DepthSensor):
             if found is None:
                 break
             index, stamp, depth = found
+            if stamp > LATEST:
+                raise self._refused(
+                    f"the stamp of frame {index} is {stamp:.4g} us, centuries away",
+                    "record again, with stamps of a clock",
+                )
             if self._summary is not None and index + skipped <= last_index:
                 if stamp <= last_stamp:
                     break  # the player skipped a frame and has started again from the beginning

@@ -17,6 +17,9 @@ from formats.rig import Hanger, Rig, Sensor
 
 OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate rotated by 20 degrees is 6 % narrower
 NEAREST_DEPTH = 0.3  # m: smaller values of a sensor are not distances
+SATURATED = 65_000  # of 65535, the largest depth value
+UNITS = {"metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1}  # mm of each
+UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; units differ by 10 times
 ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
 
@@ -25,12 +28,8 @@ def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -
 
     None if a marker or its depth is missing, or if the hanger has dots, which have no side.
     """
-    if rig.hanger is None or rig.sensor is None or rig.hanger.marker == "dot":
-        return None
-    if not colour.shape[:2] == depth.shape == (rig.sensor.height, rig.sensor.width):
-        return None
-    corners = MarkerDetector(rig.hanger.dictionary, rig.hanger.ids).in_picture(colour)
-    if not np.isfinite(corners).all():
+    corners = _corners(colour, depth, rig)
+    if corners is None or rig.sensor is None:
         return None
     away = np.array([_depth_within(quad, depth) for quad in corners])
     if not np.isfinite(away).all():
@@ -38,6 +37,32 @@ def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -
     places = [_placed(quad, metres, rig.sensor) for quad, metres in zip(corners, away, strict=True)]
     sides = [np.linalg.norm(place - np.roll(place, 1, axis=0), axis=1).max() for place in places]  # rotated: narrower
     return float(np.mean(sides)), float(np.linalg.norm(places[1].mean(0) - places[0].mean(0)))
+
+
+def wrong_unit(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> str:
+    """Return why depth in one frame is not in millimetres, by the markers' size in the picture; "" if it may be.
+
+    As for `sizes_seen`. Both of the rig's lengths must put the markers at one distance:
+
+        distance = focal length x length / length in pixels
+    """
+    corners = _corners(colour, depth, rig)
+    if corners is None or rig.sensor is None or rig.hanger is None:
+        return ""
+    away = float(np.median([_depth_within(quad, depth, nearest=0.0) for quad in corners])) * 1e3
+    pixels = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
+    between = np.linalg.norm(corners[1].mean(0) - corners[0].mean(0))
+    by_size = 1e3 * rig.hanger.marker_size_m * rig.sensor.fx / pixels
+    by_distance = 1e3 * rig.hanger.marker_distance_m * rig.sensor.fx / between
+    shown = f"depth at the markers is {away:.0f} mm, and by their size they are {by_size:.0f} mm away"
+    if away >= SATURATED:
+        return (
+            f"depth at the markers is {away:.0f}, the end of its 16 bits and no distance; record depth in millimetres"
+        )
+    for name, count in UNITS.items() if abs(by_distance / by_size - 1) <= UNIT_WITHIN else ():
+        if abs(by_size / count - away) <= max(UNIT_WITHIN * away, 0.5):
+            return f"{shown}: depth is probably in {name}; record it in millimetres"
+    return ""
 
 
 def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str:
@@ -52,11 +77,24 @@ def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str
     return f"{measured}: measure hanger.{wrong} again"
 
 
-def _depth_within(quad: Floats, depth: NDArray[np.uint16]) -> float:
-    """Return the median depth [m] in the bounding box of the corners [px], (4, 2); NaN without measurements."""
+def _corners(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> Floats | None:
+    """Return the corners [px], (2, 4, 2), of both fiducials in a picture; None where one is missing."""
+    if rig.hanger is None or rig.sensor is None or rig.hanger.marker == "dot":
+        return None
+    if not colour.shape[:2] == depth.shape == (rig.sensor.height, rig.sensor.width):
+        return None
+    corners = MarkerDetector(rig.hanger.dictionary, rig.hanger.ids).in_picture(colour)
+    return corners if np.isfinite(corners).all() else None
+
+
+def _depth_within(quad: Floats, depth: NDArray[np.uint16], *, nearest: float = NEAREST_DEPTH) -> float:
+    """Return the median depth [m] in the bounding box of the corners [px], (4, 2); NaN without measurements.
+
+    nearest [m]: only larger depth counts
+    """
     (left, top), (right, bottom) = quad.min(0).astype(int), quad.max(0).astype(int) + 1
     part = depth[max(top, 0) : bottom, max(left, 0) : right]
-    measured = part[part > 1e3 * NEAREST_DEPTH]
+    measured = part[part > 1e3 * nearest]
     return float(np.median(measured)) / 1e3 if measured.size else np.nan
 
 

@@ -15,7 +15,7 @@ from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTa
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
 from capture.hanger.seen_otherwise import seen_otherwise
-from capture.hanger.seen_sizes import sizes_seen, wrong_size
+from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
@@ -261,8 +261,10 @@ def _no_markers(
     if kept:
         advice = f"record it again: {advice}"
     picture = None if frame is None else frame.colour
-    sizes = sizes_seen(picture, frame.depth, rig) if frame is not None and picture is not None else None
-    how = wrong_size(rig.hanger, rig.sensor, sizes) if sizes and rig.hanger and rig.sensor else ""
+    how = ""
+    if frame is not None and picture is not None and rig.hanger and rig.sensor:
+        sizes = sizes_seen(picture, frame.depth, rig)
+        how = wrong_unit(picture, frame.depth, rig) or (wrong_size(rig.hanger, rig.sensor, sizes) if sizes else "")
     if rig.hanger is not None and (how or worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT)):
         stated = f"the rig says {_markers_of(rig.hanger)}"
         if not how and worst is Condition.NO_MARKERS:

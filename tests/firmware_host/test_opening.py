@@ -107,7 +107,10 @@ def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str
     ("times", "said"),
     [
         ([], "0 frames in 0.00 s, "), ([5.0], "1 frame in 0.00 s, "), ([5.0, 6.0], "2 frames in 1.00 s (1.0 a second)"),
-        ([5.0, 2.0], "2 frames in 0.00 s (its clock was set back)"),
+        ([5.0, 2.0], "depth in 100 % of the pixels; its clock was set back 1 time\n"),
+        ([5.0, 5.1, 5.0, 5.3, 5.2, 5.5], "6 frames in 0.50 s (10.0 a second), 0 dropped, 6 without colour; depth in "
+         "100 % of the pixels; its clock was set back 2 times\n"),
+        ([5.0, 5.0], "2 frames in 0.00 s (its clock stands still), "),
     ],
 )  # fmt: skip
 def test_playing_tells_a_rate_where_there_are_two_frames(
@@ -116,7 +119,7 @@ def test_playing_tells_a_rate_where_there_are_two_frames(
     played = [SimpleNamespace(time_s=time, dropped_before=0, colour=None, depth=np.ones((2, 2))) for time in times]
     info = SimpleNamespace(name="a", intrinsics=CAMERA, fps=30.0, notes=())
     sensor = SimpleNamespace(info=info, frames=lambda: iter(played))
-    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda source: nullcontext(sensor))
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda source, anyway: nullcontext(sensor))
     gather_commands()
     assert said in CliRunner().invoke(app, ["sensor", "play", "a.oni"]).output
 

@@ -35,10 +35,38 @@ def test_stamps_that_run_125_times_as_fast_as_the_stated_rate_are_refused(tmp_pa
         OpenNI2Sensor(path)
 
 
-def test_a_sensor_that_slows_down_in_the_dark_is_played_with_a_note(tmp_path):
-    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 66_667 * (k + 1))
+@pytest.mark.parametrize(
+    ("interval", "how"),
+    [(66_667, "2 times as slowly"), (333_333, "10 times as slowly"), (41_000, "1.23 times as slowly"),
+     (27_000, "1.23 times as fast")],
+)  # fmt: skip
+def test_stamps_more_than_a_fifth_off_the_stated_rate_are_refused_or_accepted(tmp_path, interval, how):
+    """The sensor may have slowed down in dim light, or its stamps be wrong, and a fit would find another fabric."""
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: interval * (k + 1))
+    told = (
+        f"its stamps run {how} as its 30 frames a second, {interval} us apart; record again with a steady rate; where"
+    )
+    with pytest.raises(RecordingError, match=told):
+        OpenNI2Sensor(path)
+    with OpenNI2Sensor(path, anyway=True) as sensor:
+        assert sensor.info.notes[-1] == f"its frames come at {1e6 / interval:.1f} a second, it states 30"
+
+
+@pytest.mark.parametrize("interval", [29_000, 39_000])
+def test_stamps_within_a_fifth_of_the_stated_rate_are_believed(tmp_path, interval):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: interval * (k + 1))
     with OpenNI2Sensor(path) as sensor:
-        assert sensor.info.notes[-1] == "its frames come at 15.0 a second, it states 30"
+        assert not any("it states" in note for note in sensor.info.notes)
+
+
+def test_a_recording_of_fewer_than_five_frames_a_second_is_refused_or_accepted(tmp_path, monkeypatch):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 250_000 * (k + 1))
+    monkeypatch.setattr("firmware_host.openni2_sensor.RATE_WITHIN", 10.0)  # as if the file stated 4 frames a second
+    told = "it has 4 frames a second; a garment needs 5 to 1000; record with more frames a second, or accept them with"
+    with pytest.raises(RecordingError, match=told):
+        OpenNI2Sensor(path)
+    with OpenNI2Sensor(path, anyway=True) as sensor:
+        assert next(sensor.frames()).time_s == 0.25
 
 
 def test_numbers_that_begin_anew_while_the_clock_goes_on_are_further_frames(tmp_path):
@@ -54,6 +82,22 @@ def test_frames_whose_numbers_are_above_their_count_are_said_to_be_left_out(tmp_
     with OpenNI2Sensor(path) as sensor:
         assert "8 of its 12 depth frames have numbers above 12 and are left out" in sensor.info.notes
         assert len(list(sensor.frames())) == 4
+
+
+def test_a_recording_whose_numbers_are_all_above_their_count_is_refused(tmp_path):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 33_333 * (k + 1), lambda k: k + 100)
+    told = r"a\.oni: the numbers of all its 12 depth frames are above 12, so none of them can be played; record again"
+    with pytest.raises(RecordingError, match=told):
+        OpenNI2Sensor(path)
+
+
+def test_a_stamp_that_lies_centuries_away_is_refused_with_its_file(tmp_path, monkeypatch):
+    """The player of the test stops before stamps of centuries, so they begin at 0.05 s here."""
+    monkeypatch.setattr("firmware_host.openni2_sensor.LATEST", 50_000)
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 33_333 * (k + 1))
+    told = r"a\.oni: the stamp of frame 2 is 6\.667e\+04 us, centuries away; record again, with stamps of a clock"
+    with OpenNI2Sensor(path) as sensor, pytest.raises(RecordingError, match=told):
+        list(sensor.frames())
 
 
 def test_stamps_of_32_bits_that_begin_anew_go_on(tmp_path):

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from capture.hanger.seen_sizes import sizes_seen, wrong_size
+from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from capture.sensor_check import markers_visible
 from firmware_host.doctor.checks import Verdict
 from tests.capture.test_sensor_check import drawn, examined, rig
@@ -60,3 +60,23 @@ def test_nothing_is_measured_without_both_markers_or_their_depth():
     assert sizes_seen(drawn(0, 1), DEPTH[:120], stated()) is None
     dots = msgspec.structs.replace(stated(), hanger=msgspec.structs.replace(stated().hanger, marker="dot"))
     assert sizes_seen(drawn(0, 1), DEPTH, dots) is None
+
+
+@pytest.mark.parametrize(
+    ("depth", "unit"),
+    [(1, "metres"), (7, "decimetres"), (72, "centimetres"), (7200, "tenths of a millimetre"), (720, ""), (650, ""),
+     (1440, "")],
+)  # fmt: skip
+def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_markers(depth, unit):
+    """They are 720 mm away by their size."""
+    words = wrong_unit(drawn(0, 1), np.full_like(DEPTH, depth), stated())
+    assert words.startswith(f"depth at the markers is {depth} mm, and by their size they are 7" if unit else "")
+    assert words.endswith(f"mm away: depth is probably in {unit}; record it in millimetres" if unit else "")
+    assert bool(words) == bool(unit)
+
+
+def test_depth_at_the_end_of_its_bits_is_no_distance_and_a_wrong_length_of_the_rig_no_unit():
+    told = wrong_unit(drawn(0, 1), np.full_like(DEPTH, 65535), stated())
+    assert told == "depth at the markers is 65535, the end of its 16 bits and no distance; record depth in millimetres"
+    assert wrong_unit(drawn(0, 1), DEPTH, stated(marker_size_m=0.006)) == ""
+    assert wrong_unit(drawn(0), np.full_like(DEPTH, 72), stated()) == ""

@@ -12,6 +12,7 @@ from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
+from formats.plain_text import plain
 from formats.telling import know, tell, tell_entry
 from formats.terminal import CLEAR_LINE, is_watched, say
 
@@ -226,9 +227,12 @@ def record_command(
     """Track the hanger and the garment in every frame and keep them as a take.
 
     The two markers, fiducials or coloured dots as in the rig, are found automatically. If other objects look like
-    dots, --pick gives the position of the right ones. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. The lamp is
-    steady without faults, blinks once a second if tracking fails, and four times a second if the sensor fails. With a
-    live sensor the recorder takes real-time priority, if this user may: systemd/README.md.
+    dots, --pick gives the position of the right ones. Ctrl-C, SIGTERM and SIGHUP end the take cleanly.
+
+    The lamp is steady without faults. It blinks once a second if tracking fails, and four times a second if the sensor
+    fails. With a live sensor the recorder takes real-time priority, if this user may: systemd/README.md.
+
+    Example: `hangtime record --sensor openni2: --rig rig.toml --garment garment.toml --out wide.mcap`
     """
     from contextlib import ExitStack
     from datetime import UTC, datetime
@@ -258,6 +262,7 @@ def record_command(
         check_plausible_hold(described_rig, described_garment, rig, offers_anyway=True)
     is_terminal = is_watched()
     clear = CLEAR_LINE if is_terminal else ""
+    whose = "" if is_terminal else f"{plain(out.name)}: "  # a log may hold the lines of several recordings
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:
         if is_terminal and frames % 5 == 0:
@@ -267,13 +272,13 @@ def record_command(
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
-        say(f"{time:6.1f} s  {said.words}{advice}", begin=clear)
+        say(f"{whose}{time:6.1f} s  {said.words}{advice}", begin=clear)
         if lamps:
             try:
                 show_condition(lamps[0], condition)
             except LampError as error:
                 lamps.clear()
-                say(f"{time:6.1f} s  without the lamp: {error}", begin=clear)
+                say(f"{whose}{time:6.1f} s  without the lamp: {error}", begin=clear)
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None

@@ -12,6 +12,7 @@ from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
 from fit.report.cli import add_commands as add_report_commands
+from fit.report.cli import fabric_command
 from formats.anyway import Anyway
 from formats.command_groups import FIT
 from formats.plain_text import plain
@@ -19,14 +20,14 @@ from formats.telling import know, tell
 from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
-    from formats.take import Take
+    pass
 
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap) to fit to.", show_default=False)
 ]
 HeldOut = Annotated[
     list[Path],
-    typer.Option("--held-out", metavar="TAKE", help="Judge on this take of another motion. May be repeated."),
+    typer.Option("--held-out", metavar="TAKE", help="Judge on this take, which no fit sees. May be repeated."),
 ]
 HeldOutMotion = Annotated[
     list[str],
@@ -40,7 +41,14 @@ HeldOutMotion = Annotated[
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results. It is made if absent.")]
 Plot = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE.png", help="Also draw the error over time of every take; replaces FILE.png."),
+    typer.Option("--plot", metavar="FILE.png", help="Also draw the error over time of every take."),
+]
+Overwrite = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite",
+        help="Replace a picture of this name. Results of other takes in DIR are kept under a number in any case.",
+    ),
 ]
 Seed = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random number; the same seed gives the same result.")
@@ -133,6 +141,7 @@ def fit_command(
     seed: Seed = 0,
     anyway: Anyway = False,
     plot: Plot = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Find the cloth parameters that make the simulation follow the takes.
 
@@ -140,30 +149,33 @@ def fit_command(
     parameters with the smallest error. The result gives each parameter a 90 % interval. A parameter that the takes do
     not identify has an interval and no value.
 
-    Give takes of several motions, and hold one motion out to judge on (--held-out or --held-out-motion). Without a
-    held-out take, the command judges on the takes it fitted to, which flatters the result.
+    Give takes of one motion at several strengths, and hold the middle strength out to judge on (--held-out, or
+    --held-out-motion for takes of another motion). Without a held-out take, the command judges on the takes it fitted
+    to, which flatters the result.
 
     The command writes DIR/fit.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
     continues from there. The least-squares searches continue from their last finished step.
+
+    Example: `hangtime fit gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from msgspec import to_builtins
 
-    from fit.api.calls import sorted_out
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
+    from fit.api.takes import say_takes, sorted_out
     from fit.engines import check_engine
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
-    from fit.report.again import plot_of
+    from fit.report.again import may_draw, plot_of, tiles_in_words
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
     from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
     if plot is not None:
-        import PIL  # noqa: F401 - before the work, not after it
+        may_draw(plot, overwrite=overwrite)
     request = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
@@ -206,30 +218,12 @@ def fit_command(
     if aside:
         say(aside)
     if plot is not None:
-        plot_of(report, result, None, plot)
+        plot_of(report, result, None, plot, overwrite=overwrite)
     know(fit=to_builtins(result), file=str(out / "fit.json"), report=str(report))
-    tell(as_text(fit_tables(result)))
+    tell("\n".join([as_text(fit_tables(result)), *tiles_in_words(report, result)]))
     tell(f"Fit result: {plain(out / 'fit.json')}\nReport:     {plain(report)}")
-
-
-def fabric_command(
-    fit_file: Annotated[
-        Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
-    ],
-) -> None:
-    """Test a fitted fabric virtually: tension, shear and bending in KES units.
-
-    The sheet shows the values beside those of fabrics that were measured elsewhere. A value that the takes do not
-    identify gives place to its 90 % interval.
-    """
-    from dataclasses import asdict
-
-    from fit.folders import read_fit
-    from fit.virtual_tests.sheet import sheet_of, tests_of, unidentified_of
-
-    result = read_fit(fit_file)[0]
-    sheet, unidentified = sheet_of(result), unidentified_of(result)
-    tell(sheet, material=result.material, tests=asdict(tests_of(result)), not_identified=unidentified)
+    if plot is not None:
+        tell(f"Picture:    {plain(plot)}", plot=str(plot))
 
 
 def diagnose_command(
@@ -281,9 +275,10 @@ def diagnose_command(
         typer.Option(
             "--arrows",
             metavar="FILE.png",
-            help="Also draw the residuals of the first judged take, as arrows; replaces FILE.png.",
+            help="Also draw the residuals of the first judged take, as arrows.",
         ),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
@@ -291,16 +286,19 @@ def diagnose_command(
     The verdict names an effect with its size, a 90 % interval and a probability. The verdict can also be that
     nothing is missing, that several effects cannot be told apart, or that the takes cannot decide.
 
-    Give takes of several strengths of one motion, and hold another motion out (--held-out or --held-out-motion).
+    Give takes of one motion at several strengths, and hold the middle strength out to judge on (--held-out, or
+    --held-out-motion for takes of another motion).
 
     The command writes DIR/diagnosis.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
     continues with the finished fits. Exit code 4: the verdict is inconclusive.
+
+    Example: `hangtime diagnose gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from msgspec import to_builtins
 
-    from fit.api.calls import library_of, sorted_out
     from fit.api.shown import diagnosis_tables
     from fit.api.tables import as_text
+    from fit.api.takes import library_of, say_takes, sorted_out
     from fit.cloth.effect import parameter_names
     from fit.cloth.model import Resolution
     from fit.effects import find_effects
@@ -310,13 +308,14 @@ def diagnose_command(
     from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
     from fit.recordings.ready import ready
-    from fit.report.again import plot_of
+    from fit.report.again import may_draw, plot_of
     from fit.report.gather import draw_left, write_diagnosis_report
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
-    if arrows is not None or plot is not None:
-        import PIL  # noqa: F401 - before the work, not after it
+    for picture in (plot, arrows):
+        if picture is not None:
+            may_draw(picture, overwrite=overwrite)
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
@@ -367,7 +366,7 @@ def diagnose_command(
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:
-                draw_left(arrows, findings)
+                draw_left(arrows, findings, overwrite=overwrite)
             # Only after the report, which may fail too.
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:
@@ -377,24 +376,12 @@ def diagnose_command(
     if aside:
         say(aside)
     if plot is not None:
-        plot_of(report, fitted, findings.diagnosis, plot)
+        plot_of(report, fitted, findings.diagnosis, plot, overwrite=overwrite)
     know(diagnosis=to_builtins(findings.diagnosis), file=str(out / "diagnosis.json"), report=str(report))
     tell(as_text(diagnosis_tables(findings.diagnosis, tuple(add))))
     tell(f"Diagnosis: {plain(out / 'diagnosis.json')}\nReport:    {plain(report)}")
+    for name, picture in {"plot": plot, "arrows": arrows}.items():
+        if picture is not None:
+            tell(f"Picture:   {plain(picture)}", **{name: str(picture)})
     if findings.diagnosis.verdict == "inconclusive":
         raise typer.Exit(INCONCLUSIVE)
-
-
-def say_takes(training: list[Take], testing: list[Take], spacing: float | None = None) -> None:
-    """Report the fitted and the judged takes of a command after all checks, and the cost of a fine mesh.
-
-    spacing: of the mesh [m], None for a default
-    """
-    from fit.cloth.mesh import cost_words
-
-    judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
-    say(f"Fitting to {_listed(training)}; {judging}.{cost_words(training[0].garment, spacing)}")
-
-
-def _listed(takes: list[Take]) -> str:
-    return ", ".join(plain(t.take_id) for t in takes)

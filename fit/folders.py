@@ -18,6 +18,8 @@ from formats.results import load_diagnosis, load_fit_result
 from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
 
+PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
+
 
 def make_folder(folder: Path, *files: str) -> Path:
     """Make a folder in which `files` are to be written, check that they can be, and return it.
@@ -91,6 +93,23 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
     return f"{path} {whose}: kept as {_numbered(path, number).name}, with its report."
 
 
+def refuse_unfinished(file: Path) -> None:
+    """Refuse a result that is not there yet, where its folder holds what an interrupted command kept.
+
+    Raises:
+        FitError: names the command that goes on.
+    """
+    command = {"fit.json": "fit", "diagnosis.json": "diagnose"}.get(file.name)
+    if command is None or file.exists():
+        return
+    kept = file.with_name(PARTIAL[command])
+    if kept.exists():
+        raise FitError(
+            f"holds an unfinished {'fit' if command == 'fit' else 'diagnosis'}, {kept.name}", where=file.parent,
+            advice=f"run the same `hangtime {command}` again: it goes on where it was",
+        )  # fmt: skip
+
+
 def read_fit(path: Path) -> tuple[FitResult, Path]:
     """Return a fit result and its path, from the path of the file or of the folder that `hangtime fit` filled.
 
@@ -98,6 +117,7 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
         HangtimeError: the file cannot be read, or is no fit.
     """
     file = path / "fit.json" if path.is_dir() else path
+    refuse_unfinished(file)
     try:
         return load_fit_result(file), file
     except HangtimeError as no_fit:

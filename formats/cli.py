@@ -78,7 +78,9 @@ def import_recordings(
     """Turn other people's recordings into takes, with a rig and a garment description beside them.
 
     Exit code 2: at least one recording cannot be imported, or a description cannot be replaced. The last lines name
-    each recording that is lost.
+    each recording that failed.
+
+    Example: `hangtime import swing.csv other.csv --garment swatch.toml --up z`
     """
     from formats.descriptions import load_garment
     from formats.descriptions_beside import check_room_beside, settle

@@ -8,6 +8,7 @@ from typing import Literal
 import msgspec
 
 from formats.fit_records import CameraFinding, FitParameter, Interval, TakeState
+from formats.plain_text import shortened
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -187,3 +188,9 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     take_contents: list[str] = []  # sha256 of the content of each take fitted to
     camera: list[CameraFinding] = []
     take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
+
+    def __repr__(self) -> str:
+        """Return one line; `sentence` says the finding."""
+        takes = ", ".join(map(shortened, self.take_ids))
+        named = f", {' and '.join(self.named)}" if self.named else ""
+        return f"Diagnosis({takes!r}, verdict {self.verdict}{named}, {self.created})"

@@ -45,6 +45,11 @@ class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     per_frame_m: list[float]
     time_s: list[float]
 
+    def __repr__(self) -> str:
+        """Return one line; the figures of the frames stay out of it."""
+        frames = len(self.per_frame_m)
+        return f"ErrorFigure(mean {1e3 * self.mean_m:.1f} mm, largest {1e3 * self.max_m:.1f} mm, {frames} frames)"
+
 
 class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Errors before (initial parameters) and after the fit."""
@@ -164,6 +169,10 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []
     take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
+
+    def __repr__(self) -> str:
+        """Return one line; `hangtime.load` of its file prints the whole."""
+        return f"FitResult({self.label!r}, {self.method}, {len(self.parameters)} parameters, {self.created})"
 
     @property
     def label(self) -> str:

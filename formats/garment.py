@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from formats.plain_text import shortened
+
 Polygon = tuple[tuple[float, float], ...]
 PointKind = Literal["material", "silhouette"]
 
@@ -56,6 +58,14 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     seams: tuple[tuple[int, int], ...] = ()
     grain_degrees: float = 0.0
     points_are: PointKind | None = None
+
+    def __repr__(self) -> str:
+        """Return one line: name, kind, weight and size; the outline and the points stay out of it."""
+        name, points = shortened(self.name), len(self.points)
+        return (
+            f"Garment({name!r}, {self.kind}, {1e3 * self.mass_kg:.1f} g, {len(self.outline_m)} corners, "
+            f"{points} points, held by its {self.held})"
+        )
 
     @property
     def area_m2(self) -> float:

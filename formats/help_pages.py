@@ -17,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from formats import telling
-from formats.command_groups import OTHER, PANELS
+from formats.command_groups import ORDER, OTHER, PANELS
 from formats.typed_values import reword
 
 OUTPUT = "Output"
@@ -35,6 +35,8 @@ NUMERIC = {float: "number", int: "whole number", "float": "number", "integer": "
 # Commands that report nothing at their end: services, and commands that run until they are stopped.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
 WITHOUT_JSON = ("daemon", "sync run")
+IN_LINES = ("watch",)  # commands whose `--json` prints one object a line, that of an error too
+FEWEST = {"Model": 2, "Search": 2}  # options under such a heading; a lone one stands under "Options"
 
 
 class Contents(TyperGroup):
@@ -107,19 +109,27 @@ def finish(root: Any) -> None:
     for name, command in every_part(root):
         command.rich_markup_mode = mode
         if getattr(command, "commands", None) is not None:
+            if name in ORDER:
+                command.commands = dict(sorted(command.commands.items(), key=lambda item: ORDER[name].index(item[0])))
             continue
-        for parameter in command.params:
+        headings = [_heading_of(parameter) for parameter in command.params]
+        for parameter, heading in zip(command.params, headings, strict=True):
             _worded(parameter)
             _leave_to_the_reader(parameter)
             _refuse_underscores(parameter)
-            heading = next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), None)
-            if heading is not None and parameter.rich_help_panel is None:
+            is_enough = headings.count(heading) >= FEWEST.get(heading, 1)
+            if heading and is_enough and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
         taken = {option for parameter in command.params for option in parameter.opts}
         if name not in WITHOUT_JSON and "--json" not in taken:
             command.params.append(common["json"])
         if name not in WITHOUT_QUIET:
             command.params.append(common["quiet"])
+
+
+def _heading_of(parameter: Any) -> str:
+    """Return the heading that options of this name stand under, '' for none."""
+    return next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), "")
 
 
 def every_part(part: Any, name: str = "") -> Iterator[tuple[str, Any]]:

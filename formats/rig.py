@@ -6,6 +6,8 @@ from typing import Literal
 
 import msgspec
 
+from formats.plain_text import shortened
+
 Vector = tuple[float, float, float]
 Colour = tuple[int, int, int]
 
@@ -95,6 +97,12 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     bodies: tuple[RigBody, ...] | msgspec.UnsetType = msgspec.UNSET  # written only where not empty
 
     camera_at_m: Vector | msgspec.UnsetType = msgspec.UNSET  # written only where it is stated
+
+    def __repr__(self) -> str:
+        """Return one line: the name, and which parts the rig states."""
+        parts = {"hanger": self.hanger, "sensor": self.sensor, "calibration": self.calibration, "bodies": self.near}
+        told = [name for name, part in parts.items() if part]
+        return f"Rig({shortened(self.name)!r}, {' and '.join(told) if told else 'gravity alone'})"
 
     @property
     def viewpoint(self) -> Vector:

@@ -116,13 +116,13 @@ def describe(summary: dict[str, Any]) -> str:
     points = s["points"]
     if len(points) <= 12:
         for p in points:
-            noise = f"sd {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
+            noise = f"noise {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
             hidden = f"   hidden {p['hidden_percent']:g} %" if p["hidden_percent"] else ""
             lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}{hidden}")
     else:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
-        noise = f"median sd {float(np.median(noises)):g} mm" if noises else "never seen"
+        noise = f"median noise {float(np.median(noises)):g} mm" if noises else "never seen"
         lines.append(f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, {noise}")
     if s["quality"] is not None:
         lines.append(f"quality   {s['quality']:g} in the median frame, 1 at best")
@@ -146,7 +146,8 @@ def _calibrated(plain: dict[str, Any] | None) -> list[str]:
     parts = []
     if known.gravity_sd_degrees is not None:
         how = f" ({known.gravity_from})" if known.gravity_from else ""
-        parts.append(f"gravity to {known.gravity_sd_degrees:g} degrees{how}")
+        sd = known.gravity_sd_degrees
+        parts.append(f"gravity +- {sd:g} degrees{how}" if sd > 0 else f"gravity exact{how}")
     if known.depth_scale_sd is not None:
         parts.append(f"depth scale {known.depth_scale:.4f} +- {known.depth_scale_sd:g}")
     if known.depth_offset_sd_px is not None:
@@ -155,5 +156,5 @@ def _calibrated(plain: dict[str, Any] | None) -> list[str]:
         if not math.isfinite(max(known.depth_offset_sd_px)):
             parts[-1] += " along the one axis that was measured"
     if known.held_sd_m is not None:
-        parts.append(f"held ends to {1e3 * max(max(end) for end in known.held_sd_m):.1f} mm")
+        parts.append(f"held ends +- {1e3 * max(max(end) for end in known.held_sd_m):.1f} mm")
     return ["calibrated " + "; ".join(parts)] if parts else []

@@ -22,7 +22,7 @@ LARGEST_GRID = 512  # positions along a side: more than a depth sensor has on a 
 MOST_OUTLINE_PLACES = 65536  # around the silhouette
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SurfaceScan:
     """The visible surface at `time` [s], sensor frame; NaN where it was not seen.
 
@@ -33,6 +33,12 @@ class SurfaceScan:
     time: float
     grid: Floats
     contour: Floats
+
+    def __repr__(self) -> str:
+        """Return the instant and the number of places."""
+        return (
+            f"SurfaceScan(at {self.time:.2f} s, {len(self.grid)} x {len(self.grid)} places, {len(self.contour)} around)"
+        )
 
 
 def encode_scan(scan: SurfaceScan) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from formats.take_report import Span, TakeReport
 LONGEST_GAP = 0.5  # s, longest time between two sights of the hanger that is interpolated: half a swing
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Take:
     """One recording, in the sensor frame of its rig (imported takes: the frame in which `rig.gravity` is given).
 
@@ -66,6 +67,31 @@ class Take:
     is_complete: bool = True
     missing: tuple[Span, ...] = ()
     report: TakeReport | None = None
+
+    def __repr__(self) -> str:
+        """Return one line: the take's name, garment and length; the arrays stay out of it."""
+        facts = (f"{name} {text}" for name, text in self._facts())
+        return f"Take({shortened(self.take_id)!r}, {', '.join(facts)})"
+
+    def _repr_html_(self) -> str:
+        """Return the same as a table for a notebook, with a row for each array."""
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        rows = [("take", shortened(self.take_id)), *self._facts(), ("created", self.created)]
+        rows += [(name, f"array of shape {value.shape}") for name, value in arrays.items()]
+        cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        return f"<table><tbody>{''.join(cells)}</tbody></table>"
+
+    def _facts(self) -> list[tuple[str, str]]:
+        """Return the take in a few words: names, and what they are."""
+        frames = len(self.time)
+        span = float(self.time[-1] - self.time[0]) if frames else 0.0
+        seen = f"{100 * float(self.points_valid.mean()):.0f} %" if self.points_valid.size else "none"
+        return [
+            ("length", f"{span:.1f} s in {frames} frames"),
+            ("garment", shortened(self.garment.name)),
+            ("points", f"{len(self.garment.points)}, {seen} seen"),
+            ("state", "complete" if self.is_complete and not self.missing else "incomplete"),
+        ]
 
 
 def told_apart(takes: Sequence[Take]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,18 @@ from formats.arrays import Floats
 from formats.motion import axes_of
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
+from formats.soft_lines import SoftLines
 from formats.take import Take
 
 COLUMNS, LINES = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
 WIDTH, HEIGHT, MARGIN = 960, 540, 56  # px
-COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f")
-MOST_LINES = 12  # tracked points that are drawn
+COLOURS = (
+    "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f", "#e377c2", "#bcbd22",
+    "#000000", "#00441b",
+)  # fmt: skip
+MOST_LINES = len(COLOURS)  # that are drawn: the held edge and eleven tracked points
+ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
@@ -63,43 +69,73 @@ def draw_in_letters(take: Take) -> str:
     return "\n".join([*drawn, f"{'':>9} {caption}"])
 
 
-def draw_png(take: Take, path: Path) -> None:
-    """Plot the motion of the held edge and the tracked points over time as a PNG picture.
+def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
+    """Plot the motion of the held edge and of tracked points over time as a PNG picture.
+
+    Of more points than there are colours, those are drawn that lie farthest apart, the corners first.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
-    from PIL import Image, ImageDraw
+    from PIL import ImageDraw
 
     way, names, paths = paths_of(take)
-    names, paths = names[:MOST_LINES], paths[:, :MOST_LINES]
-    reach = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
+    chosen = [0, *(1 + k for k in well_spread(np.array([p.at_m for p in take.garment.points]), MOST_LINES - 1))]
+    paths = paths[:, chosen]
+    most = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
+    step = round_step(most / 2)
+    reach = 2 * step
     span = float(take.time[-1] - take.time[0]) or 1.0
-    picture = Image.new("RGB", (WIDTH, HEIGHT), "white")
-    pen = ImageDraw.Draw(picture)
+    lines = SoftLines(WIDTH, HEIGHT)
     left, right, top, bottom = MARGIN + 24, WIDTH - 160, MARGIN, HEIGHT - MARGIN
     x = left + (take.time - take.time[0]) / span * (right - left)
     y = (top + bottom) / 2 - paths / reach * (bottom - top) / 2
-    for level in (-1.0, -0.5, 0.0, 0.5, 1.0):
-        at = (top + bottom) / 2 - level * (bottom - top) / 2
-        pen.line([(left, at), (right, at)], fill="#dddddd")
-        pen.text((8, at - 6), f"{1e3 * level * reach:+.0f} mm", fill="black")
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        at = left + share * (right - left)
-        pen.line([(at, top), (at, bottom)], fill="#dddddd")
-        pen.text((at - 12, bottom + 8), f"{share * span:.1f} s", fill="black")
-    for number, name in enumerate(names):
-        colour = COLOURS[number % len(COLOURS)]
+    levels = [((top + bottom) / 2 - k / 2 * (bottom - top) / 2, f"{1e3 * k * step:+g} mm") for k in range(-2, 3)]
+    second = round_step(span / 5)
+    count = int(span / second + 1e-9) + 1
+    times = [(left + k * second / span * (right - left), f"{k * second:g} s") for k in range(count)]
+    for at, _ in levels:
+        lines.draw([(left, round(at)), (right, round(at))], "#dddddd")
+    for at in (*(place for place, _ in times), right):
+        lines.draw([(round(at), top), (round(at), bottom)], "#dddddd")
+    for number in range(len(chosen)):
         for start, stop in _stretches(np.isfinite(paths[:, number])):
-            pen.line(list(zip(x[start:stop], y[start:stop, number], strict=True)), fill=colour, width=2)
-        pen.text(
-            (right + 12, top + 18 * number), in_one_line(name).encode("ascii", "replace").decode()[:20], fill=colour
-        )
-    pen.text((left, 16), f"{way}, {len(take.time)} frames in {span:.1f} s", fill="black")
+            lines.draw(list(zip(x[start:stop], y[start:stop, number], strict=True)), COLOURS[number], 2)
+    picture = lines.picture()
+    pen = ImageDraw.Draw(picture)
+    for at, words in levels:
+        pen.text((8, at - 6), words, fill="black")
+    for at, words in times:
+        pen.text((at - 12, bottom + 8), words, fill="black")
+    for number, index in enumerate(chosen):
+        name = in_one_line(names[index]).encode("ascii", "replace").decode()[:20]
+        pen.text((right + 12, top + 18 * number), name, fill=COLOURS[number])
+    count = len(take.garment.points)
+    shown = f"; {len(chosen) - 1} of {count} points" if len(chosen) - 1 < count else ""
+    title = f"motion {way}, from each path's mean; {len(take.time)} frames in {span:.1f} s{shown}"
+    pen.text((left, 16), title, fill="black")
     stream = io.BytesIO()
     picture.save(stream, "PNG")
-    write_bytes(path, stream.getvalue())
+    write_bytes(path, stream.getvalue(), overwrite=overwrite)
+
+
+def round_step(least: float) -> float:
+    """Return the least round step of an axis that is no shorter than this, which is above 0."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(round(power * nice, 12) for nice in ROUND if power * nice >= least * (1 - 1e-9))
+
+
+def well_spread(places: Floats, count: int) -> list[int]:
+    """Return the indices of at most so many places, (n, 2), that lie far apart: corners, then the farthest from all."""
+    if len(places) <= count:
+        return list(range(len(places)))
+    ways = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])  # the lower corners first
+    chosen = list(dict.fromkeys(int(np.argmax(places @ way)) for way in ways))[:count]
+    while len(chosen) < count:
+        apart = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(1)
+        chosen.append(int(np.argmax(apart)))
+    return sorted(chosen)
 
 
 def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:

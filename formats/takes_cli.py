@@ -94,7 +94,7 @@ def show_take(
     path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap), or what one left (.partial).")],
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", "--png", metavar="FILE.png", help="Also draw the paths of the tracked points."),
+        typer.Option("--plot", "--png", metavar="FILE.png", help="Also draw the paths of up to twelve tracked points."),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
@@ -103,7 +103,7 @@ def show_take(
     from formats.errors import TakeError
     from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread, unsettled
     from formats.outputs import refuse_an_input, refuse_to_replace
-    from formats.plain_text import counted
+    from formats.plain_text import counted, plain
     from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
@@ -122,9 +122,9 @@ def show_take(
     tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, left=list(report.left))
     if plot is not None:
         refuse_an_input(plot, [path])
-        if not overwrite:
-            refuse_to_replace(plot)
-        draw_png(take, plot)
+        refuse_to_replace(plot, overwrite=overwrite)
+        draw_png(take, plot, overwrite=overwrite)
+        tell(f"\nPicture: {plain(plot)}", plot=str(plot))
 
 
 def verify_takes(paths: Takes) -> None:

@@ -65,10 +65,10 @@ def tell_entry(name: str, words: str, /, **facts: Any) -> None:
 def tell_fault(sentence: str) -> None:
     """Keep the sentence of a fault that makes the command fail; the first one becomes `error` in the JSON document.
 
-    The command has already printed the sentence, except under `--quiet`, where it is printed on stderr.
+    The command has already printed the sentence, except under `--quiet` or `--json`, where it is printed on stderr.
     """
     _Mode.document.setdefault("error", sentence)
-    if terminal.is_hushed():
+    if terminal.is_hushed() or _Mode.as_json:
         terminal.say(f"hangtime: {sentence}", is_error=True)
 
 

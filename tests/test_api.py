@@ -130,7 +130,7 @@ def test_linear_algebra_has_one_thread_in_a_fit_and_the_callers_number_after_it(
 
 def test_a_parameter_that_is_not_identified_is_shown_as_an_interval_and_never_as_a_number(fitted):
     free = dataclasses.replace(fitted, result=with_first(fitted.result, is_identified=False, fitted=123.456789))
-    shown = f"{free.result.parameters[0].interval_low:.3g} to {free.result.parameters[0].interval_high:.3g}"
+    shown = f"{free.result.parameters[0].interval_low:.0f} to {free.result.parameters[0].interval_high:.0f}"
     for text in (str(free), free._repr_html_(), free.to_csv()):
         assert "123.4" not in text
     assert f"-  {shown}" in re.sub(r" {2,}", "  ", str(free))
@@ -192,7 +192,7 @@ def test_values_that_cannot_be_simulated_are_refused_with_what_to_do(takes, give
 
 def test_a_loaded_result_cannot_draw_takes_that_it_does_not_hold(fitted, tmp_path):
     loaded = hangtime.load(fitted.save(tmp_path / "fit.json"))
-    with pytest.raises(hangtime.HangtimeError, match="holds no takes to draw; fit or diagnose the takes again"):
+    with pytest.raises(hangtime.HangtimeError, match=r"holds no takes to draw; .*; or fit or diagnose the takes again"):
         hangtime.report(loaded, tmp_path / "report.html")
 
 
@@ -230,7 +230,7 @@ def test_an_old_fit_is_simulated_on_the_usual_mesh_and_says_so(takes, fitted):
         (lambda take: hangtime.load(7), "^path: is of the kind int; give the path of a file"),
         (lambda take: hangtime.load("a\0b"), r"^path: 'a\\x00b' is the name of no file; give the path of a file"),
         (lambda take: hangtime.fit(""), "^takes: '' is the name of no file; give a take or the path of one"),
-        (lambda take: hangtime.fit(take, progress=None), "^progress: cannot be called; give a function"),
+        (lambda take: hangtime.fit(take, progress=7), "^progress: cannot be called; give a function"),
         (lambda take: hangtime.diagnose(take, progress=7), "^progress: cannot be called; give a function"),
         (lambda take: hangtime.fit(None), "^takes: is None; give a take, the path of one, or a list of them"),
         (lambda take: hangtime.fit([take, 7]), "^takes: is of the kind int; give a take or the path of one"),

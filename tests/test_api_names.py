@@ -4,18 +4,64 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import inspect
+import pydoc
 import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
+import pytest
+
 import hangtime
-from fit.api.arguments import PlanOptions
+from fit.api.arguments import PLAN_DEFAULTS, PlanOptions
 from fit.identification.request import Plan
+from fit.recordings.ready import ready
+from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.fit.test_command_line import a_swung_take
+from tests.formats.test_archive import a_take
 from tests.repository import ROOT
 
 
 def test_every_option_of_a_plan_is_an_argument():
     assert list(PlanOptions.__annotations__) == [field.name for field in dataclasses.fields(Plan)]
+
+
+def test_the_defaults_that_help_shows_are_those_of_a_plan():
+    own = {field.name: field.default for field in dataclasses.fields(Plan)}
+    assert own == dict(PLAN_DEFAULTS)
+
+
+@pytest.mark.parametrize("call", [hangtime.fit, hangtime.diagnose, hangtime.simulate])
+def test_help_shows_each_option_and_no_function_without_a_name(call):
+    shown = pydoc.plain(pydoc.render_doc(call))
+    assert "lambda" not in shown
+    assert "**options" not in shown
+    assert "seed: int = " in shown
+
+
+def test_help_shows_the_default_of_each_option_of_a_fit():
+    shown = inspect.signature(hangtime.fit).parameters
+    assert {name: shown[name].default for name in PLAN_DEFAULTS} == dict(PLAN_DEFAULTS)
+
+
+def test_what_a_user_meets_has_a_repr_of_one_short_line():
+    """A garment of 400 points and a take of 150 frames had 36,000 characters in 810 lines."""
+    take = a_take(150)
+    result = fit_result()
+    many = [take, take.garment, take.rig, result, result.error, result.parameters[0], diagnosis()]
+    many += ready([a_swung_take()], []).training
+    for one in many:
+        assert "\n" not in repr(one)
+        assert len(repr(one)) < 400, repr(one)[:500]
+    assert "150 frames" in repr(take)
+    assert take.garment.name in repr(take)
+    assert f"array of shape {take.points.shape}" in take._repr_html_()
+
+
+def test_the_names_in_a_takes_table_are_no_markup():
+    garment = msgspec.structs.replace(a_take(4).garment, name="<b>")
+    assert "<b>" not in dataclasses.replace(a_take(4), take_id="<b>", garment=garment)._repr_html_()
 
 
 def test_the_package_holds_names_only():

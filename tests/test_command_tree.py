@@ -35,6 +35,37 @@ def options_of(name):
     return {option: p for p in COMMANDS[name].params for option in (*p.opts, *p.secondary_opts)}
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["record", "import", "fit", "diagnose", "fabric", "report", "compare", "export", "animate", "batch"],
+)
+def test_a_main_command_has_an_example_that_the_program_understands(name):
+    command = dict(every_command(whole_command()))[f"hangtime {name}"]  # parsing leaves marks on it
+    found = re.search(r"Example: `hangtime (\S+) ([^`]+)`", command.help)
+    assert found is not None
+    assert found[1] == name
+    command.make_context(name, shlex.split(found[2]))  # parses, and runs nothing
+
+
+def test_the_commands_of_takes_begin_with_the_one_that_lists_them():
+    shown = hangtime_here("takes", "--help", folder=".").stdout
+    found = re.findall(r"^  (list|show|verify|recover|export|prune) ", shown, re.MULTILINE)
+    assert found == ["list", "show", "verify", "recover", "export", "prune"]
+
+
+def test_a_lone_seed_or_mesh_has_no_heading_of_its_own():
+    assert "Search:" not in hangtime_here("sensor", "synthesise", "--help", folder=".").stdout
+    assert "Model:" not in hangtime_here("export", "--help", folder=".").stdout
+    assert "Search:" in hangtime_here("fit", "--help", folder=".").stdout
+
+
+def test_a_wrong_option_of_watch_gives_one_object_on_one_line(tmp_path):
+    done = hangtime_here("watch", "--json", "--nonsense", folder=tmp_path)
+    assert done.returncode == 2
+    (line,) = done.stdout.splitlines()
+    assert "--nonsense" in json.loads(line)["error"]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_command_is_summed_up_in_one_sentence_and_every_option_is_explained(name):
     command = COMMANDS[name]
@@ -65,6 +96,10 @@ def test_a_page_names_values_in_words_and_not_as_types_of_python(name):
     )
 
 
+def _count_below(heading, options):
+    return sum(help_pages.HEADING_OF.get(option) == heading for option in options)
+
+
 def test_commands_that_are_made_anew_have_each_option_once_and_under_its_heading():
     """Two commands bring a `--json` of their own."""
     commands = dict(every_command(whole_command()))
@@ -74,6 +109,7 @@ def test_commands_that_are_made_anew_have_each_option_once_and_under_its_heading
         assert len(options) == len(set(options)), name
         for parameter in command.params:
             headings = {help_pages.HEADING_OF.get(option) for option in parameter.opts} - {None}
+            headings = {one for one in headings if _count_below(one, options) >= help_pages.FEWEST.get(one, 1)}
             assert not headings or parameter.rich_help_panel is not None, f"{name} {parameter.name}"
             assert headings <= {parameter.rich_help_panel}, f"{name} {parameter.name}"
         for option, others in (("--json", help_pages.WITHOUT_JSON), ("--quiet", help_pages.WITHOUT_QUIET)):

@@ -79,9 +79,11 @@ RULES = (
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs the first one's output
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),
     Rule(r"hangtime calibrate ", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"),)),
-    Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
+    Rule(r"hangtime record .*--out twist", "slow",
+         (("synthetic:twist", "'synthetic:twist?seconds=3'"), ("demo/swing/", ""), ("--out twist", "--out twisted"))),
+    parsed(r"hangtime fit .*--held-out-motion", "needs the demo's skirt; tests/fit/test_command_line.py runs one"),
+    Rule(r"hangtime record .*--out (?:wide|middle)", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
     Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), AS_NEW)),
-    Rule(r"hangtime record .*--out other", "slow", (("openni2:", "'synthetic:twist?seconds=3'"), AS_NEW)),
     Rule(r"hangtime fit .*--method mocap-swatch", "slow", ((r"$", " --iterations 4 --spacing 0.1"),)),
     Rule(r"hangtime fit ", "slow", ((r"$", SHORT),)),
     Rule(r"hangtime diagnose ", "slow", ((r"$", " --spacing 0.15"),)),
@@ -178,7 +180,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / f"{name}.toml").write_text(block)
     (folder / "demo").mkdir()
     time, garment = np.arange(0, 2.6, 1 / 30), sheet()
-    for k, name in enumerate(("swing", "gentle", "other", "mixed", "face-on", "sideways", "twist")):
+    for k, name in enumerate(("swing", "gentle", "other", "mixed", "wide", "middle", "twist")):
         path = swing(time, amplitude=0.06, hz=0.6 + 0.05 * k)
         take = simulate_take(
             garment, time, path, material(garment, velocity_damping=3.0), noise=0.002, seed=k, name=name

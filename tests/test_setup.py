@@ -44,9 +44,9 @@ def checkout(request, tmp_path):
     return tmp_path
 
 
-def setting_up(checkout):
+def setting_up(checkout, *options):
     return subprocess.Popen(
-        ["scripts/setup"], cwd=checkout, env={**os.environ, "PATH": str(checkout / "bin")}, text=True,
+        ["scripts/setup", *options], cwd=checkout, env={**os.environ, "PATH": str(checkout / "bin")}, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
 
@@ -58,6 +58,19 @@ def test_two_set_ups_at_once_make_one_environment(checkout):
     assert (checkout / "log").read_text().split("\n")[:-1] == ["venv begins", "venv ends", "pip begins", "pip ends"]
     assert sum("another scripts/setup is at work here" in text for text in said) == 1
     assert not (checkout / ".setup.lock.d").exists()
+
+
+def test_a_set_up_for_use_leaves_out_what_developers_need_and_a_later_one_adds_it(checkout):
+    """The third run, for use again, finds all that it wants."""
+    orders = (["--for-use"], [], ["--for-use"])
+    said = [setting_up(checkout, *options).communicate(timeout=STILL)[0] for options in orders]
+    lines = [[line for line in text.splitlines() if line.startswith("         ")] for text in said]
+    listed = [[line.split(":")[0].strip() for line in each] for each in lines]
+    assert "fit" in listed[0] or "capture" in listed[0]
+    assert "dev" not in listed[0]
+    assert "dev" in listed[1]
+    assert listed[2] == []
+    assert (checkout / "log").read_text().count("pip begins") == 2
 
 
 def test_a_set_up_that_was_killed_is_named_or_forgotten(checkout):

@@ -12,7 +12,7 @@ import typer
 
 from formats.command_groups import RECORD
 from formats.help_pages import OUTPUT
-from formats.telling import ask_lines, tell, tell_fault
+from formats.telling import tell, tell_fault
 
 CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
 SOCKET = Annotated[
@@ -88,7 +88,6 @@ def watch_command(
     """Show the state of the appliance at every change, until Ctrl-C."""
     from capture.appliance.control import listen
 
-    ask_lines()
     for answer in listen(socket, "watch"):
         typer.echo(json.dumps(answer) if as_json else _in_one_line(answer))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from capture.appliance.config import InForce
@@ -11,7 +12,7 @@ from capture.appliance.showing import Light
 from capture.appliance.states import State
 from capture.appliance.wall_clock import wall_time
 from capture.recording.condition import Condition
-from formats.plain_text import sized
+from formats.plain_text import counted, sized
 
 
 @dataclass
@@ -69,10 +70,11 @@ def lines(status: dict[str, Any]) -> list[str]:
     said += [f"! {fault['sentence']}; {fault['advice']}" for fault in status["faults"]]
     last = status["last_take"]
     if last:
-        said.append(f"last take: {last['kept'] or 'not kept'}")
+        said.append(f"last take: {_place(last['kept']) if last['kept'] else 'not kept'}")
         said += [f"! {finding['words']}; {finding['advice']}" for finding in last["findings"]]
+    lost = f"{status['dropped']} lost in {counted(status['gaps'], 'gap')}"
     said.append(
-        f"since the start: {status['frames']} frames, {status['dropped']} lost in {status['gaps']} gaps; "
+        f"since the start: {counted(status['frames'], 'frame')}, {lost}; "
         f"{sized(status['bytes_kept'])} kept, {sized(status['free_bytes'])} free"
     )
     salvaged = f", {status['salvaged']} of them salvaged after a crash" if status["salvaged"] else ""
@@ -83,3 +85,15 @@ def lines(status: dict[str, Any]) -> list[str]:
     set_by = {"NTP": "set by the network", "RTC": "from the board's battery clock", "none": "set by nobody"}
     said.append(f"clock: {clock['utc']}, {set_by[clock['source']]}{off}")
     return said
+
+
+def _place(kept: str) -> str:
+    """Return where the last take is; it may have been removed since, which the recorder does not hear of."""
+    path = Path(kept)
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return f"{path.stem}, removed from this device since; `hangtime sync status` says what is safe"
+    except OSError:
+        pass  # who asks may not look
+    return kept

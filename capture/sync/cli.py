@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from formats.help_pages import OUTPUT
-from formats.plain_text import sized
+from formats.plain_text import counted, sized
 from formats.telling import know, tell
 
 Config = Annotated[Path, typer.Option("--config", metavar="FILE", help="The appliance's configuration.")]
@@ -34,7 +34,8 @@ def add_commands(app: typer.Typer) -> None:
 def run_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
     """Upload takes until none waits; after failures of the server, retry at growing intervals.
 
-    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the fault needs a person.
+    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not accept them. Follow the
+    sentence, then run the command again.
     """
     _start("run", config, spool)
 
@@ -109,7 +110,7 @@ def prune_takes(
         retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
     room = Spool(setup.spool).make_room(retention, now=now_here(), url=setup.settings.url)
     for stem in room.left:
-        tell(f"{stem} left; its receipt says where it is")
+        tell(f"{stem} is removed from this device; its receipt says where it is")
     for stem in room.changed:
         tell(f"{stem} stays: it differs from the file that the server verified; replace this device's disk")
     unsafe = sum(1 for _ in Spool(setup.spool).waiting(setup.settings.url))
@@ -121,7 +122,7 @@ def prune_takes(
         is_enough=room.is_enough,
         unsafe=unsafe,
     )
-    tell(f"{len(room.left)} left, {sized(room.used)} of takes stay, {sized(room.free)} are free")
+    tell(f"{counted(len(room.left), 'take')} removed, {sized(room.used)} of takes stay, {sized(room.free)} are free")
     if not room.is_enough:
         tell(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
 

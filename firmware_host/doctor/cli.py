@@ -18,7 +18,10 @@ def add_commands(sensor: typer.Typer) -> None:
 
 def doctor(
     recording: Annotated[
-        str | None, typer.Argument(metavar="[RECORDING.oni]", help="Check a recording instead of the live sensor.")
+        str | None,
+        typer.Argument(
+            metavar="SENSOR", help="Check this instead of the live sensor: an .oni recording, or synthetic:MOTION."
+        ),
     ] = None,
     rig: Annotated[
         Path | None, typer.Option("--rig", metavar="RIG.toml", help="Whose markers must be visible.")

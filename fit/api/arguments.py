@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, TypedDict, TypeVar, get_type_hints
 
 from fit.errors import FitError
 from formats.errors import HangtimeError, of_system
@@ -37,6 +38,32 @@ class PlanOptions(TypedDict, total=False):
     seed: int
     fabric: str | None
     engine: str
+
+
+PLAN_DEFAULTS: Mapping[str, object] = {
+    "method": "si", "effects": (), "bounds": (), "search": "", "iterations": 350, "gamma": None, "spacing": None,
+    "seed": 0, "fabric": None, "engine": "own",
+}  # fmt: skip
+"""The defaults of `fit.identification.request.Plan`, which is not imported before a call needs it."""
+OF_THE_FIT: Mapping[str, object] = dict.fromkeys(PLAN_DEFAULTS, ...)
+_Call = TypeVar("_Call", bound=Callable[..., object])
+
+
+def options_shown(defaults: Mapping[str, object] | None = None) -> Callable[[_Call], _Call]:
+    """Return a decorator: `help` then shows each option with its kind and default, instead of `**options`."""
+
+    def shown(call: _Call) -> _Call:
+        own = inspect.signature(call, eval_str=True)
+        kinds = get_type_hints(PlanOptions)
+        options = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
+            for name, default in (defaults or {}).items()
+        ]
+        plain = [one for one in own.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+        vars(call)["__signature__"] = own.replace(parameters=[*plain, *options])
+        return call
+
+    return shown
 
 
 def checked(options: PlanOptions) -> dict[str, Any]:

@@ -7,13 +7,14 @@ linear algebra. So the numbers are the command's to the last digit.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 from fit.api.arguments import (
+    OF_THE_FIT,
+    PLAN_DEFAULTS,
     PlanOptions,
     arguments_named,
     check_call,
@@ -22,23 +23,20 @@ from fit.api.arguments import (
     checked,
     names_of,
     number_of,
+    options_shown,
     path_of,
 )
 from fit.api.results import DiagnosisOutcome, FitOutcome, SimulatedTake, Simulation
+from fit.api.takes import OneTake, Takes, library_of, one_take, sorted_out
 from fit.errors import FitError
 from formats.archive import read_take
 from formats.errors import ResultError
-from formats.outputs import make_parent, output_folder
-from formats.plausible import check_plausible_take
+from formats.outputs import make_parent, output_folder, refuse_to_replace
 from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
 if TYPE_CHECKING:
-    from fit.cloth.effect import Effect
     from fit.identification.request import Request
-
-OneTake = Take | Path | str
-Takes = OneTake | Sequence[OneTake]
 
 
 @arguments_named()
@@ -60,6 +58,7 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
             raise no_fit from None
 
 
+@options_shown(PLAN_DEFAULTS)
 @arguments_named()
 def fit(
     takes: Takes,
@@ -68,7 +67,7 @@ def fit(
     held_out_motion: Sequence[str] = (),
     anyway: bool = False,
     checkpoint: Path | str | None = None,
-    progress: Callable[[int, int, float], None] = lambda done, total, best: None,
+    progress: Callable[[int, int, float], None] | None = None,
     **options: Unpack[PlanOptions],
 ) -> FitOutcome:
     """Find the cloth parameters that make the simulation follow the takes, as `hangtime fit` does.
@@ -78,9 +77,15 @@ def fit(
     - `anyway`: accept sizes, weights, times and jumps that no cloth, hanger or camera has
     - `checkpoint`: file from which an interrupted search continues; its folder is made if absent
     - `progress`: called with steps done, steps in all and the least error so far
+    - `method`: the parameters to fit, as `--method`
+    - `effects`: names of effects of which the size is fitted too, as `--effect`
+    - `bounds`: NAME=LOW:HIGH, one text a parameter
+    - `search`, `iterations`, `gamma`, `seed`: of the search; an empty `search` is the method's own
+    - `spacing`: of the mesh [m]; None is the method's own
+    - `fabric`: start from the table values of this fabric
+    - `engine`: the simulator, `own` or `blender`
 
-    The options are those of the command, with the same meanings and defaults (`fit.identification.request.Plan`):
-    method, effects, bounds, search, iterations, gamma, spacing, seed, fabric, engine.
+    `hangtime fit --help` says more of each.
 
     Raises:
         FitError: the request or the takes cannot be fitted.
@@ -89,19 +94,23 @@ def fit(
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
 
-    check_call(progress, "progress")
+    if progress is not None:
+        check_call(progress, "progress")
     request = Plan(**checked(options)).request()
     file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     mesh = request.resolution.spacing
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     with output_folder(file.parent) if file is not None else contextlib.nullcontext():
         prepared = ready(training, testing)
-        result = calibrate(training, testing, request, prepared=prepared, checkpoint=file, progress=progress)
+        result = calibrate(
+            training, testing, request, prepared=prepared, checkpoint=file, progress=progress or (lambda *_: None)
+        )
     return FitOutcome(
         result=result, training=tuple(training), held_out=tuple(testing), request=request, prepared=prepared
     )
 
 
+@options_shown()
 @arguments_named()
 def diagnose(
     takes: Takes,
@@ -116,7 +125,7 @@ def diagnose(
     anyway: bool = False,
     by: str = "rules",
     checkpoint: Path | str | None = None,
-    progress: Callable[[str, float], None] = lambda stage, share: None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> DiagnosisOutcome:
     """Say where the simulation misses and which unmodelled effect causes it, as `hangtime diagnose` does.
 
@@ -126,7 +135,8 @@ def diagnose(
     - `without`: effects to leave out of the library
     - `spacing`: of the mesh [m]
     - `by`: what decides: `rules` or `evidence`
-    - `checkpoint`: a folder in which finished fits are kept.
+    - `checkpoint`: a folder in which finished fits are kept
+    - `progress`: called with the stage and its share that is done
 
     Raises:
         FitError: the takes cannot be diagnosed, or there is no such model or effect.
@@ -140,7 +150,8 @@ def diagnose(
     for name, text in {"model": model, "by": by}.items():
         if text is not None or name == "by":
             check_text(text, name)
-    check_call(progress, "progress")
+    if progress is not None:
+        check_call(progress, "progress")
     check_count(seed, "seed", least=0)
     mesh = number_of(spacing, "spacing")
     resolution = Resolution(spacing=mesh) if mesh is not None else None
@@ -159,7 +170,7 @@ def diagnose(
         resolution=resolution,
         seed=seed,
         by=deciding(by),
-        progress=progress,
+        progress=progress or (lambda *_: None),
     )  # fmt: skip
     return DiagnosisOutcome(
         result=findings.diagnosis, training=tuple(training), held_out=tuple(testing), findings=findings,
@@ -167,6 +178,7 @@ def diagnose(
     )  # fmt: skip
 
 
+@options_shown(OF_THE_FIT)
 @arguments_named()
 def simulate(
     takes: Takes,
@@ -179,7 +191,8 @@ def simulate(
 
     - `parameters`: a fit, or values by name over the method's initial ones. A fit brings its method, effects, engine,
       mesh and values
-    - `anyway` and options: as for `fit`; method, effects, spacing, fabric and engine count here
+    - `anyway` and options: as for `fit`. Where `...` stands, the option is that of the given fit, or else the default
+      of `fit`. Only method, effects, bounds, spacing, fabric and engine count here.
 
     Raises:
         FitError: unknown names, values outside the ranges, or takes that cannot be simulated.
@@ -215,35 +228,49 @@ def simulate(
 
 
 @arguments_named()
-def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: FitOutcome | None = None) -> Path:
+def report(
+    outcome: FitOutcome | DiagnosisOutcome,
+    path: Path | str,
+    *,
+    fit: FitOutcome | None = None,
+    overwrite: bool = False,
+) -> Path:
     """Write the report of a fit or a diagnosis as one HTML file, and return its path.
 
-    fit: shown in the report of a diagnosis, where it is of the same takes.
+    - `fit`: shown in the report of a diagnosis, where it is of the same takes
+    - `overwrite`: replace the report and its motion file, where they are there
 
     Raises:
         FitError: the outcome was loaded from a file and holds no takes, or the fit beside it is of other takes.
         OutputError: the report cannot be written.
     """
     from fit.report.gather import write_diagnosis_report, write_fit_report
+    from fit.report.kept import place_beside
     from fit.runtime import one_thread_of_algebra
 
     check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "what `fit` or `diagnose` returned")
     path, first = path_of(path, "path"), outcome.training[0] if outcome.training else None
     if fit is not None:
         check_kind(fit, "fit", FitOutcome, "what `fit` returned")
+    findings = outcome.findings if isinstance(outcome, DiagnosisOutcome) else None
+    if findings is not None and fit is not None and not findings.takes.are_of(fit.result):
+        raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")
+    if findings is None and (isinstance(outcome, DiagnosisOutcome) or outcome.request is None):
+        raise FitError(
+            "a result that was loaded from a file holds no takes to draw", where=path,
+            advice="`hangtime report DIR` writes the report of a folder of results anew at once; or fit or diagnose "
+            "the takes again",
+        )  # fmt: skip
+    for written in (path, place_beside(path)):
+        refuse_to_replace(written, overwrite=overwrite)
+    make_parent(path)
     with one_thread_of_algebra():
-        if isinstance(outcome, FitOutcome) and outcome.request is not None and outcome.prepared is not None:
-            make_parent(path)
+        if isinstance(outcome, FitOutcome):
+            assert outcome.request is not None
+            assert outcome.prepared is not None
             return write_fit_report(path, outcome.result, outcome.prepared, outcome.request, first)
-        if isinstance(outcome, DiagnosisOutcome) and outcome.findings is not None:
-            if fit is not None and not outcome.findings.takes.are_of(fit.result):
-                raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")
-            make_parent(path)
-            return write_diagnosis_report(path, outcome.findings, fit.result if fit is not None else None, first)
-    raise FitError(
-        "a result that was loaded from a file holds no takes to draw", where=path,
-        advice="fit or diagnose the takes again, then write the report",
-    )  # fmt: skip
+        assert findings is not None
+        return write_diagnosis_report(path, findings, fit.result if fit is not None else None, first)
 
 
 @arguments_named()
@@ -277,54 +304,9 @@ def export(
     check_kind(thickness, "thickness", Real, "metres, as in 0.0005")
     mesh, file = number_of(spacing, "spacing"), path_of(path, "path")
     result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(path_of(outcome, "outcome"))[0]
-    whose = _take(take, "take") if take is not None else None
+    whose = one_take(take, "take") if take is not None else None
     order = Order(result=result, take=whose, thickness=float(thickness), spacing=mesh)
     return write(order, to, file, overwrite=overwrite)
-
-
-def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
-    """Return the library of effects for a diagnosis.
-
-    Raises:
-        FitError: an unknown effect, or one that is both added and left out.
-    """
-    from fit.effects import find_effects, library_without
-
-    find_effects(list(add))
-    if both := sorted({*add} & {*without}):
-        raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
-    return library_without(list(without))
-
-
-def sorted_out(
-    takes: Takes,
-    held_out: Takes = (),
-    held_out_motion: Sequence[str] = (),
-    *,
-    anyway: bool = False,
-    spacing: float | None = None,
-) -> tuple[list[Take], list[Take]]:
-    """Return fitted and held-out takes, reading those given as paths.
-
-    - `anyway`: accept implausible takes
-    - `spacing`: of the mesh [m] that they are simulated on, None for a default
-
-    Raises:
-        HangtimeError: an archive cannot be read, a take is implausible, no take moves in a kind to be held out, or no
-            such mesh can be made of the garment.
-    """
-    from fit.cloth.mesh import check_mesh
-    from fit.recordings.selection import split_by_motion
-
-    kinds = names_of(held_out_motion, "held_out_motion")
-    every, judged = _each(takes, "takes"), _each(held_out, "held_out")
-    if not anyway:
-        for take in every + judged:
-            check_plausible_take(take, take.take_id, offers_anyway=True)
-    training, moving = split_by_motion(every, kinds)
-    if training and spacing is not None:
-        check_mesh(training[0].garment, spacing)
-    return training, moving + judged
 
 
 def _is_json(path: Path) -> bool:
@@ -380,16 +362,3 @@ def _values(given: Mapping[str, float], request: Request) -> dict[str, float]:
                 advice=f"stay within {p.minimum:g} to {p.maximum:g} {p.unit}",
             )  # fmt: skip
     return values
-
-
-def _each(takes: Takes, name: str) -> list[Take]:
-    if isinstance(takes, Take | PathLike | str):
-        return [_take(takes, name)]
-    check_kind(takes, name, Iterable, "a take, the path of one, or a list of them")
-    return [_take(take, name) for take in takes]
-
-
-def _take(take: OneTake, name: str) -> Take:
-    if isinstance(take, Take):
-        return take
-    return read_take(path_of(take, name, "a take or the path of one"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +16,11 @@ from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables,
 from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Diagnosis
+from formats.errors import HangtimeError
+from formats.figures import short
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, verdict_on
-from formats.outputs import make_parent, write_text
-from formats.results import save_diagnosis, save_fit_result
+from formats.outputs import make_parent, refuse_to_replace, write_text
+from formats.results import load_diagnosis, load_fit_result, save_diagnosis, save_fit_result
 from formats.rows import csv_text
 from formats.take import Take
 
@@ -71,8 +75,10 @@ class FitOutcome(_Shown):
         """Return the whole result as plain Python values, as `fit.json` holds them."""
         return dict(msgspec.to_builtins(self.result))
 
-    def to_csv(self, path: Path | str | None = None) -> str:
+    def to_csv(self, path: Path | str | None = None, *, overwrite: bool = False) -> str:
         """Return one row per parameter as CSV, and write it if a path is given.
+
+        overwrite: replace another file of this name
 
         A parameter that is not identified has no fitted value, only its interval.
         """
@@ -84,12 +90,14 @@ class FitOutcome(_Shown):
             )
             for p in self.result.parameters
         ]  # fmt: skip
-        return _csv(heads, rows, path)
+        return _csv(heads, rows, path, overwrite=overwrite)
 
-    def save(self, path: Path | str) -> Path:
-        """Write the result in the format of `fit.json`, atomically."""
+    def save(self, path: Path | str, *, overwrite: bool = False) -> Path:
+        """Write the result in the format of `fit.json`, atomically; `overwrite` replaces another file."""
         with arguments_named():
-            save_fit_result(path_of(path, "path"), self.result)
+            file = path_of(path, "path")
+            _refuse_another(file, load_fit_result, self.result, overwrite=overwrite)
+            save_fit_result(file, self.result)
         return Path(path)
 
     def _tables(self) -> list[Table]:
@@ -118,7 +126,7 @@ class DiagnosisOutcome(_Shown):
         """Return the whole diagnosis as plain Python values, as `diagnosis.json` holds them."""
         return dict(msgspec.to_builtins(self.result))
 
-    def to_csv(self, path: Path | str | None = None) -> str:
+    def to_csv(self, path: Path | str | None = None, *, overwrite: bool = False) -> str:
         """Return one row per effect of the library as CSV, and write it if a path is given."""
         heads = ("effect", "is_tested", "is_named", "probability", "amplitude", "unit", "closure", "p_value")
         rows = [
@@ -128,19 +136,21 @@ class DiagnosisOutcome(_Shown):
             )
             for e in self.result.effects
         ]  # fmt: skip
-        return _csv(heads, rows, path)
+        return _csv(heads, rows, path, overwrite=overwrite)
 
-    def save(self, path: Path | str) -> Path:
-        """Write the diagnosis in the format of `diagnosis.json`, atomically."""
+    def save(self, path: Path | str, *, overwrite: bool = False) -> Path:
+        """Write the diagnosis in the format of `diagnosis.json`, atomically; `overwrite` replaces another file."""
         with arguments_named():
-            save_diagnosis(path_of(path, "path"), self.result)
+            file = path_of(path, "path")
+            _refuse_another(file, load_diagnosis, self.result, overwrite=overwrite)
+            save_diagnosis(file, self.result)
         return Path(path)
 
     def _tables(self) -> list[Table]:
         return [*diagnosis_tables(self.result, self.added), effect_table(self.result)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedTake:
     """One take and its simulation, in the world frame (z against gravity).
 
@@ -153,6 +163,10 @@ class SimulatedTake:
     real: Floats
     simulated: Floats
     valid: Booleans
+
+    def __repr__(self) -> str:
+        """Return the take's name and the size of its arrays."""
+        return f"SimulatedTake({self.take_id!r}, {len(self.time)} frames of {len(self.point_names)} points)"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -184,7 +198,7 @@ class Simulation(_Shown):
         """Return the parameters that the fit's takes do not identify."""
         return [p for p in self.fitted if verdict_on(p)]
 
-    def to_csv(self, path: Path | str | None = None) -> str:
+    def to_csv(self, path: Path | str | None = None, *, overwrite: bool = False) -> str:
         """Return one row per point and frame as CSV, positions in metres, and write it if a path is given."""
         heads = ("take", "time_s", "point", "x", "y", "z", "real_x", "real_y", "real_z")
         rows = (
@@ -196,23 +210,43 @@ class Simulation(_Shown):
             for n in range(len(take.time))
             for k, name in enumerate(take.point_names)
         )  # fmt: skip
-        return _csv(heads, rows, path)
+        return _csv(heads, rows, path, overwrite=overwrite)
 
     def _tables(self) -> list[Table]:
         rows = [error_row(t.take_id, e) for t, e in zip(self.takes, self.by_take, strict=True)]
         unsure = {p.name: f"{interval_words(p)}, {verdict_on(p)}".lstrip(", ") for p in self._unsure}
-        values = tuple((name, unsure.get(name, f"{value:.4g}")) for name, value in self.values.items())
+        values = tuple((name, unsure.get(name, short(value, 4))) for name, value in self.values.items())
         return [
             Table(heads=("take", "mean error", "largest"), rows=(*rows, error_row("all", self.error))),
             Table(heads=("parameter", "value"), rows=values, right=(1,), remarks=self.remarks),
         ]
 
 
-def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None) -> str:
+def _refuse_another(file: Path, load: Callable[[Path], object], result: object, *, overwrite: bool) -> None:
+    """Refuse to replace a file that holds anything but this result.
+
+    Raises:
+        OutputError: it does, or cannot be replaced.
+    """
+    if not overwrite and file.is_file():
+        with suppress(HangtimeError):
+            if load(file) == result:
+                return
+    if not file.is_dir():  # whoever writes says why it cannot
+        refuse_to_replace(file, overwrite=overwrite)
+
+
+def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None, *, overwrite: bool) -> str:
+    """Return rows as CSV, and write them where a path is given; a file that holds just these rows may stay.
+
+    Raises:
+        OutputError: another file is there and is not to be overwritten, or it cannot be written.
+    """
     text = csv_text(heads, rows)
     if path is not None:
         with arguments_named():
             file = path_of(path, "path")
             make_parent(file)
+            refuse_to_replace(file, text, overwrite=overwrite)
             write_text(file, text)
     return text

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from fit.api.tables import Table
 from formats.diagnosis_records import Diagnosis, EffectFinding
+from formats.figures import head_of, short, span_of, with_unit
 from formats.fit_records import Combination, ErrorFigure, FitParameter, FitResult, verdict_on
 
-TRIVIAL_NAMES = {"vertical": "a hanging board", "pendulum": "a pendulum of two numbers"}
+TRIVIAL_NAMES = {"vertical": "a rigid sheet that hangs straight", "pendulum": "a rigid sheet that swings as a pendulum"}
 
 
 def fit_tables(result: FitResult) -> list[Table]:
@@ -23,7 +24,7 @@ def fit_tables(result: FitResult) -> list[Table]:
         tables.append(
             Table(
                 heads=("objective", "before", "after"),
-                rows=tuple((name, f"{before:.4g}", f"{after:.4g}") for name, (before, after) in parts),
+                rows=tuple((name, short(before, 4), short(after, 4)) for name, (before, after) in parts),
             )
         )
     warnings = tuple(note for note in result.notes if note.startswith("Warning:"))
@@ -62,9 +63,14 @@ def effect_table(diagnosis: Diagnosis) -> Table:
     for effect in tested:
         closed = f"{100 * effect.closure.value:z.0f} %" if effect.closure is not None else ""
         chance = f"{100 * effect.probability:.0f} %" if effect.probability is not None else ""
-        named = "named" if effect.id in diagnosis.named else ""
-        rows.append((effect.id, chance, f"{effect.amplitude:.3g} {effect.unit}".strip(), closed, named))
-    return Table(heads=("effect", "probability", "amplitude", "gap closed", ""), rows=tuple(rows), right=(1, 2, 3))
+        is_named = effect.id in diagnosis.named
+        ends = effect.amplitude_interval
+        is_open = not is_named and ends is not None and ends[0] <= 0 <= ends[1]  # no evidence for this effect
+        size = "-" if is_open else with_unit(short(effect.amplitude), effect.unit)
+        spread = with_unit(span_of(ends), effect.unit) if ends is not None else ""
+        rows.append((effect.id, chance, size, spread, closed, "named" if is_named else ""))
+    heads = ("effect", "probability", "amplitude", "90 % interval", "gap closed", "")
+    return Table(heads=heads, rows=tuple(rows), right=(1, 2, 4))
 
 
 def parameter_table(parameters: list[FitParameter]) -> Table:
@@ -72,14 +78,16 @@ def parameter_table(parameters: list[FitParameter]) -> Table:
     rows = []
     for p in parameters:
         verdict = verdict_on(p)
-        fitted = "-" if verdict else f"{p.fitted:.4g}"
-        rows.append((f"{p.name} [{p.unit}]", f"{p.initial:.4g}", fitted, interval_words(p), verdict))
+        fitted = "-" if verdict else short(p.fitted, 4)
+        rows.append((head_of(p.name, p.unit), short(p.initial, 4), fitted, interval_words(p), verdict))
     return Table(heads=("parameter", "initial", "fitted", "90 % interval", ""), rows=tuple(rows))
 
 
 def interval_words(p: FitParameter) -> str:
     """Return a parameter's 90 % interval in words, or nothing without one."""
-    return f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
+    if p.interval_low is None or p.interval_high is None:
+        return ""
+    return span_of((p.interval_low, p.interval_high))
 
 
 def _error_table(result: FitResult) -> Table:
@@ -108,9 +116,9 @@ def millimetres(metres: float) -> str:
 
 
 def _combination_row(c: Combination) -> tuple[str, ...]:
-    after = f"{c.fitted:.3g}" if c.is_identified else "-"
-    span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"
-    return c.name, f"{c.initial:.3g}", after, span, verdict_on(c)
+    after = short(c.fitted) if c.is_identified else "-"
+    span = span_of((c.interval_low, c.interval_high))
+    return head_of(c.name, c.unit), short(c.initial), after, span, verdict_on(c)
 
 
 def _added_line(finding: EffectFinding) -> str:
@@ -120,4 +128,4 @@ def _added_line(finding: EffectFinding) -> str:
         f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
     )
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
-    return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed}{p_value}."
+    return f"With {finding.id} at {with_unit(short(finding.amplitude), finding.unit)}: {closed}{p_value}."

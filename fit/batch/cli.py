@@ -92,8 +92,8 @@ def batch_command(
         bool,
         typer.Option(
             "--diagnose",
-            help="Afterwards diagnose every garment that has takes of two kinds of motion, and write one page for the "
-            "morning.",
+            help="Afterwards diagnose every garment with takes of one motion at three strengths, or of two kinds of "
+            "motion, and write one page for the morning.",
         ),
     ] = False,
     method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "si",
@@ -138,6 +138,8 @@ def batch_command(
     The exit status is 0 when everything is fitted and diagnosed, and 3 when something is not. It is 75 when bucket,
     scheduler or workers cannot be reached: try again later. Within the last quarter of an hour before --until, 3 stands
     for 75.
+
+    Example: `hangtime batch takes --out results --diagnose`
     """
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of

@@ -8,6 +8,7 @@ from typing import Any
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
+from formats.figures import short, span_of, with_unit
 from formats.fit_records import FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
@@ -109,12 +110,8 @@ def other_garment(result: FitResult, take: Take) -> str:
 
 def _number(value: float, low: float | None, high: float | None, unit: str, status: Status) -> str:
     """Return a quantity with its interval; only the interval if it is not identified."""
-    ends = "" if low is None or high is None else f"90 % interval {short(low)} to {short(high)} {unit}"
+    ends = "" if low is None or high is None else f"90 % interval {with_unit(span_of((low, high)), unit)}"
     if status == "not identified":
         return ends or "no interval"
-    return f"{short(value)} {unit}, {ends}" if ends else f"{short(value)} {unit}"
-
-
-def short(value: float) -> str:
-    """Return a number with three digits, whole numbers in full."""
-    return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
+    number = with_unit(short(value), unit)
+    return f"{number}, {ends}" if ends else number

@@ -87,6 +87,8 @@ def export_command(
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
+
+    Example: `hangtime export results --to usd-physics`
     """
     from fit.export.about import remarks_on_take
     from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, default_path, export
@@ -184,6 +186,8 @@ def animate_command(
     The cloth moves under the hanger of a take, under a new motion, or on a walking figure. A figure that walks through
     the cloth is refused, with the frame. The film's comment says where the fit comes from
     and which numbers the takes do not identify. Interrupt it with Ctrl-C at any time: nothing is left behind.
+
+    Example: `hangtime animate results --take wide.mcap --out swing.mp4`
     """
     from dataclasses import replace
 

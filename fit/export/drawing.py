@@ -1,10 +1,10 @@
-"""Rendering of moving cloth: shaded triangles with a depth buffer, seen obliquely from the front.
+"""Rendering of moving cloth: shaded triangles with a depth buffer, seen from between its front and its side.
 
 A camera in the distance d looks at the middle of the motion, or follows a figure. A point at right r, up u and depth w
 from there is drawn at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface
 (Lambert). A part of the light comes from everywhere. Between nodes their normals are interpolated. Front and back have
-two colours. The text above the cloth never overlaps it. A figure walks on a floor with a line every half metre, with a
-shadow from light straight above.
+two colours. The text above the cloth never overlaps it. Below is a floor with a line every half metre, below small
+cloth every fifth of a metre. Light straight above casts a shadow there.
 
 Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection.
 """
@@ -21,9 +21,8 @@ from fit.export.raster import FINER, Faces, drawn
 from formats.arrays import Floats, Integers
 from formats.plain_text import in_one_line
 
-SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad: azimuth and elevation of the camera
-BESIDE = np.radians(52.0)  # rad: the same for a camera that follows a figure and shows a stride from the side
-ASIDE = np.radians(70.0)  # rad: additional azimuth of the light to the left of a camera that follows a figure
+BESIDE, ABOVE = np.radians(52.0), np.radians(10.0)  # rad, where the camera stands: swings and strides show there
+LEFT = np.radians(-46.0)  # rad by which the light of a figure is turned about the vertical
 CAMERA_DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
 OUTSIDE_FIRST = 0.01  # m: depth offset of the outside of cloth, as layers in contact may overlap by this much
@@ -40,7 +39,9 @@ TITLE_LINES = 3.0  # times the letters' size: space for text at the top
 LEAST_TITLED = 200  # px: below this height the cloth fills the picture without text
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
 PIECES = 24  # of a line on the floor
-FLOOR_LINES, LINE_WIDTH, FLOOR_WIDTH = 0.5, 0.012, 3.0  # m: between lines, of a line, from end to end
+FLOOR_LINES, SMALL_LINES, SMALL = 0.5, 0.2, 1.2  # m: between lines; the same below motion of a smaller extent than this
+LINE_SHARE, FLOOR_SPANS = 0.024, 6  # width of a line over the distance of lines, and these distances from end to end
+BELOW_CLOTH = 0.15  # times the height of hanging cloth, from its lowest place down to the floor
 Seen = Callable[[Floats], Floats]
 
 BEHIND = 100.0  # m: depth offset of shadows and lines behind everything on the floor
@@ -71,9 +72,8 @@ class Stage:
 
     def __init__(self, moving: Moving, size: tuple[int, int]) -> None:
         self.moving, self.size = moving, size
-        side = SIDE if moving.figure is None else BESIDE
-        right = np.array([np.cos(side), np.sin(side), 0.0])
-        away = np.array([-np.sin(side) * np.cos(ABOVE), np.cos(side) * np.cos(ABOVE), -np.sin(ABOVE)])
+        right = np.array([np.cos(BESIDE), np.sin(BESIDE), 0.0])
+        away = np.array([-np.sin(BESIDE) * np.cos(ABOVE), np.cos(BESIDE) * np.cos(ABOVE), -np.sin(ABOVE)])
         self._axes = np.stack([right, np.cross(right, away), away])
         self._followed = moving.followed
         every = np.concatenate([moving.places - self._followed[:, None], moving.held - self._followed[:, None]], 1)
@@ -83,15 +83,19 @@ class Stage:
             every = np.concatenate([every.reshape(-1, 3), *seen])
         every = every.reshape(-1, 3)
         low, high = every.min(0), every.max(0)
+        self._floor_at = 0.0 if moving.figure is not None else float(low[2] - BELOW_CLOTH * (high[2] - low[2]))  # m up
+        low[2] = min(low[2], self._floor_at)
+        every = np.concatenate([every, every * [1.0, 1.0, 0.0] + [0.0, 0.0, self._floor_at]])  # with their shadows
         self._middle = 0.5 * (low + high)
         extent = float(np.linalg.norm(high - low))
+        self._apart = FLOOR_LINES if extent > SMALL else SMALL_LINES
         self._distance = CAMERA_DISTANCE * extent
         reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
         self._letter = max(LETTER_SHARE * size[1], SMALLEST_LETTER)
         self._title = round(TITLE_LINES * self._letter) if size[1] >= LEAST_TITLED else 0
         free = np.array([size[0], size[1] - self._title])
         self._scale = FILLED * float(np.min(0.5 * free / reach))
-        turn = 0.0 if moving.figure is None else BESIDE - SIDE - ASIDE
+        turn = 0.0 if moving.figure is None else LEFT
         cos, sin = np.cos(turn), np.sin(turn)
         light = np.array(
             [
@@ -132,10 +136,10 @@ class Stage:
         if moving.figure is not None:
             body, parts = moving.figure.places(float(moving.time[frame])), moving.figure.triangles
             faces.append(_faces(seen(body)[parts], _corner_normals(body, parts), SKIN, SKIN))
-            faces += [self._shadow(seen, p[t]) for p, t in ((places, triangles), (body, parts))]
-            faces.append(self._floor(seen, followed))
+            faces.append(self._shadow(seen, body[parts]))
         else:
             faces.append(self._bar(seen(moving.held[frame])))
+        faces += [self._shadow(seen, places[triangles]), self._floor(seen, followed)]
         picture = drawn(Faces.together(*faces), self.size, np.array(SKY), self._light, AMBIENT)
         image = Image.fromarray(picture)
         if self._title:
@@ -158,24 +162,26 @@ class Stage:
         flat = np.concatenate([quad[[[0, 1, 2], [0, 2, 3]]], discs])
         return _flat(np.concatenate([flat, np.full((len(flat), 3, 1), 1e-2)], 2), np.array(BAR))
 
-    @staticmethod
-    def _shadow(seen: Seen, corners: Floats) -> Faces:
+    def _shadow(self, seen: Seen, corners: Floats) -> Faces:
         """Return triangles, (n, 3, 3), projected vertically onto the floor."""
-        return _flat(seen(corners * [1.0, 1.0, 0.0]) + np.array([0.0, 0.0, BEHIND]), SHADOW)
+        return _flat(
+            seen(corners * [1.0, 1.0, 0.0] + [0.0, 0.0, self._floor_at]) + np.array([0.0, 0.0, BEHIND]), SHADOW
+        )
 
-    @staticmethod
-    def _floor(seen: Seen, followed: Floats) -> Faces:
-        """Return the lines on the floor about the figure."""
-        half, apart = FLOOR_WIDTH / 2, FLOOR_LINES
-        count = int(half / apart)
+    def _floor(self, seen: Seen, followed: Floats) -> Faces:
+        """Return the lines on the floor about the figure, or below the cloth."""
+        apart, count = self._apart, FLOOR_SPANS // 2
+        half = count * apart
+        if self.moving.figure is None:
+            followed = followed + self._middle
         quads = []
         for axis in range(2):
             middle = apart * np.round(followed[axis] / apart)
             for k in range(-count, count + 1):
                 at, low = middle + k * apart, followed[1 - axis] - half
-                quad = np.zeros((PIECES, 4, 3))
-                quad[..., axis] = at + LINE_WIDTH * np.array([-0.5, 0.5, 0.5, -0.5])
-                quad[..., 1 - axis] = low + FLOOR_WIDTH / PIECES * (np.arange(PIECES)[:, None] + np.array([0, 0, 1, 1]))
+                quad = np.full((PIECES, 4, 3), self._floor_at)
+                quad[..., axis] = at + LINE_SHARE * apart * np.array([-0.5, 0.5, 0.5, -0.5])
+                quad[..., 1 - axis] = low + 2 * half / PIECES * (np.arange(PIECES)[:, None] + np.array([0, 0, 1, 1]))
                 quads.append(quad)
         corners = np.concatenate(quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
         return _flat(seen(corners) + np.array([0.0, 0.0, 2 * BEHIND]), LINE)

@@ -15,9 +15,10 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
-from fit.export.about import caution_lines, flat_provenance, origin_lines, short
+from fit.export.about import caution_lines, flat_provenance, origin_lines
 from fit.export.fabric import Fabric, Quantity, status_of
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
+from formats.figures import short, span_of
 from formats.fit_records import FitResult
 from formats.nature import GRAVITY
 from formats.rows import aligned, csv_text
@@ -80,7 +81,7 @@ def software_table(result: FitResult, fabric: Fabric) -> str:
         _row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
         _row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
         *(
-            _row(f"Bending {way}", fabric[f"bending_{way}"], "uN m", lambda v: 1e6 * v, "no field has this unit")
+            _row(f"Bending {way}", fabric[f"bending_{way}"], "µN m", lambda v: 1e6 * v, "no field has this unit")
             for way in ("warp", "weft")
         ),
         *(
@@ -126,7 +127,7 @@ def _row(
     ends = ""
     if quantity.low is not None and quantity.high is not None:
         low, high = sorted((scale(quantity.low), scale(quantity.high)))
-        ends = f"{short(low)} to {short(high)}"
+        ends = span_of((low, high))
     value = short(scale(quantity.value)) if quantity.status != "not identified" else "-"
     how = quantity.status if quantity.status != "not identified" else "NOT IDENTIFIED: only the interval is known"
     return name, value, ends, unit, f"{how}; {words}" if words else how

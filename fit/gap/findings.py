@@ -16,6 +16,7 @@ from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import AT_BOUND, NORMAL_90
 from formats.diagnosis_records import EffectFinding, Figure, Gap
+from formats.figures import short, with_unit
 from formats.fit_records import FitParameter
 
 LISTED_EFFECTS = 3  # left-out effects that a sentence names
@@ -66,7 +67,7 @@ def describe_effects(
             found.append(
                 EffectFinding(
                     id=effect.name, group=effect.name, tested=False, amplitude=0.0, unit=effect.unit,
-                    note=f"part of the base model: {effect.in_base} is fitted, {value[effect.in_base]:.3g}",
+                    note=f"part of the base model: {effect.in_base} is fitted, {short(value[effect.in_base])}",
                 )
             )  # fmt: skip
             continue
@@ -157,7 +158,7 @@ def _stopped(parameter: Parameter, value: float) -> bool:
 def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
     """Return a sentence that names the base parameters at their bounds, or nothing if there are none."""
     names = [
-        f"{p.name.replace('_', ' ')} ({value:.3g} {p.unit})"
+        f"{p.name.replace('_', ' ')} ({with_unit(short(value), p.unit)})"
         for p, value in zip(model.parameters, fitted.vector.tolist(), strict=True)
         if _stopped(p, value)
     ]

@@ -23,6 +23,7 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
+from formats import figures
 from formats.diagnosis_records import Figure, place_of
 
 FAMILY_WISE_LEVEL = 0.05  # family-wise
@@ -346,8 +347,7 @@ def gap_numbers(evidence: Evidence) -> str:
 def with_unit(evidence: Evidence, effect: str, beside: Hypothesis | None = None) -> str:
     """Return an effect's size, interval and location in words."""
     kind = evidence.observer.library[effect]
-    unit = "" if kind.unit == "1" else f" {kind.unit}"
-    middle, (low, high) = evidence.amplitude(effect, beside=beside)
+    middle, ends = evidence.amplitude(effect, beside=beside)
     fitted = (beside or evidence.singles[effect]).fitted.amplitudes[evidence.observer.columns[effect]]
     place = place_of(kind.regions(fitted))
-    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]{place and f' {place}'}"
+    return f"{figures.with_unit(figures.short(middle), kind.unit)} [{figures.span_of(ends)}]{place and f' {place}'}"

@@ -67,7 +67,7 @@ class Windows:
         return np.asarray(np.mod(instants, self.free + self.caught) < self.free)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """One take in the world frame.
 
@@ -126,6 +126,10 @@ class Recording:
     raw_points: Floats | None = None
     gaps: tuple[tuple[float, float], ...] = ()
     begin: float = 0.0
+
+    def __repr__(self) -> str:
+        """Return one line: the take's name and the size of its arrays."""
+        return f"Recording({self.take_id!r}, {len(self.time)} frames of {len(self.garment.points)} points)"
 
     @property
     def has_material_points(self) -> bool:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.report.answer import run_names
+from fit.folders import refuse_unfinished
+from fit.report.answer import fit_figures, run_names
 from fit.report.kept import created_of, load_motions
 from fit.report.motion import ReportMotion
 from fit.report.page import write_report
@@ -14,6 +15,7 @@ from fit.report.plot import draw_plot
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError
 from formats.fit_records import FitResult
+from formats.outputs import refuse_to_replace
 from formats.plain_text import plain
 from formats.results import load_diagnosis, load_fit_result
 from formats.whole_files import loop_words
@@ -38,6 +40,9 @@ def results_in(folder: Path) -> Results:
         what = loop_words(folder, "is no folder of results")
         raise FitError(what, where=folder, advice="give the folder that --out named")
     fit_file, diagnosis_file = folder / "fit.json", folder / "diagnosis.json"
+    if not (fit_file.exists() or diagnosis_file.exists()):
+        refuse_unfinished(fit_file)
+        refuse_unfinished(diagnosis_file)
     fit = load_fit_result(fit_file) if fit_file.exists() else None
     diagnosis = load_diagnosis(diagnosis_file) if diagnosis_file.exists() else None
     if fit is None and diagnosis is None:
@@ -78,14 +83,38 @@ def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, l
     return path, found, motions
 
 
-def plot_of(report: Path, fit: FitResult | None, diagnosis: Diagnosis | None, out: Path) -> None:
+def may_draw(picture: Path, *, overwrite: bool) -> None:
+    """Check that a picture can be drawn, before the work that it is to show.
+
+    Raises:
+        ModuleNotFoundError: Pillow is not installed.
+        OutputError: a file is there and is not to be overwritten.
+    """
+    import PIL  # noqa: F401
+
+    refuse_to_replace(picture, overwrite=overwrite)
+
+
+def plot_of(
+    report: Path, fit: FitResult | None, diagnosis: Diagnosis | None, out: Path, *, overwrite: bool = False
+) -> None:
     """Draw the errors over time of a newly written report, from its motion file.
 
     Raises:
         HangtimeError: no motion of these results is stored, or the picture cannot be written.
     """
     motions, _ = load_motions(report, created_of(fit, diagnosis))
-    draw_plot(motions, run_names(fit, diagnosis), out)
+    draw_plot(motions, run_names(fit, diagnosis), out, overwrite=overwrite)
+
+
+def tiles_in_words(report: Path, fit: FitResult) -> list[str]:
+    """Return a line for each error that the tiles of a fit's newly written report show.
+
+    Raises:
+        HangtimeError: its motion cannot be read.
+    """
+    motions, _ = load_motions(report, created_of(fit, None))
+    return [f"The report shows for the {name}: {value}, {detail}." for name, value, detail in fit_figures(fit, motions)]
 
 
 def _is_together(fit: FitResult, diagnosis: Diagnosis) -> bool:
@@ -106,6 +135,7 @@ def one_of(path: Path) -> FitResult | Diagnosis:
         result = found.fit or found.diagnosis
         if result is not None:
             return result
+    refuse_unfinished(path)
     try:
         return load_fit_result(path)
     except HangtimeError as no_fit:

@@ -34,7 +34,7 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequenc
         figures = _gap_figures(diagnosis) + _fit_beside(fit, motions)
     else:
         sentence = _fit_sentence(fit, motions)
-        figures = _fit_figures(fit, motions) if fit is not None else []
+        figures = fit_figures(fit, motions) if fit is not None else []
     # The first sentence is large, the rest smaller.
     first, separator, rest = sentence.partition(". ")
     return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, figures)
@@ -119,7 +119,7 @@ def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str
     return f"The fitted simulation stays {millimetres(shown.mean_m)} from the real cloth on average {on}{against}."
 
 
-def _fit_figures(fit: FitResult, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
+def fit_figures(fit: FitResult, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
     """Return the errors before and after the fit: root mean square if the motion is known, else the fit's figures."""
     figures = []
     groups = (

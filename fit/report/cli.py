@@ -1,4 +1,4 @@
-"""Run `hangtime report` and `hangtime compare`."""
+"""Run `hangtime report`, `hangtime compare` and `hangtime fabric`."""
 
 from __future__ import annotations
 
@@ -38,27 +38,30 @@ def report_command(
 ) -> None:
     """Write the report of a folder of results again: its fit, its diagnosis, and the motion that was kept.
 
-    Nothing is simulated, and no take is read. DIR/report.html is replaced. Without DIR/report.motion.npz the page has
-    neither player nor origin.
+    Nothing is simulated, and no take is read. DIR/report.html is replaced, as `fit` and `diagnose` replace it; any
+    other file only with --overwrite. Without DIR/report.motion.npz the page has neither player nor origin.
+
+    Example: `hangtime report results --plot error.png`
     """
-    from fit.report.again import write_again
+    from fit.report.again import may_draw, write_again
     from fit.report.answer import run_names
     from fit.report.plot import draw_plot
     from formats.outputs import refuse_to_replace
 
+    if out is not None:
+        refuse_to_replace(out, overwrite=overwrite)
     if plot is not None:
-        import PIL  # noqa: F401 - before the page is replaced
-    for path in (out, plot):
-        if path is not None and not overwrite:
-            refuse_to_replace(path)
+        may_draw(plot, overwrite=overwrite)
     report, found, motions = write_again(folder, out)
     if found.left_out:
         say(found.left_out)
     if not motions:
         say("No motion of these results is kept in the folder, so the page has no player.")
     if plot is not None:
-        draw_plot(motions, run_names(found.fit, found.diagnosis), plot)
+        draw_plot(motions, run_names(found.fit, found.diagnosis), plot, overwrite=overwrite)
     tell(f"Report: {plain(report)}", report=str(report), takes=[motion.take_id for motion in motions])
+    if plot is not None:
+        tell(f"Picture: {plain(plot)}", plot=str(plot))
 
 
 def compare_command(
@@ -73,6 +76,8 @@ def compare_command(
 
     Fits are compared by parameter, with 90 % intervals. The last column says whether the intervals have a value in
     common. Of a folder that holds a fit and a diagnosis, the fit is taken.
+
+    Example: `hangtime compare results other-results`
     """
     from fit.report.compare import compare
     from formats.outputs import refuse_to_replace, write_text
@@ -88,3 +93,25 @@ def compare_command(
     if out is not None:
         write_text(out, found.page(), overwrite=overwrite)
         tell(f"Page: {plain(out)}", page=str(out))
+
+
+def fabric_command(
+    fit_file: Annotated[
+        Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
+    ],
+) -> None:
+    """Test a fitted fabric virtually: tension, shear and bending in KES units.
+
+    The sheet shows the values beside those of fabrics that were measured elsewhere. A value that the takes do not
+    identify gives place to its 90 % interval.
+
+    Example: `hangtime fabric results`
+    """
+    from dataclasses import asdict
+
+    from fit.folders import read_fit
+    from fit.virtual_tests.sheet import sheet_of, tests_of, unidentified_of
+
+    result = read_fit(fit_file)[0]
+    sheet, unidentified = sheet_of(result), unidentified_of(result)
+    tell(sheet, material=result.material, tests=asdict(tests_of(result)), not_identified=unidentified)

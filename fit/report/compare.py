@@ -82,7 +82,7 @@ def compare(paths: Sequence[Path]) -> SideBySide:
     kind, rows_of = COMPARED_AS[type(found[0])]
     names = _short(paths)
     columns = [rows_of(one) for one in found]
-    labels = list(dict.fromkeys(label for column in columns for label in column))
+    labels = _in_order([list(column) for column in columns])
     rows = [(label, *(column.get(label, NONE) for column in columns)) for label in labels]
     if kind == "fit":
         rows = [(*row, _agree(row[0], found)) for row in rows]
@@ -96,6 +96,16 @@ def compare(paths: Sequence[Path]) -> SideBySide:
     left_out = [text for path in paths if path.is_dir() and (text := results_in(path).left_out)]
     kinds = f"{kind}s" if kind != "diagnosis" else "diagnoses"
     return SideBySide(kinds, tuple(names), tuple(rows), records, (*dict.fromkeys(remarks), *left_out))
+
+
+def _in_order(lists: Sequence[Sequence[str]]) -> list[str]:
+    """Return every label of some lists once; one that only a later list has stands behind its neighbour there."""
+    found: list[str] = []
+    for labels in lists:
+        for place, label in enumerate(labels):
+            if label not in found:
+                found.insert(found.index(labels[place - 1]) + 1 if place else 0, label)
+    return found
 
 
 def _short(paths: Sequence[Path]) -> list[str]:
@@ -112,6 +122,8 @@ def _fit_rows(fit: object) -> dict[str, str]:
     assert isinstance(fit, FitResult)
     rows = {"method": fit.method, "search": fit.search, "takes fitted to": ", ".join(fit.take_ids)}
     rows["takes held out"] = ", ".join(fit.held_out_ids) or "none"
+    rows["mesh spacing"] = f"{1e3 * fit.spacing:g} mm" if fit.spacing is not None else NONE
+    rows["seed"] = str(fit.seed)
     for parameter in fit.parameters:
         unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
         rows[f"{_words(parameter.name)}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)

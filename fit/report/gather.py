@@ -106,12 +106,12 @@ def _written(
     return write_report(path, fit=fitted, diagnosis=diagnosis, motions=kept, origin=known)
 
 
-def draw_left(path: Path, findings: Findings) -> None:
+def draw_left(path: Path, findings: Findings, *, overwrite: bool = False) -> None:
     """Draw the residuals of the named model, or else of the base model, on the first judged take.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
     from fit.report.residual_picture import draw_residuals
 
@@ -121,7 +121,8 @@ def draw_left(path: Path, findings: Findings) -> None:
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     rows = findings.model.to_materials(best.vector[None], density)
     done = simulator.run(rows, best.amplitudes[None], observer_hz=findings.frequency)
-    draw_residuals(recording, done.points[0], path, f"{recording.take_id}, {' and '.join(best.active) or 'base model'}")
+    title = f"{recording.take_id}, {' and '.join(best.active) or 'base model'}"
+    draw_residuals(recording, done.points[0], path, title, overwrite=overwrite)
 
 
 def _both(takes: Ready) -> list[tuple[Recording, bool]]:

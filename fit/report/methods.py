@@ -58,7 +58,10 @@ def _error_table(fit: FitResult) -> Markup:
     return headed("Errors before and after", body)
 
 
-TRIVIAL_NAMES = {"vertical": "a hanging board instead", "pendulum": "a pendulum of two numbers instead"}
+TRIVIAL_NAMES = {
+    "vertical": "a rigid sheet that hangs straight, instead",
+    "pendulum": "a rigid sheet that swings as a pendulum, instead",
+}
 
 
 def _error_row(name: str, before: float, after: float) -> Row:

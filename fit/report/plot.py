@@ -13,12 +13,16 @@ from fit.report.charts import axis_top
 from fit.report.motion import ReportMotion, rms_of
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
+from formats.soft_lines import SoftLines
+from formats.take_picture import round_step
 
 WIDTH, PANEL, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
 
 
-def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: Path) -> None:
+def draw_plot(
+    motions: Sequence[ReportMotion], names: Mapping[str, str], path: Path, *, overwrite: bool = False
+) -> None:
     """Draw the root mean square distance of the free points over time [mm], a panel for each take.
 
     names: of the runs, for the legend
@@ -26,45 +30,50 @@ def draw_plot(motions: Sequence[ReportMotion], names: Mapping[str, str], path: P
     Raises:
         FitError: there is no motion.
         ModuleNotFoundError: Pillow is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
     from PIL import Image, ImageDraw, ImageFont
 
     if not motions:
         raise FitError("holds no motion to draw", where=path, advice="fit or diagnose the takes again")
-    picture = Image.new("RGB", (WIDTH, PANEL * len(motions)), "white")
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(15)
+    picture, font = Image.new("RGB", (WIDTH, PANEL * len(motions)), "white"), ImageFont.load_default(15)
+    top, bottom = TOP, PANEL - BOTTOM
     for number, motion in enumerate(motions):
-        top, bottom = PANEL * number + TOP, PANEL * (number + 1) - BOTTOM
+        lines = SoftLines(WIDTH, PANEL)
         shown = {run: 1e3 * motion.rms(run) for run in motion.shown}
         most = max((float(np.nanmax(values, initial=0.0)) for values in shown.values()), default=0.0)
         reach, steps = axis_top(most)
         span = float(motion.time[-1] - motion.time[0])
         x = LEFT + (motion.time - motion.time[0]) / span * (WIDTH - LEFT - RIGHT)
-        for k in range(steps + 1):
-            at = bottom - k / steps * (bottom - top)
-            pen.line([(LEFT, at), (WIDTH - RIGHT, at)], fill="#dddddd")
-            pen.text((LEFT - 10, at), f"{reach * k / steps:g} mm", fill="black", anchor="rm", font=font)
-        for k in range(6):
-            at = LEFT + k / 5 * (WIDTH - LEFT - RIGHT)
-            pen.text((at, bottom + 8), f"{span * k / 5:.1f} s", fill="black", anchor="ma", font=font)
+        levels = [(round(bottom - k / steps * (bottom - top)), f"{reach * k / steps:g} mm") for k in range(steps + 1)]
+        for level, _ in levels:
+            lines.draw([(LEFT, level), (WIDTH - RIGHT, level)], "#dddddd")
+        for run, values in shown.items():
+            y = bottom - values / reach * (bottom - top)
+            for start, stop in _stretches(np.isfinite(values)):
+                lines.draw(list(zip(x[start:stop], y[start:stop], strict=True)), COLOURS[run], 3)
+        panel = lines.picture()
+        pen = ImageDraw.Draw(panel)
+        for level, words in levels:
+            pen.text((LEFT - 10, level), words, fill="black", anchor="rm", font=font)
+        second = round_step(span / 6)
+        for k in range(int(span / second + 1e-9) + 1):
+            at = LEFT + k * second / span * (WIDTH - LEFT - RIGHT)
+            pen.text((at, bottom + 8), f"{k * second:g} s", fill="black", anchor="ma", font=font)
         kind = "held out" if motion.is_held_out else "used to fit"
         title = f"{motion.take_id} ({kind}): root mean square distance of the free points"
         pen.text((LEFT, top - 60), in_one_line(title).encode("ascii", "replace").decode(), fill="black", font=font)
         across = float(LEFT)
-        for run, values in shown.items():
-            y = bottom - values / reach * (bottom - top)
-            for start, stop in _stretches(np.isfinite(values)):
-                line = [(float(a), float(b)) for a, b in zip(x[start:stop], y[start:stop], strict=True)]
-                pen.line(line, fill=COLOURS[run], width=3)
+        for run in shown:
             whole = rms_of([motion], run)
             words = f"{names[run]}: {1e3 * whole:.1f} mm" if whole is not None else f"{names[run]}: no free point seen"
             words = in_one_line(words)
             pen.text((across, top - 34), words, fill=COLOURS[run], font=font)
             across += pen.textlength(words, font=font) + 28
+        picture.paste(panel, (0, PANEL * number))
     stream = io.BytesIO()
     picture.save(stream, "PNG")
-    write_bytes(path, stream.getvalue())
+    write_bytes(path, stream.getvalue(), overwrite=overwrite)
 
 
 def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:

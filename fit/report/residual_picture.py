@@ -67,12 +67,14 @@ def views_of(recording: Recording, simulated: Floats) -> Views:
     return Views(recording.time, local[0], local[1], along, counted)
 
 
-def draw_residuals(recording: Recording, simulated: Floats, path: Path, title: str = "") -> None:
+def draw_residuals(
+    recording: Recording, simulated: Floats, path: Path, title: str = "", *, overwrite: bool = False
+) -> None:  # fmt: skip
     """Draw the residuals of a simulation, (frames, points, 3) [m], of a recording, as a PNG picture.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
     from PIL import Image, ImageDraw
 
@@ -92,7 +94,7 @@ def draw_residuals(recording: Recording, simulated: Floats, path: Path, title: s
     _draw_chart(pen, views, MARGIN + 3 * ROW + 8)
     stream = io.BytesIO()
     picture.save(stream, "PNG", optimize=True)
-    write_bytes(path, stream.getvalue())
+    write_bytes(path, stream.getvalue(), overwrite=overwrite)
 
 
 def _tangents(local: Floats) -> Floats:

@@ -13,6 +13,7 @@ from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_
 from fit.virtual_tests.fitted_rows import FittedRows
 from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.arrays import Floats
+from formats.figures import short, span_of
 from formats.fit_records import NOT_IDENTIFIED, FitResult
 from formats.plain_text import plain
 from formats.rows import aligned
@@ -94,7 +95,7 @@ def sheet_of(result: FitResult) -> str:
     rows = [("quantity", "unit", "warp", "weft", "ten fabrics", "618 fabrics")]
 
     def row(name: str, unit: str, places: tuple[str, ...], ten: str = "", many: str = "") -> None:
-        cells = [_interval(unidentified[p]) if p in unidentified else f"{number_of(sheet, p):.3g}" for p in places]
+        cells = [_interval(unidentified[p]) if p in unidentified else short(number_of(sheet, p)) for p in places]
         rows.append((name, unit, cells[0], cells[1] if len(cells) > 1 else "", _range(ten), many))
 
     def ways(name: str) -> tuple[str, str]:
@@ -120,14 +121,13 @@ def sheet_of(result: FitResult) -> str:
 
 
 def _interval(ends: Span) -> str:
-    return NOT_IDENTIFIED if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g}"
+    return NOT_IDENTIFIED if ends is None else span_of(ends)
 
 
 def _range(quantity: str) -> str:
     if not quantity:
         return ""
-    low, high = range_of_ten(quantity)
-    return f"{low:.3g} to {high:.3g}"
+    return span_of(range_of_ten(quantity))
 
 
 def _remarks(result: FitResult, unidentified: Mapping[str, Span]) -> list[str]:

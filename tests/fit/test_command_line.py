@@ -267,8 +267,8 @@ def test_takes_that_cannot_decide_end_with_a_code_of_their_own_and_with_a_report
     told = json.loads(done.stdout)
     assert told["diagnosis"]["verdict"] == "inconclusive"
     assert (tmp_path / told["report"]).exists()
-    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
-    with Image.open(tmp_path / "left.png") as left:
+    assert (tmp_path / told["plot"]).read_bytes().startswith(b"\x89PNG")
+    with Image.open(tmp_path / told["arrows"]) as left:
         assert len(left.convert("RGB").getcolors(1 << 20)) > 3  # paper, and ink of simulated, tracked and missed
     page = (tmp_path / told["report"]).read_text()
     assert "hangtime diagnose a.mcap --model lean" in page  # the origin

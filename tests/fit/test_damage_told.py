@@ -261,3 +261,12 @@ def test_a_batch_names_lost_data_where_a_garment_has_too_few_motions():
     )
     for kind in ("sideways", "still"):
         assert wardrobe_of("swatch", [replace(seen, kind=kind)]).missing.endswith("; a has a hole")
+
+
+def test_a_lost_take_is_said_on_stderr_where_json_is_asked_for(tmp_path):
+    """By every command of takes alike."""
+    (tmp_path / "a.mcap").write_bytes(b"nothing of a take")
+    for words in (("list", "."), ("show", "a.mcap"), ("verify", "a.mcap"), ("recover", "a.mcap")):
+        done = hangtime_here("takes", *words, "--json", folder=tmp_path)
+        assert done.returncode == 2
+        assert json.loads(done.stdout)["error"] in done.stderr, words

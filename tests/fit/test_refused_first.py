@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from fit.cli import say_takes
+from fit.api.takes import say_takes
 from formats.archive import write_take
 from tests.fit.here import hangtime_here
 from tests.fit.scenes import sheet

@@ -264,6 +264,7 @@ def test_show_draws_the_swing_in_letters_and_as_a_picture(tmp_path):
     with Image.open(tmp_path / "a.png") as picture:
         assert picture.size == (960, 540)
         assert len(picture.getcolors(maxcolors=1 << 20)) > 5
+    assert done.stdout.endswith(f"Picture: {tmp_path}/a.png\n")
     assert hangtime("takes", "show", path, "--png", tmp_path / "a.png").returncode == 2
 
 

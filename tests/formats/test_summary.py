@@ -73,7 +73,7 @@ def test_a_summary_says_its_figures_in_words():
     for line in (
         "length    1.967 s, 60 frames, 30 a second", "garment   sheet, 30.0 g",
         "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
-        "point     p0             seen  75.0 %   sd 2.89 mm", "seen   0.0 %   never seen   hidden 50 %",
+        "point     p0             seen  75.0 %   noise 2.89 mm", "seen   0.0 %   never seen   hidden 50 %",
         "quality   0.9 in the median frame", "state     too far in 5 frames", "note      who: me",
     ):  # fmt: skip
         assert line in said
@@ -100,15 +100,15 @@ def test_a_summary_is_reported_line_by_line():
         "created   2026-01-01T00:00:00Z",
         "length    4.967 s, 60 frames, 30 a second",
         "rig       bench",
-        "calibrated gravity to 0.25 degrees (accelerometer); depth scale 1.0123 +- 0.004; "
-        "depth offset 1.25, -0.50 px +- 0.2; held ends to 3.0 mm",
+        "calibrated gravity +- 0.25 degrees (accelerometer); depth scale 1.0123 +- 0.004; "
+        "depth offset 1.25, -0.50 px +- 0.2; held ends +- 3.0 mm",
         "garment   sheet, 30.0 g",
         "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
         "motion    still",
         "tracked   material points, which stay on the cloth",
-        "point     p0             seen  75.0 %   sd 2.89 mm",
-        "point     p1             seen 100.0 %   sd 3 mm",
-        "point     p2             seen 100.0 %   sd 3 mm",
+        "point     p0             seen  75.0 %   noise 2.89 mm",
+        "point     p1             seen 100.0 %   noise 3 mm",
+        "point     p2             seen 100.0 %   noise 3 mm",
         "point     p3             seen   0.0 %   never seen   hidden 50 %",
         "quality   0.9 in the median frame, 1 at best",
         "surface   scanned 2 times",
@@ -136,8 +136,8 @@ def of_points(count, sd):
 @pytest.mark.parametrize(
     ("count", "sd", "line"),
     [
-        (12, 0.002, "point     p11            seen 100.0 %   sd 2 mm"),
-        (13, 0.002, "points    13, seen 100 to 100 %, median sd 2 mm"),
+        (12, 0.002, "point     p11            seen 100.0 %   noise 2 mm"),
+        (13, 0.002, "points    13, seen 100 to 100 %, median noise 2 mm"),
         (13, None, "points    13, seen 0 to 0 %, never seen"),
     ],
 )
@@ -153,12 +153,13 @@ def test_more_than_twelve_points_are_reported_in_one_line_and_a_single_frame_has
     ("known", "words"),
     [
         ({}, None),
-        ({"gravity_sd_degrees": 0.5}, "gravity to 0.5 degrees"),
+        ({"gravity_sd_degrees": 0.5}, "gravity +- 0.5 degrees"),
+        ({"gravity_sd_degrees": 0.0}, "gravity exact"),
         ({"depth_scale": 0.98, "depth_scale_sd": 0.01}, "depth scale 0.9800 +- 0.01"),
         ({"depth_offset_sd_px": (np.inf, 0.4)}, "depth offset 0.00, 0.00 px +- 0.4 along the one axis that was "
                                                 "measured"),
         ({"gravity_sd_degrees": 1.0, "held_sd_m": ((0.001,) * 3, (0.002,) * 3)},
-         "gravity to 1 degrees; held ends to 2.0 mm"),
+         "gravity +- 1 degrees; held ends +- 2.0 mm"),
     ],
 )  # fmt: skip
 def test_a_summary_names_what_was_calibrated_and_nothing_else(known, words):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formats.motion import axes_of
-from formats.take_picture import COLOURS, MOST_LINES, draw_in_letters, draw_png, paths_of
+from formats.take_picture import COLOURS, MOST_LINES, draw_in_letters, draw_png, paths_of, round_step, well_spread
 from tests.formats.test_archive import a_take
 from tests.formats.test_motion import TIME, moved, turned
 
@@ -67,7 +67,7 @@ def test_a_png_has_its_grid_its_paths_and_their_names_where_they_belong(tmp_path
     is_grey = (seen == GREY).all(2)
     rows, columns = is_grey[:, LEFT + 5 : RIGHT - 5].mean(1), is_grey[TOP + 5 : BOTTOM - 5].mean(0)
     assert np.flatnonzero(rows > 0.8).tolist() == [TOP, 163, 270, 377, BOTTOM]
-    assert np.flatnonzero(columns > 0.8).tolist() == [LEFT, 260, 440, 620, RIGHT]
+    assert np.flatnonzero(columns > 0.8).tolist() == [LEFT, 230, 380, 530, 680, RIGHT]
     # After a quarter of the time the edge is at its height, and p0 at its depth, 50 mm either way of the middle.
     reach = np.nanmax(np.abs(paths))
     for path, colour in ((paths[:, 0], COLOURS[0]), (paths[:, 1], COLOURS[1])):
@@ -86,19 +86,19 @@ def test_a_png_has_its_grid_its_paths_and_their_names_where_they_belong(tmp_path
     is_black = (seen < 60).all(2)
     for y in (TOP, 163, 270, 377, BOTTOM):
         assert is_black[y - 8 : y + 8, 8 : LEFT - 8].any()
-    for x in (LEFT, 260, 440, 620, RIGHT):
+    for x in (LEFT, 230, 380, 530, 680):  # every half second of 2.4 s
         assert is_black[BOTTOM + 8 : BOTTOM + 22, x - 12 : x + 20].any()
-    assert is_black[14:30, LEFT : LEFT + 150].any()
+    assert is_black[14:30, LEFT : LEFT + 300].any()
     assert is_black[:TOP].sum() == is_black[12:32, LEFT:].sum() + is_black[12:TOP, :LEFT].sum()
 
 
 def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
-    """A dozen paths at most, and colours go round."""
+    """A dozen paths at most, each in a colour of its own."""
     image = pytest.importorskip("PIL.Image")
     for frames in (2, 1):
         still = {"held": np.zeros((frames, 2, 3)), "points": np.zeros((frames, 4, 3))}
         take = replace(a_take(frames), points_valid=np.ones((frames, 4), bool), **still)
-        draw_png(take, tmp_path / "still.png")
+        draw_png(take, tmp_path / f"still-{frames}.png")
         assert "+1 mm" in draw_in_letters(take)
     assert "over 1.0 s" in draw_in_letters(take)
     many = moved([1, 0, 0.3])
@@ -108,6 +108,25 @@ def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
         beside = np.asarray(file)[:, RIGHT + 12 :].astype(int)
     last = np.flatnonzero((beside != 255).any((1, 2)))[-1]
     assert (last - TOP) // 18 == wanted - 1
+
+
+def test_of_many_points_the_corners_and_those_farthest_apart_are_drawn():
+    """Of a grid of 9 x 9 the four corners are among eleven, and no two are neighbours."""
+    places = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0)), -1).reshape(-1, 2)
+    chosen = well_spread(places, 11)
+    assert len(set(chosen)) == 11
+    assert {0, 8, 72, 80} <= set(chosen)
+    apart = np.linalg.norm(places[chosen][:, None] - places[chosen], axis=2)
+    assert apart[~np.eye(11, dtype=bool)].min() > 2
+    assert well_spread(places[:5], 11) == [0, 1, 2, 3, 4]
+
+
+def test_the_steps_of_an_axis_are_round():
+    assert [round_step(least) for least in (0.0471, 0.05, 0.48, 0.021, 1.01, 7)] == [0.05, 0.05, 0.5, 0.025, 2, 10]
+
+
+def test_every_line_has_a_colour_of_its_own():
+    assert len(set(COLOURS)) == MOST_LINES == 12
 
 
 def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_path):

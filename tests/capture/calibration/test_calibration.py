@@ -310,7 +310,7 @@ def test_a_take_carries_the_calibration_and_shows_it(measured, tmp_path):
     path = write_take(tmp_path / "a.mcap", dataclasses.replace(a_take(), rig=take))
     back = read_take(path)
     assert back.rig.calibration == measured.rig.calibration
-    assert "calibrated gravity to 0.27 degrees (plumb line); depth scale 1.0" in describe(summarise(back))
+    assert "calibrated gravity +- 0.27 degrees (plumb line); depth scale 1.0" in describe(summarise(back))
 
 
 @pytest.mark.openni

@@ -59,6 +59,6 @@ def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in
         # Retention by hand: the take leaves, and the daemon counts it no more.
         box.wait_until(lambda status: status["state"] != "syncing", "no longer syncing")
         pruned = hangtime("takes", "prune", "--config", box.config, "--quota-mb", 0)
-        assert "take-000001 left; its receipt says where it is" in pruned.stdout
+        assert "take-000001 is removed from this device; its receipt says where it is" in pruned.stdout
         assert not (box.spool / "take-000001.mcap").exists()
         box.wait_until(lambda status: status["takes"] == 0, "no take any more")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 
 from fit.api.results import Simulation
-from fit.api.shown import diagnosis_tables, fit_tables
+from fit.api.shown import diagnosis_tables, effect_table, fit_tables
 from fit.api.tables import as_text
 from fit.recordings.intact import describe_missing
 from tests.fit.export.exported import a_fit
@@ -44,6 +44,27 @@ def test_a_parameter_at_its_bound_shows_its_interval_and_says_so():
         "its",
         "bound",
     ]
+
+
+def test_the_effects_have_intervals_and_no_unit_one():
+    """As in the report: an effect without evidence has an interval and no size."""
+    found = diagnosis()
+    drag = msgspec.structs.replace(
+        found.effects[0],
+        id="air_drag",
+        tested=True,
+        unit="1",
+        amplitude=1.08,
+        amplitude_interval=(0.9, 1.2),
+        probability=0.9,
+    )
+    curl = msgspec.structs.replace(
+        drag, id="rest_curvature", unit="1/m", amplitude=0.0, amplitude_interval=(-2.0, 1000.2), probability=0.1
+    )
+    rows = effect_table(msgspec.structs.replace(found, effects=[drag, curl], named=["air_drag"])).rows
+    assert [row[:4] for row in rows] == [
+        ("air_drag", "90 %", "1.08", "0.9 to 1.2"), ("rest_curvature", "10 %", "-", "-2 to 1000 per m")
+    ]  # fmt: skip
 
 
 def test_a_simulation_with_a_fit_prints_no_value_that_the_fit_does_not_identify():

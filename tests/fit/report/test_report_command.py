@@ -125,7 +125,9 @@ def test_a_fit_made_after_the_diagnosis_has_its_own_page_again(folder, tmp_path)
 
 def test_a_plot_draws_each_run_in_its_colour_and_nothing_where_no_free_point_is_seen(folder, tmp_path):
     image = pytest.importorskip("PIL.Image")
-    assert hangtime_here("report", "out", "--plot", "error.png", folder=tmp_path).returncode == 0
+    done = hangtime_here("report", "out", "--plot", "error.png", folder=tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.endswith("Picture: error.png\n")
     picture = np.asarray(image.open(tmp_path / "error.png").convert("RGB"))
     assert picture.shape == (680, 1200, 3)  # two takes, a panel each
     blue, red = (tuple(int(COLOURS[run][k : k + 2], 16) for k in (1, 3, 5)) for run in ("base", "fit"))
@@ -190,6 +192,21 @@ def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path)
     told = json.loads(hangtime_here("compare", "out", "other", "--json", folder=tmp_path).stdout)
     assert [one["file"] for one in told["compared"]] == ["out", "other"]
     assert told["compared"][1]["parameters"][1]["fitted"] == 25.0
+
+
+def test_a_comparison_shows_mesh_and_seed_and_an_effect_of_one_fit_among_the_parameters(tmp_path):
+    """Air drag, which only the second fit has, stands behind the parameter that it follows there."""
+    drag = msgspec.structs.replace(a_fit().parameters[0], name="air_drag", unit="1")
+    finer = msgspec.structs.replace(
+        a_fit(), parameters=[*a_fit().parameters, drag], spacing=0.025, seed=7, combinations=[]
+    )
+    for name, fit in (("a", msgspec.structs.replace(a_fit(), spacing=0.05, seed=3, combinations=[])), ("b", finer)):
+        save_fit_result(tmp_path / f"{name}.json", fit)
+    told = hangtime_here("compare", "a.json", "b.json", folder=tmp_path).stdout.splitlines()
+    rows = [line.split("  ")[0] for line in told]
+    assert next(line.split() for line in told if line.startswith("mesh spacing"))[2:] == ["50", "mm", "25", "mm"]
+    assert next(line.split() for line in told if line.startswith("seed"))[1:] == ["3", "7"]
+    assert rows.index("air drag") == rows.index("velocity damping [1/s]") + 1
 
 
 def test_diagnoses_and_takes_stand_side_by_side_too(folder, tmp_path):

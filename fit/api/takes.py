@@ -1,0 +1,96 @@
+"""Read the takes that a call or a command names, and sort them into those to fit to and those to judge on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fit.api.arguments import check_kind, names_of, path_of
+from fit.errors import FitError
+from formats.archive import read_take
+from formats.plain_text import plain
+from formats.plausible import check_plausible_take
+from formats.take import Take
+from formats.terminal import say
+
+if TYPE_CHECKING:
+    from fit.cloth.effect import Effect
+
+OneTake = Take | Path | str
+Takes = OneTake | Sequence[OneTake]
+
+
+def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """Return the library of effects for a diagnosis.
+
+    Raises:
+        FitError: an unknown effect, or one that is both added and left out.
+    """
+    from fit.effects import find_effects, library_without
+
+    find_effects(list(add))
+    if both := sorted({*add} & {*without}):
+        raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
+    return library_without(list(without))
+
+
+def sorted_out(
+    takes: Takes,
+    held_out: Takes = (),
+    held_out_motion: Sequence[str] = (),
+    *,
+    anyway: bool = False,
+    spacing: float | None = None,
+) -> tuple[list[Take], list[Take]]:
+    """Return fitted and held-out takes, reading those given as paths.
+
+    - `anyway`: accept implausible takes
+    - `spacing`: of the mesh [m] that they are simulated on, None for a default
+
+    Raises:
+        HangtimeError: an archive cannot be read, a take is implausible, no take moves in a kind to be held out, or no
+            such mesh can be made of the garment.
+    """
+    from fit.cloth.mesh import check_mesh
+    from fit.recordings.selection import split_by_motion
+
+    kinds = names_of(held_out_motion, "held_out_motion")
+    every, judged = _each(takes, "takes"), _each(held_out, "held_out")
+    if not anyway:
+        for take in every + judged:
+            check_plausible_take(take, take.take_id, offers_anyway=True)
+    training, moving = split_by_motion(every, kinds)
+    if training and spacing is not None:
+        check_mesh(training[0].garment, spacing)
+    return training, moving + judged
+
+
+def _each(takes: Takes, name: str) -> list[Take]:
+    if isinstance(takes, Take | PathLike | str):
+        return [one_take(takes, name)]
+    check_kind(takes, name, Iterable, "a take, the path of one, or a list of them")
+    return [one_take(take, name) for take in takes]
+
+
+def one_take(take: OneTake, name: str) -> Take:
+    """Return a take, read where its path is given."""
+    if isinstance(take, Take):
+        return take
+    return read_take(path_of(take, name, "a take or the path of one"))
+
+
+def say_takes(training: list[Take], testing: list[Take], spacing: float | None = None) -> None:
+    """Report the fitted and the judged takes of a command after all checks, and the cost of a fine mesh.
+
+    spacing: of the mesh [m], None for a default
+    """
+    from fit.cloth.mesh import cost_words
+
+    judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
+    say(f"Fitting to {_listed(training)}; {judging}.{cost_words(training[0].garment, spacing)}")
+
+
+def _listed(takes: list[Take]) -> str:
+    return ", ".join(plain(t.take_id) for t in takes)

@@ -1,0 +1,27 @@
+"""Write numbers for people: a few significant digits, no exponent where none is needed, and the unit behind."""
+
+from __future__ import annotations
+
+
+def short(value: float, digits: int = 3) -> str:
+    """Return a number with this many significant digits; below a million, whole numbers stay in full."""
+    if 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:.{digits}g}"
+
+
+def span_of(ends: tuple[float, float], digits: int = 3) -> str:
+    """Return an interval as `low to high`."""
+    return f"{short(ends[0], digits)} to {short(ends[1], digits)}"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a written number with its unit: none behind a pure number, and `2 per s` for 2 of the unit 1/s."""
+    if not text or unit in ("", "1"):
+        return text
+    return f"{text} per {unit.removeprefix('1/')}" if unit.startswith("1/") else f"{text} {unit}"
+
+
+def head_of(name: str, unit: str) -> str:
+    """Return a name with its unit in brackets; the name alone for a pure number."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"

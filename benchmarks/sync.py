@@ -148,7 +148,7 @@ def killed(rounds: int, folder: Path, *, seed: int = 1) -> dict[str, int]:
             config = place / "appliance.toml"
             config.write_text(
                 f'[spool]\nfolder = "spool"\n[sync]\n{lines}device = "box"\ncredentials = "keys.toml"\n'
-                "[sync.retention]\nquota_bytes = 30000\nleast_free_bytes = 0\n"
+                "[sync.retention]\nquota_bytes = 0\nleast_free_bytes = 0\n"
             )
             ledger = Ledger()
             runs = Runs(config)

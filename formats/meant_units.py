@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 NEAR_A_RANGE = 2.0  # times the longest: a nearer length has the right unit; a wrong unit is off 25 times or more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
@@ -46,6 +47,15 @@ def unit_of(value: float, least: float, most: float) -> str:
     if least <= value <= NEAR_A_RANGE * most:
         return ""
     fitting = [name for name, metres in UNITS if least <= value * metres <= most]
+    return f"; were {' or '.join(fitting)} meant?" if fitting else ""
+
+
+def meant(value: float, least: float, most: float, units: Sequence[tuple[str, float]]) -> str:
+    """Return a question that names the unit in which a number outside its range would fit, '' without one.
+
+    units: names, and how many of the required unit each is
+    """
+    fitting = [name for name, factor in units if least <= value * factor <= most]
     return f"; were {' or '.join(fitting)} meant?" if fitting else ""
 
 

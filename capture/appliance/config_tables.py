@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
+from formats.meant_units import meant
 from formats.wrong_fields import wrong_field
 
+OUT_OF_RANGE = re.compile(r"(\w+)\.(\w+) must be a (?:whole )?number (?:at most|at least) \S+$")
+UNITS = {
+    "_s": (("milliseconds", 1e-3), ("minutes", 60.0)),
+    "_mb": (("bytes", 1e-6), ("kB", 1e-3), ("GB", 1e3)),
+    "_hz": (("frames a minute", 1 / 60),),
+}  # of keys by their ending: other units, and how many of the key's unit each is
 CONTOUR = 8  # points around the silhouette for each point along a side
 
 
@@ -85,7 +94,9 @@ class SpoolPart(Part, frozen=True, kw_only=True):
     """`[spool]`: the folder that holds takes until they are on the server."""
 
     folder: Annotated[Path, Meta(description="the folder of the takes")] = Path("/var/lib/hangtime/takes")
-    least_free_mb: Annotated[int, Meta(ge=10, description="room on the disk [MB] below which no take begins")] = 50
+    least_free_mb: Annotated[
+        int, Meta(ge=10, le=1_000_000, description="room on the disk [MB] below which no take begins")
+    ] = 50
     slowest_s: Annotated[
         float, Meta(ge=1.0, le=4.0, description="seconds that the disk may be behind before a take is ended")
     ] = 3.0
@@ -113,6 +124,20 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     sync: dict[str, Any] = {}
 
 
-def wrong_in_tables(error: msgspec.ValidationError, held: object) -> str:
-    """Return the invalid key, and the values that it accepts; held: the tables of the file."""
-    return wrong_field(error, (Config, *Part.__subclasses__()), held)
+def wrong_in_tables(error: msgspec.ValidationError, plain: Any) -> str:
+    """Return the invalid key and the values that it accepts; of a number also the given one and the unit meant.
+
+    plain: the tables of the file
+    """
+    words = wrong_field(error, (Config, *Part.__subclasses__()), plain)
+    found = OUT_OF_RANGE.match(words)
+    if not found:
+        return words
+    value = plain.get(found[1], {}).get(found[2])
+    bounds = next(part.type for part in msgspec.structs.fields(Config) if part.name == found[1])
+    table: Any = msgspec.inspect.type_info(bounds)
+    kind = next(field.type for field in table.fields if field.name == found[2])
+    of_key = getattr(kind, "type", kind)  # within its description
+    least, most = (-math.inf if of_key.ge is None else of_key.ge, math.inf if of_key.le is None else of_key.le)
+    units = next((units for ending, units in UNITS.items() if found[2].endswith(ending)), ())
+    return f"{words} (got {value:g}){meant(value, least, most, units)}"

@@ -31,7 +31,8 @@ class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} is negative; give a number of bytes")
         if self.days is not None and not self.days >= 0:
-            raise ValueError("days is negative; give a number of days, or leave it out")
+            what = "negative" if self.days < 0 else "no number"
+            raise ValueError(f"days is {what}; give a number of days, or inf")
 
 
 @dataclass(frozen=True)

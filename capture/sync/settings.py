@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import socket
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
 from formats.errors import AddressError
+from formats.meant_units import meant
 from formats.store_address import folder_of
 from formats.toml_files import place_in, read_toml
 from formats.wrong_fields import wrong_field
@@ -25,6 +27,49 @@ DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
 PROOF_DAYS = 7.0
 CONFIG_ADVICE = "give the appliance's configuration; docs/reference/appliance.md explains every table and key"
 SETTINGS_ADVICE = "mend it in [sync]; docs/reference/sync.md explains every setting"
+
+
+@dataclass(frozen=True)
+class Range:
+    """The numbers that a key accepts: None or 0 where they are `also`, or any from `least` to `most`.
+
+    - `unit`: in words; `others`: names of other units, and how many of the key's unit each is
+    """
+
+    least: float
+    most: float
+    unit: str
+    others: tuple[tuple[str, float], ...]
+    also: tuple[float | None, ...] = ()
+
+    def check(self, name: str, value: float | None) -> None:
+        """Refuse a number outside the range.
+
+        Raises:
+            ValueError: names the key, its range, and the unit that was probably meant.
+        """
+        if value in self.also:
+            return
+        if value is None or not self.least <= value <= self.most:
+            also = "".join(f" or {one:g}" for one in self.also if one is not None)
+            also += ", or leave it out" if None in self.also else ""
+            question = meant(value, self.least, self.most, self.others) if value else ""
+            given = f"{name} is {value:g}" if value is not None else f"{name} is missing"
+            raise ValueError(f"{given}; give {self.least:.16g} to {self.most:.16g} {self.unit}{also}{question}")
+
+
+SECONDS, MILLISECONDS = ("seconds", 1 / 86_400), ("milliseconds", 1e-3)
+BYTES = (("kB", 1e3), ("MB", 1e6), ("GB", 1e9))
+RANGES = {
+    "bytes_per_second": Range(1e3, 1e10, "bytes a second", BYTES, (None,)),
+    "timeout_s": Range(1.0, 86_400.0, "seconds", (MILLISECONDS,)),
+    "proof_days": Range(0.01, 366.0, "days", (SECONDS,)),
+}
+RANGES_OF_RETENTION = {
+    "quota_bytes": Range(1e7, 1e15, "bytes", BYTES, (0,)),
+    "least_free_bytes": Range(1e6, 1e15, "bytes", BYTES, (0,)),
+    "days": Range(0.0, 3660.0, "days", (SECONDS,), (math.inf,)),
+}  # a take of minutes has megabytes, and no store of takes has a petabyte
 
 
 class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -59,12 +104,8 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     def __post_init__(self) -> None:
         if self.device and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}", self.device):
             raise ValueError(f"device is {self.device!r}; give letters, digits, '.', '_' and '-', 63 at most")
-        if self.bytes_per_second is not None and not self.bytes_per_second > 0:
-            raise ValueError("bytes_per_second must be positive; leave it out for no limit")
-        if not 1.0 <= self.timeout_s <= 86_400.0:
-            raise ValueError(f"timeout_s is {self.timeout_s:g}; give 1 to 86400 seconds")
-        if not self.proof_days > 0:
-            raise ValueError("proof_days must be positive")
+        for name, limits in RANGES.items():
+            limits.check(name, getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -142,11 +183,16 @@ def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = Non
     """
     try:
         settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
+        for name, limits in RANGES_OF_RETENTION.items():
+            limits.check(f"retention.{name}", getattr(settings.retention, name))
         folder_of(settings.url)
     except msgspec.ValidationError as error:
         words = wrong_field(error, (SyncSettings, Retention), table)
         place = where if plain is None else place_in(where, plain, words, table="sync")
         raise SyncError(f"[sync] is invalid: {words}", where=place, advice=SETTINGS_ADVICE) from error
+    except ValueError as error:
+        place = where if plain is None else place_in(where, plain, str(error), table="sync")
+        raise SyncError(f"[sync] is invalid: {error}", where=place, advice=SETTINGS_ADVICE) from error
     except AddressError as error:
         raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
     return settings

@@ -65,7 +65,11 @@ def test_relative_paths_start_at_the_files_folder(file):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[recording]\npre_roll_s = 11.0\n", "recording.pre_roll_s must be a number at most 10.0;"),
+        ("[recording]\npre_roll_s = 11.0\n", r"recording.pre_roll_s must be a number at most 10.0 \(got 11\);"),
+        ("[recording]\npre_roll_s = 2000\n", r"most 10.0 \(got 2000\); were milliseconds meant\? Mend that setting;"),
+        ("[recording]\nlongest_s = 120000.0\n", r"at most 3600.0 \(got 120000\); were milliseconds meant\?"),
+        ("[recording]\nlongest_s = 2\n", r"at least 5.0 \(got 2\); were minutes meant\?"),
+        ("[recording]\npre_roll_s = nan\n", r"at least 0.0 \(got nan\);"),
         ("[recording]\npre_rol_s = 1.0\n", "unknown field `pre_rol_s` in recording; did you mean `pre_roll_s`"),
         ("[buton]\n", "unknown field `buton`; did you mean `button`"),
         ("[lamp]\nled = 3\n", r"lamp.led must be text \(got a whole number\);"),
@@ -85,6 +89,17 @@ def test_a_bad_configuration_is_refused_by_its_key_and_the_last_good_one_stays(f
     found = load_or_last_good(file)
     assert str(file) in str(found.refused)
     assert (found.config, found.rig, found.garment) == (good.config, good.rig, good.garment)
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [("50000000000", r"at most 1000000 \(got 5e\+10\); were bytes meant\?"), ("-1", r"at least 10 \(got -1\);"),
+     ("2000000", r"at most 1000000 \(got 2e\+06\); were kB meant\?")],
+)  # fmt: skip
+def test_room_on_the_disk_in_another_unit_is_refused_with_it(file, number, said):
+    file.write_text(f"{GOOD}least_free_mb = {number}\n")
+    with pytest.raises(DescriptionError, match=f"spool.least_free_mb must be a whole number {said}"):
+        load(file)
 
 
 def test_a_file_named_relative_to_the_working_folder_means_the_same_when_its_copy_is_in_force(file, monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from capture.hanger.colour_dots import DotTracker
 from capture.hanger.marker_detection import ids_in
-from capture.hanger.seen_sizes import sizes_seen, wrong_size
+from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from firmware_host.depth_sensor import SensorFrame
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 from formats.rig import Rig
@@ -44,8 +44,10 @@ def markers_visible(examination: Examination) -> Finding:
 
 
 def _sizes_wrong(frames: list[SensorFrame], rig: Rig) -> str:
-    """Return the rig's value that contradicts the marker sizes in the first frame that shows both."""
+    """Return the rig's value, or the unit of depth, that contradicts the markers in the first frame that shows both."""
     for frame in frames:
+        if frame.colour is not None and (unit := wrong_unit(frame.colour, frame.depth, rig)):
+            return unit
         seen = None if frame.colour is None else sizes_seen(frame.colour, frame.depth, rig)
         if seen is not None and rig.hanger is not None and rig.sensor is not None:
             return wrong_size(rig.hanger, rig.sensor, seen)

@@ -73,6 +73,9 @@ def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_mark
     assert words.startswith(f"depth at the markers is {depth} mm, and by their size they are 7" if unit else "")
     assert words.endswith(f"mm away: depth is probably in {unit}; record it in millimetres" if unit else "")
     assert bool(words) == bool(unit)
+    examination = examined(drawn(0, 1), rig=stated())
+    examination.sample.frames[0].depth[:] = depth
+    assert not unit or markers_visible(examination).text.endswith(f"of other sizes than the rig's; {words}")
 
 
 def test_depth_at_the_end_of_its_bits_is_no_distance_and_a_wrong_length_of_the_rig_no_unit():

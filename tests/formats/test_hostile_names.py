@@ -9,8 +9,8 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from fit.api.takes import say_takes
 from fit.batch.summary import Row, as_csv, as_html
-from fit.cli import say_takes
 from fit.identification.request import Plan
 from fit.report.page import render_report
 from fit.virtual_tests.sheet import sheet_of

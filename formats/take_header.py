@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import msgspec
 
-from formats.descriptions import check_garment, check_rig
+from formats.descriptions import PARTS, check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.plain_text import shortened
@@ -26,15 +27,18 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
         raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
     if (other := of_another_version(version, path)) is not None:
         raise other
+    held: str = "rig"
+    kind: type[Rig] | type[Garment] = Rig
     try:
-        rig, garment = msgspec.convert(header.get("rig"), Rig), msgspec.convert(header.get("garment"), Garment)
+        rig = msgspec.convert(header.get("rig"), Rig)
         check_rig(rig, path)
+        held, kind = "garment", Garment
+        garment = msgspec.convert(header.get("garment"), Garment)
         check_garment(garment, path)
-    except msgspec.ValidationError as error:
-        words = wrong_field(error, (Rig, Garment))
-        raise TakeError(f"its rig or garment is invalid: {words}", where=path, advice="record it again") from error
-    except DescriptionError as error:
-        raise TakeError(f"its rig or garment is invalid: {error.what}", where=path, advice="record it again") from error
+    except (msgspec.ValidationError, DescriptionError) as error:
+        words = error.what if isinstance(error, DescriptionError) else wrong_field(error, (kind, *PARTS[kind]))
+        words = re.sub("^the file must be", "it must be", words)
+        raise TakeError(f"its {held} is invalid: {words}", where=path, advice="record it again") from error
     try:
         return rig, garment, msgspec.convert(header, Words)
     except msgspec.ValidationError as error:

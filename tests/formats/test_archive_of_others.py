@@ -63,7 +63,7 @@ def test_the_same_messages_are_a_sound_take(messages, tmp_path):
         ({"take_id": GONE}, "header is invalid: .*take_id"),
         ({"take_id": 7}, "header is invalid: take_id must be text .got a whole number"),
         ({"notes": [1]}, "header is invalid: notes must be a table .got a list"),
-        ({"rig": GONE}, "rig or garment is invalid"),
+        ({"rig": GONE}, "its rig is invalid: "),
         ({"format": "hangtime-take/\u00b2"}, "is of format version \u00b2"),
     ],
 )

@@ -64,15 +64,15 @@ def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
         ({"take_id": 3}, "a: its header is invalid: take_id must be text (got a whole number); record it again"),
         (
             {"rig": 3},
-            "a: its rig or garment is invalid: the file must be a table (got a whole number); record it again",
+            "a: its rig is invalid: it must be a table (got a whole number); record it again",
         ),
         (
             {"garment": None},
-            "a: its rig or garment is invalid: the file must be a table (got nothing); record it again",
+            "a: its garment is invalid: it must be a table (got nothing); record it again",
         ),
         (
             {"rig": msgspec.to_builtins(msgspec.structs.replace(RIG, gravity=(0.0, 2.0, 0.0)))},
-            "a: its rig or garment is invalid: gravity must be a unit vector (its length is 2); record it again",
+            "a: its rig is invalid: gravity must be a unit vector (its length is 2); record it again",
         ),
     ],
 )

@@ -29,15 +29,17 @@ FORGOTTEN_SHARE = 0.2  # of the sensor's noise
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
     """Check that fitted and judged takes hold enough data and enough motion.
 
-    Single takes may be still: a hanger at rest shows the effects that lean the cloth.
+    Single takes may be still: a hanger at rest shows the effects that lean the cloth. Of the takes fitted to the
+    liveliest counts, and of those judged on as well. The gate is about the less lively of these two.
     """
-    groups = [group for group in (training, held_out) if group]
-    every = [r for group in groups for r in group]
+    groups = [(training, " fitted to"), (held_out, " judged on")] if held_out else [(training, "")]
+    every = [r for group, _ in groups for r in group]
     shortest = min(r.duration for r in every)
-    swing = min(max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group) for group in groups)
-    own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
+    swing, of_swing = min((max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group), of) for group, of in groups)
+    (own, noise), of_own = min((max((_own_motion(r), _noise(r)) for r in group), of) for group, of in groups)
     least = LEAST_OWN_MOTION * noise
-    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: rounded down, so that a short take never passes as long enough
+    # s: a take that is too short is rounded down, so that it never seems long enough
+    lasts = shortest if shortest >= SHORTEST_MOTION else np.floor(10 * shortest + 1e-6) / 10
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
@@ -53,11 +55,11 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_MOTION:g} s are needed."
              + _unless(shortest >= SHORTEST_MOTION, "Record longer.")),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
-             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take; at least "
+             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at least "
              f"{1e3 * SMALLEST_SWING:.0f} mm are needed." + _unless(swing >= SMALLEST_SWING, "Swing it wider.")),
         Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
-             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take. At least "
-             f"{LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."
+             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take{of_own}. At "
+             f"least {LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."
              + _unless(own >= least, "Swing faster, or come nearer to the sensor.")),
         Gate(name="repeated frames", passed=repeated <= MOST_REPEATED, figure=100 * repeated,
              limit=100 * MOST_REPEATED, unit="%",
@@ -151,8 +153,9 @@ def _mean_noise(observer: Observer) -> float:
 def _predictability_gate(observer: Observer, apart: float, frequency: float) -> Gate:
     noise = _mean_noise(observer)
     sentence = f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm" + (
-        f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout."
+        f" under a pull of {frequency:g} Hz" if frequency else " in a free rollout"
     )
+    sentence += f"; at most their noise, {noise:.1f} mm, is allowed."
     return Gate(name="predictability", passed=apart <= noise, figure=apart, limit=noise, unit="mm", sentence=sentence)
 
 
@@ -171,7 +174,8 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     limit = max(CONVERGED, float(min(f.cost for f in fits) / best_effect) ** SHARE_OF_EFFECT - 1)
     return Gate(
         name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
-        sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost.",
+        sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost. "
+        f"At most {100 * limit:.0f} % is allowed; this limit grows with what the best effect saves.",
     )  # fmt: skip
 
 
@@ -183,7 +187,7 @@ def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gat
     share = max(closed or 0.0, 0.0)
     sentence = (
         f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
-        f"the mesh moves the points by about {numerics_mm:.1f} mm."
+        f"at most {100 * LARGEST_NUMERICS:.0f} % is allowed. The mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:
         sentence = f"There is hardly a gap; the mesh moves the points by about {numerics_mm:.1f} mm."

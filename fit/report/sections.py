@@ -357,9 +357,4 @@ def _figure_chart(caption: str, before: ErrorFigure | None, after: ErrorFigure |
 
 
 def _gate(gate: Gate) -> dict[str, object]:
-    unit = "" if gate.unit in ("", "1") else f" {gate.unit}"
-    figures = f"{number(gate.figure)}{unit}" if gate.figure is not None else "not measured"
-    if gate.limit is not None:
-        is_none = gate.limit == 0 and gate.unit == "takes"
-        figures += ", none allowed" if is_none else f", limit {number(gate.limit)}{unit}"
-    return {"passed": gate.passed, "sentence": gate.sentence, "name": words(gate.name), "figures": figures}
+    return {"passed": gate.passed, "sentence": gate.sentence, "name": words(gate.name)}

@@ -160,11 +160,11 @@ GATES = [
              "it would pass for an effect. Run `hangtime calibrate` and record with the rig that it writes."),
             ("length", False, 2.0, 2.5, "s", "The shortest take lasts 2.0 s; at least 2.5 s are needed. Record "
              "longer."),
-            ("motion", False, 20.0, 30.0, "mm", "The hanger travels 20 mm in the liveliest take; at least 30 mm are "
-             "needed. Swing it wider."),
+            ("motion", False, 20.0, 30.0, "mm", "The hanger travels 20 mm in the liveliest take fitted to; at least "
+             "30 mm are needed. Swing it wider."),
             ("cloth motion", False, 1.0, 2e3 * np.sqrt(3e-6), "mm", "The points move by 1.0 mm against the hanger in "
-             "the liveliest take. At least 2 times their noise of 1.7 mm is needed. Swing faster, or come nearer to "
-             "the sensor."),
+             "the liveliest take fitted to. At least 2 times their noise of 1.7 mm is needed. Swing faster, or "
+             "come nearer to the sensor."),
             ("repeated frames", True, 0.0, 10.0, "%", "0 % of the frames repeat the one before; at most 10 % may."),
             ("impossible points", False, 20.0, 5.0, "%", describe_impossible(0.2)),
             ("clocks", True, 0, 0.0, "takes", "Points and hanger can have one clock in every take."),
@@ -178,22 +178,23 @@ GATES = [
     (
         [predictability_gate(CHAOS, SI.initial, CHAOS.off)],
         [("predictability", False, 2.0, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
-          "2.00 mm under a pull of 2 Hz.")],
+          "2.00 mm under a pull of 2 Hz; at most their noise, 1.7 mm, is allowed.")],
     ),
     (
         [choose_frequency(Chaotic(lambda hz: 0.1), SI.initial)[1]],
         [("predictability", True, 0.1, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
-          "0.10 mm in a free rollout.")],
+          "0.10 mm in a free rollout; at most their noise, 1.7 mm, is allowed.")],
     ),
     (
         [convergence_gate(FITS, 10.0)],
-        [("base fit", True, 14.0, 15.0, "%", "The best two of 2 starts of the base fit end 14.0 % apart in cost.")],
+        [("base fit", True, 14.0, 15.0, "%", "The best two of 2 starts of the base fit end 14.0 % apart in cost. "
+          "At most 15 % is allowed; this limit grows with what the best effect saves.")],
     ),
     (
         [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],
         [
             ("mesh and step", False, 41.0, 40.0, "%", "A mesh 1.5 times finer with its smaller step, refitted, removes "
-             "41 % of the gap; the mesh moves the points by about 1.2 mm."),
+             "41 % of the gap; at most 40 % is allowed. The mesh moves the points by about 1.2 mm."),
             ("mesh and step", True, 0.0, 40.0, "%", "There is hardly a gap; the mesh moves the points by about 1.2 "
              "mm."),
         ],
@@ -215,13 +216,19 @@ def test_every_take_is_long_enough():
     assert (short.passed, short.figure, short.limit) == (False, pytest.approx(2.4), 2.5)
     nearly = gate_of("length", [recorded(seconds=2.467)])
     assert nearly.sentence.startswith("The shortest take lasts 2.4 s; at least 2.5 s are needed")
+    enough = gate_of("length", [recorded(seconds=5.967)])
+    assert enough.sentence == "The shortest take lasts 6.0 s; at least 2.5 s are needed."
 
 
 @pytest.mark.parametrize(("travel", "passed"), [(0.029, False), (0.031, True)])
 def test_a_hanger_moves_in_the_liveliest_take_that_is_fitted_to_and_in_that_judged_on(travel, passed):
     still, lively = recorded(travel=0.001), recorded(travel=travel)
-    for groups in (([still, recorded()], [lively, still]), ([lively, still], [recorded()]), ([lively], [])):
+    for groups, of in (
+        (([still, recorded()], [lively, still]), " judged on"), (([lively, still], [recorded()]), " fitted to"),
+        (([lively], []), ""),
+    ):  # fmt: skip
         gate = gate_of("motion", *groups)
+        assert f"{1e3 * travel:.0f} mm in the liveliest take{of}; at" in gate.sentence
         assert (gate.passed, gate.figure, gate.limit) == (passed, pytest.approx(1e3 * travel), pytest.approx(30.0))
 
 
@@ -229,8 +236,11 @@ def test_a_hanger_moves_in_the_liveliest_take_that_is_fitted_to_and_in_that_judg
 def test_points_move_against_the_hanger_by_twice_their_noise(own, passed):
     """1 mm an axis is 1.73 mm, twice that 3.46; the take that moves most counts, with its own noise."""
     lively, still = recorded(own=own), recorded(own=0.001, noise=0.0001)
-    for groups in (([lively, still], [recorded(own=0.02)]), ([recorded(own=0.02)], [still, lively])):
+    for groups, of in (
+        (([lively, still], [recorded(own=0.02)]), "fitted to"), (([recorded(own=0.02)], [still, lively]), "judged on"),
+    ):  # fmt: skip
         gate = gate_of("cloth motion", *groups)
+        assert f"in the liveliest take {of}. At" in gate.sentence
         assert (gate.passed, gate.figure) == (passed, pytest.approx(1e3 * own))
         assert gate.limit == pytest.approx(2 * np.sqrt(3))
 

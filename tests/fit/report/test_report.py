@@ -180,7 +180,7 @@ def swung(seconds):
 def test_a_passed_check_gives_no_order_and_a_failed_one_does():
     passed, failed = (data_gates([prepare(swung(seconds))], []) for seconds in (4.0, 2.0))
     shown = sections.gates(diagnosis(gates=passed))
-    assert "at least 2.5 s are needed." in shown
+    assert "at least 2.5 s are needed. <small>(length)</small>" in shown
     for gate in passed:
         assert gate.passed or gate.name == "calibration"
     orders = ("Record longer", "Swing it wider", "Swing faster", "leaves out frames")
@@ -320,8 +320,9 @@ def test_a_size_whose_interval_holds_zero_is_shown_as_that_interval_unless_its_e
     assert "−0.001 to 0.009" in named
 
 
-def test_a_limit_of_nothing_is_told_in_words():
+def test_a_gate_says_its_figures_in_its_sentence_alone():
     gate = Gate(name="clocks", passed=True, figure=0.0, limit=0.0, unit="takes", sentence="All go alike.")
     shown = sections.gates(diagnosis(gates=[gate]))
-    assert "0 takes, none allowed" in shown
+    assert "All go alike. <small>(clocks)</small>" in shown
+    assert "0 takes" not in shown
     assert "limit" not in shown.split("All go alike.")[1]

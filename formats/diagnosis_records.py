@@ -81,6 +81,13 @@ def place_of(regions: Sequence[str]) -> str:
     return f"at the {' and '.join(regions)}" if regions else ""
 
 
+def in_percent(probability: float) -> str:
+    """Return a probability in words of percent, never 0 or 100 %: draws and masses are not that sure."""
+    if probability < 0.005:
+        return "less than 1 %"
+    return f"{100 * probability:.0f} %" if probability < 0.995 else "more than 99 %"
+
+
 class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One region, phase, frequency band or direction, and its share of the squared error."""
 

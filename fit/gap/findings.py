@@ -21,7 +21,7 @@ from formats.fit_records import FitParameter
 
 LISTED_EFFECTS = 3  # left-out effects that a sentence names
 PROBABILITIES = {
-    "rules": "Probabilities are the shares of draws in which an effect is best and worth naming. A draw chooses "
+    "rules": "Probabilities follow from the share of draws in which an effect is best and worth naming. A draw chooses "
     "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "
     "holds.",
     "evidence": "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from fit.gap.closure import gain_p_value
@@ -24,7 +25,7 @@ from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from formats import figures
-from formats.diagnosis_records import Figure, place_of
+from formats.diagnosis_records import Figure, in_percent, place_of
 
 FAMILY_WISE_LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
@@ -115,7 +116,8 @@ def decide(evidence: Evidence) -> Verdict:
         )
     ]
     if rivals:
-        either = " or ".join(library[k].title for k in (best, *rivals))
+        likely = probabilities(evidence, None)
+        either = " or ".join(f"{library[k].title} (probability {in_percent(likely[k])})" for k in (best, *rivals))
         return Verdict(
             "ambiguous",
             [best, *rivals],
@@ -125,7 +127,7 @@ def decide(evidence: Evidence) -> Verdict:
     return Verdict(
         "effect",
         [best],
-        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({with_unit(evidence, best)}) it "
+        f"{_lacks(evidence, None, title, (best,))} {numbers} With {title} ({with_unit(evidence, best)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm"
         f"{share_closed(evidence, evidence.singles[best])}."
         f"{_edge_says(evidence, best, closed) if best in identified else ''}",
@@ -309,28 +311,28 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
     return Verdict(
         "several",
         list(several.effects),
-        f"{_lacks(evidence, several, *((k, *others.get(k, [])) for k in several.effects))} {titles}. "
+        f"{_lacks(evidence, several, titles, *((k, *others.get(k, [])) for k in several.effects))} "
         f"{gap_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm"
         f"{share_closed(evidence, several)}.",
         {name: list(alike) for name, alike in others.items()},
     )
 
 
-def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[str, ...]) -> str:
-    """Return the beginning of the sentence that names causes, worded by the least probable cause."""
+def _lacks(evidence: Evidence, several: Hypothesis | None, titles: str, *causes: tuple[str, ...]) -> str:
+    """Return the sentence that names causes, worded by the least probable cause."""
     likely = probabilities(evidence, several)
-    return as_sure_as(min(sum(likely[k] for k in cause) for cause in causes))
+    return lacks([sum(likely[k] for k in cause) for cause in causes], titles)
 
 
-def as_sure_as(likely: float) -> str:
-    """Return the beginning of a sentence that names a cause, worded by its probability."""
-    return (
-        "The model lacks"
-        if likely >= SURE
-        else "The model probably lacks"
-        if likely >= LIKELY
-        else "The model may lack"
+def lacks(likely: Sequence[float], titles: str) -> str:
+    """Return the sentence that names causes; likely: the probability of each, of which the least words it."""
+    least = min(likely)
+    begun = (
+        "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
     )
+    each = "each " if len(likely) > 1 else ""
+    at_least = "at least " if each and in_percent(least)[0].isdigit() else ""
+    return f"{begun} {titles}, {each}with a probability of {at_least}{in_percent(least)}."
 
 
 def gap_numbers(evidence: Evidence) -> str:

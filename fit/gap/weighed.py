@@ -27,8 +27,9 @@ from fit.gap.numerics import Refined
 from fit.gap.posterior import Found, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
-from fit.gap.verdict import Verdict, as_sure_as, edge_is_off, gap_numbers, no_gap, share_closed, with_unit
+from fit.gap.verdict import Verdict, edge_is_off, gap_numbers, lacks, no_gap, share_closed, with_unit
 from formats.arrays import Floats
+from formats.diagnosis_records import in_percent
 
 
 def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]) -> Found:
@@ -153,7 +154,7 @@ def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str,
     shares = found.shares()
     if len(best.effects) == 1 and others:
         names = [best.effects[0], *next(iter(others.values()))]
-        either = " or ".join(library[name].title for name in names)
+        either = " or ".join(f"{library[name].title} (probability {in_percent(likely[name])})" for name in names)
         said = f"{either[0].upper()}{either[1:]}: these takes cannot tell them apart. {gap_numbers(evidence)}"
         return Verdict("ambiguous", names, said)
     causes = [
@@ -161,14 +162,16 @@ def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str,
         + "".join(f" (or {library[n].title}: these takes cannot tell)" for n in others.get(name, []))
         for name in best.effects
     ]
-    least = min(min(likely[name] + sum(_swapped(shares, best.effects, name, n) for n in others.get(name, [])), 1.0)
-                for name in best.effects)  # fmt: skip
+    held = [
+        min(likely[name] + sum(_swapped(shares, best.effects, name, n) for n in others.get(name, [])), 1.0)
+        for name in best.effects
+    ]
     sizes = ", ".join(with_unit(evidence, name, best) for name in best.effects)
     titles = " and ".join(causes)
     verdict = "effect" if len(best.effects) == 1 else "several"
     return Verdict(
         verdict, list(best.effects),
-        f"{as_sure_as(least)} {titles}. {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} "
+        f"{lacks(held, titles)} {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} "
         f"({sizes}) it misses by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}.",
         others,
     )  # fmt: skip

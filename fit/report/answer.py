@@ -10,7 +10,7 @@ from fit.report.effects import meaning_of
 from fit.report.motion import ReportMotion, rms_of
 from fit.report.templating import piece
 from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval
-from formats.diagnosis_records import Diagnosis
+from formats.diagnosis_records import Diagnosis, in_percent
 from formats.fit_records import FitResult
 
 VERDICT_TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
@@ -79,7 +79,10 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
             unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
             ends = f"{interval(effect.amplitude_interval)}{unit}; " if effect.amplitude_interval else ""
             meaning = ends + meaning_of(effect.id, effect.amplitude)
-            figures.append((f"size of {effect.id.replace('_', ' ')}", number(effect.amplitude) + unit, meaning))
+            title = effect.id.replace("_", " ")
+            figures.append((f"size of {title}", number(effect.amplitude) + unit, meaning))
+            if effect.probability is not None:
+                figures.append((f"probability of {title}", in_percent(effect.probability), "that the model lacks it"))
     if gap.raw_mm is not None and gap.closure_from_raw is not None:
         closed = f"{percent(gap.closure_from_raw)} of the gap from there closed, the camera's faults included"
         figures.append(("base model on the points as tracked", tenths(gap.raw_mm), closed))

@@ -104,7 +104,7 @@ def test_notes_say_what_limits_the_figures_and_nothing_else():
     assert said()[0] == "Free rollouts, predictable as they are; mesh of 50 mm."
     assert said(is_predictable=False)[0].startswith("Free rollouts, which no pull makes predictable")
     assert said(frequency=1.5, is_predictable=False)[0].startswith("Observer pull of 1.5 Hz; ")
-    assert "shares of draws" in said()[2]
+    assert "share of draws" in said()[2]
     assert "masses of the sets" in said(by="evidence")[2]
     (stated,) = said(stated=2.0)[3:]
     assert "off by 2.0 mm" in stated
@@ -132,8 +132,9 @@ def test_every_note_is_told_whole_and_in_its_order():
         "One or two takes: the same cloth, hung anew, may differ from them by more than their noise.",
     ]
     assert said()[2] == (
-        "Probabilities are the shares of draws in which an effect is best and worth naming. A draw chooses held-out "
-        "half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this holds."
+        "Probabilities follow from the share of draws in which an effect is best and worth naming. A draw chooses "
+        "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "
+        "holds."
     )
 
 

@@ -13,7 +13,8 @@ from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
-from fit.gap.verdict import FAMILY_WISE_LEVEL, decide
+from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks
+from formats.diagnosis_records import in_percent
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypothesis
 
 
@@ -205,8 +206,22 @@ def test_an_effect_that_leaves_much_is_less_probable():
 @pytest.mark.parametrize(("mm", "least", "most", "words"), LACKS)
 def test_the_sentence_that_names_a_cause_is_as_sure_as_it_is_probable(mm, least, most, words):
     evidence = evidence_of({"air_lift": mm})
-    assert least < probability_of("air_lift", evidence) < most
-    assert decide(evidence).sentence.startswith(f"The model {words} ")
+    likely = probability_of("air_lift", evidence)
+    assert least < likely < most
+    title = evidence.observer.library["air_lift"].title
+    begun = f"The model {words} {title}, with a probability of {in_percent(likely)}."
+    assert decide(evidence).sentence.startswith(begun)
+
+
+@pytest.mark.parametrize(
+    ("likely", "words"),
+    [([0.978], "lacks x, with a probability of 98 %."), ([0.9951], "lacks x, with a probability of more than 99 %."),
+     ([0.9, 0.6], "probably lacks x, each with a probability of at least 60 %."),
+     ([0.999, 1.0], "lacks x, each with a probability of more than 99 %."),
+     ([0.004], "may lack x, with a probability of less than 1 %.")],
+)  # fmt: skip
+def test_a_named_cause_has_its_probability_in_its_sentence(likely, words):
+    assert lacks(likely, "x") == f"The model {words}"
 
 
 def test_effects_that_together_leave_much_are_less_probable_too():

@@ -134,8 +134,8 @@ SAID = [
     (
         "ambiguous", evidence_of({"time_offset": 5.5, "filter_lag": 5.6, "hem": 11.0}),
         {(): (0.01, 0.0), ("time_offset",): (0.6, 0.0), ("hem",): (0.14, 0.0), ("filter_lag",): (0.25, 0.0)},
-        "A time offset between markers and points or a tracker that lags or a heavier hem: these takes cannot tell "
-        f"them apart. {MISSES}",
+        "A time offset between markers and points (probability 60 %) or a tracker that lags (probability 25 %) or a "
+        f"heavier hem (probability 14 %): these takes cannot tell them apart. {MISSES}",
     ),
     (
         "several", evidence_of({"time_offset": 9.0, "air_drag": 8.0}, joint=[(("air_drag", "time_offset"), 5.4)]),
@@ -144,8 +144,9 @@ SAID = [
             ("air_drag", "filter_lag"): (0.3, 0.0), ("hem", "time_offset"): (0.04, 0.0),
         },
         "The model lacks air drag and a time offset between markers and points (or a tracker that lags: these takes "
-        f"cannot tell). {MISSES} With them (1.2 [0.979 to 1.42], 0.02 s [0.0183 to 0.0217]) it misses by 5.4 mm: 97 % "
-        "of the gap is closed [94 to 99 %]. The remaining error is within the noise.",
+        f"cannot tell), each with a probability of at least 94 %. {MISSES} With them (1.2 [0.979 to 1.42], "
+        "0.02 s [0.0183 to 0.0217]) it misses by 5.4 mm: 97 % of the gap is closed [94 to 99 %]. The "
+        "remaining error is within the noise.",
     ),
     (
         "unknown", evidence_of({}, joint=[(("air_drag", "time_offset"), 11.2)]),
@@ -161,8 +162,8 @@ SAID = [
     (
         "effect", evidence_of({"air_drag": 5.5}),
         {(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)},
-        f"The model lacks air drag. {MISSES} With it (1.2 [0.979 to 1.42]) it misses by 5.5 mm: 96 % of the gap is "
-        "closed [94 to 98 %].",
+        f"The model lacks air drag, with a probability of 90 %. {MISSES} With it (1.2 [0.979 to 1.42]) "
+        "it misses by 5.5 mm: 96 % of the gap is closed [94 to 98 %].",
     ),
     (
         "inconclusive", evidence_of({"air_drag": 5.5}, gate_list=[CHAOTIC]),

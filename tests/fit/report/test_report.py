@@ -320,6 +320,12 @@ def test_a_size_whose_interval_holds_zero_is_shown_as_that_interval_unless_its_e
     assert "−0.001 to 0.009" in named
 
 
+def test_the_figures_at_the_top_hold_the_probability_of_a_named_effect_in_rows_of_like_length():
+    page = html.unescape(render_report(fit=None, diagnosis=diagnosis()))
+    assert "<dt>probability of air drag</dt><dd>94 %<small>that the model lacks it</small>" in page
+    assert '<dl class="figures of-3">' in page  # of six figures
+
+
 def test_a_gate_says_its_figures_in_its_sentence_alone():
     gate = Gate(name="clocks", passed=True, figure=0.0, limit=0.0, unit="takes", sentence="All go alike.")
     shown = sections.gates(diagnosis(gates=[gate]))

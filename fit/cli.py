@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from fit.api.said import next_command
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
@@ -18,9 +19,6 @@ from formats.command_groups import FIT
 from formats.plain_text import plain
 from formats.telling import know, tell
 from formats.terminal import ProgressLine, say
-
-if TYPE_CHECKING:
-    pass
 
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap) to fit to.", show_default=False)
@@ -146,8 +144,9 @@ def fit_command(
     """Find the cloth parameters that make the simulation follow the takes.
 
     The cloth is simulated freely from its first shape on, driven by the recorded hanger. The search looks for the
-    parameters with the smallest error. The result gives each parameter a 90 % interval. A parameter that the takes do
-    not identify has an interval and no value.
+    parameters with the smallest error. The result gives each parameter a 90 % interval. The interval covers the takes'
+    noise and the local minima that the search found, but neither missing physics nor the mesh's error. A parameter that
+    the takes do not identify has an interval and no value.
 
     Give takes of one motion at several strengths, and hold the middle strength out to judge on (--held-out, or
     --held-out-motion for takes of another motion). Without a held-out take, the command judges on the takes it fitted
@@ -224,6 +223,8 @@ def fit_command(
     tell(f"Fit result: {plain(out / 'fit.json')}\nReport:     {plain(report)}")
     if plot is not None:
         tell(f"Picture:    {plain(plot)}", plot=str(plot))
+    if not effect and not (out / "diagnosis.json").exists():
+        tell(next_command(takes, held_out, held_out_motion, out))
 
 
 def diagnose_command(

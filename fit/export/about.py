@@ -6,6 +6,7 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
+from fit.folders import notes_of_diagnosis
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.figures import short, span_of, with_unit
@@ -30,6 +31,7 @@ def provenance(result: FitResult) -> dict[str, Any]:
         "held_out_takes": list(result.held_out_ids),
         "mean_error_m": error.mean_m,
         "take_warnings": flaw_notes(result.notes),
+        "missing_effects": notes_of_diagnosis(result.notes),
         "error_is_held_out": result.error.held_out_after is not None,
     }
 
@@ -61,8 +63,8 @@ def origin_lines(result: FitResult) -> list[str]:
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return a sentence for each flaw of a take, and for each quantity that needs a caution."""
-    lines = [plain(note) for note in flaw_notes(result.notes)]
+    """Return a sentence for each missing effect, flaw of a take, and quantity that needs a caution."""
+    lines = [plain(note) for note in (*notes_of_diagnosis(result.notes), *flaw_notes(result.notes))]
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_known:

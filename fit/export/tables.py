@@ -12,11 +12,13 @@ ASTM D1388, option A, for the angle; S. Kawabata, "The Standardization and Analy
 
 from __future__ import annotations
 
+import functools
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
 from fit.export.about import caution_lines, flat_provenance, origin_lines
 from fit.export.fabric import Fabric, Quantity, status_of
+from fit.folders import notes_of_diagnosis
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.figures import short, span_of
 from formats.fit_records import FitResult
@@ -63,49 +65,51 @@ def _set_apart(row: Sequence[object]) -> Sequence[object]:
 
 def software_table(result: FitResult, fabric: Fabric) -> str:
     """Return a sheet for the fabric windows of CLO, Marvelous Designer and Browzwear."""
+    is_lacking = bool(notes_of_diagnosis(result.notes))
+    row = functools.partial(_row, measured="measured by a model that lacks an effect" if is_lacking else "measured")
     density = fabric["areal_density"].value
     rows = [
-        _row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),
+        row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),
         ("Thickness", "-", "", "mm", "no motion tells it: measure it"),
         *(
-            _row(f"Stretch {way}", fabric[f"stretch_{way}"], "N/m", lambda v: v, "no field has this unit: see below")
+            row(f"Stretch {way}", fabric[f"stretch_{way}"], "N/m", lambda v: v, "no field has this unit: see below")
             for way in ("warp", "weft")
         ),
         *(
-            _row(
+            row(
                 f"  force at {100 * STRIP_STRAIN:.0f} %, {way}", fabric[f"stretch_{way}"], "gf",
                 lambda v: v * STRIP_STRAIN * STRIP_WIDTH / GRAM_FORCE, f"of a strip {100 * STRIP_WIDTH:.0f} cm wide",
             )
             for way in ("warp", "weft")
         ),
-        _row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
-        _row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
+        row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
+        row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
         *(
-            _row(f"Bending {way}", fabric[f"bending_{way}"], "µN m", lambda v: 1e6 * v, "no field has this unit")
+            row(f"Bending {way}", fabric[f"bending_{way}"], "µN m", lambda v: 1e6 * v, "no field has this unit")
             for way in ("warp", "weft")
         ),
         *(
-            _row(
+            row(
                 f"  overhang at 41.5 deg, {way}", fabric[f"bending_{way}"], "mm",
                 lambda v: 2e3 * (v / (GRAVITY * density)) ** (1 / 3), "cantilever test, ASTM D1388",
             )
             for way in ("warp", "weft")
         ),
         *(
-            _row(f"  KES B, {way}", fabric[f"bending_{way}"], "gf cm2/cm", lambda v: v / BENDING_UNIT, "")
+            row(f"  KES B, {way}", fabric[f"bending_{way}"], "gf cm2/cm", lambda v: v / BENDING_UNIT, "")
             for way in ("warp", "weft")
         ),
-        _row("Bending damping", fabric["bending_damping_time"], "ms", lambda v: 1e3 * v, "no field means this"),
-        _row("Air and linear damping", fabric["velocity_damping"], "1/s", lambda v: v, "no field means this"),
+        row("Bending damping", fabric["bending_damping_time"], "ms", lambda v: 1e3 * v, "no field means this"),
+        row("Air and linear damping", fabric["velocity_damping"], "1/s", lambda v: v, "no field means this"),
     ]  # fmt: skip
     if fabric.get("drag_coefficient"):
-        rows.append(_row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
+        rows.append(row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
     heads = ("quantity", "value", "90 % interval", "unit", "how sure, and what to do with it")
     lines = ["Fabric for CLO, Marvelous Designer and Browzwear", "", *origin_lines(result), ""]
     lines += aligned([heads, *rows], right=(1,))
     lines += ["", *_wrapped(UNIT_WORDS)]
     if cautions := caution_lines(result, fabric):
-        lines += ["", "Not measured, or not identified by these takes:", *_wrapped(cautions)]
+        lines += ["", "Doubtful, not measured, or not identified by these takes:", *_wrapped(cautions)]
     return "\n".join(lines) + "\n"
 
 
@@ -122,14 +126,15 @@ UNIT_WORDS = (
 
 
 def _row(
-    name: str, quantity: Quantity, unit: str, scale: Callable[[float], float], words: str
+    name: str, quantity: Quantity, unit: str, scale: Callable[[float], float], words: str, *, measured: str
 ) -> tuple[str, str, str, str, str]:
     ends = ""
     if quantity.low is not None and quantity.high is not None:
         low, high = sorted((scale(quantity.low), scale(quantity.high)))
         ends = span_of((low, high))
     value = short(scale(quantity.value)) if quantity.status != "not identified" else "-"
-    how = quantity.status if quantity.status != "not identified" else "NOT IDENTIFIED: only the interval is known"
+    told = {"measured": measured, "not identified": "NOT IDENTIFIED: only the interval is known"}
+    how = told.get(quantity.status, quantity.status)
     return name, value, ends, unit, f"{how}; {words}" if words else how
 
 

@@ -66,7 +66,7 @@ FREE_PARAMETERS = (
 )
 STOPPED = (
     "At its bound: {names}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
-    "--bounds sets another range."
+    "--bounds only narrows the range. A missing effect may drive it there: hangtime diagnose looks for one."
 )
 LAYERED = (
     "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "

@@ -13,8 +13,12 @@ from fit.errors import FitError
 from fit.export.about import caution_lines
 from fit.export.fabric import fabric_of
 from fit.export.tables import parameters_csv, software_table
+from fit.folders import notes_of_diagnosis, read_fit
+from fit.virtual_tests.sheet import sheet_of
 from formats.fit_records import Combination
+from formats.results import save_diagnosis, save_fit_result
 from tests.fit.export.exported import a_fit
+from tests.fit.report.report_scene import diagnosis
 
 
 def test_the_quantities_of_an_si_fit_are_its_parameters():
@@ -141,3 +145,34 @@ def test_a_number_that_several_parameters_make_has_the_verdict_of_its_combinatio
     result = msgspec.structs.replace(a_fit("kinect-skirt-weighed"), combinations=[told])
     damping = fabric_of(result)["velocity_damping"]
     assert (damping.status, damping.low, damping.high) == ("measured", 1.1, 1.3)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "named", "fitted", "takes", "says"),
+    [
+        ("effect", ["air_drag"], {}, ["a", "b"], "names air drag, which"),
+        ("several", ["air_drag", "hem"], {"hem": 0.01}, ["a", "b"], "names air drag, which"),
+        ("ambiguous", ["air_drag", "hem"], {}, ["a", "b"], "names air drag or hem, which"),
+        ("ambiguous", ["air_drag", "hem"], {"hem": 1.0}, ["a", "b"], ""),
+        ("effect", ["hem"], {"hem": 0.02}, ["a", "b"], ""),
+        ("effect", ["air_drag"], {}, ["c"], ""),
+        ("none", [], {}, ["a", "b"], ""),
+    ],
+)
+def test_a_fit_is_not_simply_measured_where_a_diagnosis_beside_it_names_an_effect(
+    tmp_path, verdict, named, fitted, takes, says
+):
+    save_fit_result(tmp_path / "fit.json", msgspec.structs.replace(a_fit(effects=fitted), take_contents=["b", "a"]))
+    found = diagnosis(verdict=verdict, named=named, take_contents=takes)
+    save_diagnosis(tmp_path / "diagnosis.json", found)
+    result = read_fit(tmp_path)[0]
+    notes = notes_of_diagnosis(result.notes)
+    assert [says in note for note in notes] == ([True] if says else [])
+    text = software_table(result, fabric_of(result))
+    shear = next(line for line in text.splitlines() if line.startswith("Shear"))
+    assert ("measured by a model that lacks an effect" in shear) == bool(says)
+    assert ("Fit again with --effect air_drag" in " ".join(text.split())) == bool(says)
+    assert ("Fit again with" in sheet_of(result)) == bool(says)
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
+    told = next(row["value"] for row in rows if row["name"] == "missing_effects")
+    assert told == " ".join(notes)

@@ -121,6 +121,9 @@ class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     in_plane: float
 
 
+VISIBLE_FORCE = 0.2  # share of the pull that features must explain before its shape is described
+
+
 class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The force that the base model lacks.
 
@@ -135,6 +138,11 @@ class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     sentence: str
     places: list[ForceAt] = []
     power: float | None = None
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the sensor's noise hides the force, so that its figures are of the noise."""
+        return self.odd_share + self.even_share < VISIBLE_FORCE
 
 
 class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -14,7 +14,9 @@ AT_BOUND = "at its bound"
 class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One fitted parameter, its bounds and its 90 % interval.
 
-    A parameter at its bound is never identified: the range stopped it.
+    - `fitted`: the end of the search; where `is_identified` is false, one of many values that follow the takes as well
+    - `is_identified`: None where no interval was computed; a parameter at its bound is never identified: the range
+      stopped it
     """
 
     name: str
@@ -38,7 +40,10 @@ def verdict_on(number: FitParameter | Combination) -> str:
 
 
 class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Distance of the tracked points [m], averaged over the points of each frame."""
+    """Distance of the tracked points [m], averaged over the points of each frame.
+
+    `time_s` has the frames of several takes one take after the other, each begun 1 s after the end of the last.
+    """
 
     mean_m: float
     max_m: float

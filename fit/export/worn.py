@@ -29,7 +29,7 @@ from fit.figure.gait import ARM_OUT, NORMAL, check_speed, walk
 from fit.figure.parts import figure_in, figure_in_shirt
 from fit.figure.shirt import arms_out, plain_shirt, sewn_shirt
 from fit.figure.skeleton import STANDARD_HEIGHT, SkeletonMotion
-from fit.figure.wearing import looked_at, wear
+from fit.figure.wearing import DEEPEST, looked_at, wear
 from formats.arrays import Singles
 from formats.fit_records import FitResult
 from formats.garment import Garment
@@ -145,7 +145,7 @@ def worn(
             f"at {time[frame]:.2f} s", where=flat.name,
             advice=f"let it move slower, or give a wider {NAMES[closed.kind]}",
         )  # fmt: skip
-    crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes[:: int(MOTION_FPS / 10)]]
+    crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes]
     samples, quads = divided(simulator.mesh, DRAWN_SPACING)
     triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]]).astype(np.int64)
     return Moving(
@@ -195,12 +195,12 @@ def _remarks(kind: str, crossed: list[int], deepest: float, stretched: tuple[flo
     """Return remarks on self-intersections, on penetration of the body, and on large strains."""
     pictures = sum(1 for count in crossed if count)
     itself = (
-        f"The {kind} never crosses itself, in {len(crossed)} pictures looked at." if not pictures else
-        f"The {kind} crosses itself in {pictures} of {len(crossed)} pictures looked at, at {sum(crossed)} places in "
-        "all."
+        f"The {kind} crosses itself in none of {len(crossed)} frames." if not pictures else
+        f"The {kind} crosses itself in {pictures} of {len(crossed)} frames, at {sum(crossed)} places in all."
     )  # fmt: skip
     body = (
-        f"Cloth and body overlap by up to {1e3 * deepest:.1f} mm." if deepest > 0 else
+        f"Cloth and body overlap by up to {1e3 * deepest:.1f} mm; more than {1e3 * DEEPEST:g} mm are refused."
+        if deepest > 0 else
         f"Cloth and body stay at least {-1e3 * deepest:.1f} mm apart."
     )  # fmt: skip
     most, mostly = stretched

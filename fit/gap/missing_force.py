@@ -26,11 +26,10 @@ from fit.cloth.simulator import Simulator
 from fit.observer.residuals import Observer
 from fit.recordings.smoothing import low_pass
 from formats.arrays import Floats
-from formats.diagnosis_records import ForceAt, MissingForce
+from formats.diagnosis_records import VISIBLE_FORCE, ForceAt, MissingForce
 
 FREQUENCY = 3.0  # Hz: strong enough for the observer's states to follow the data
 LOW_PASS = 2.0  # Hz
-VISIBLE = 0.2  # share of the pull that features must explain before its shape is described
 WITHIN_CLOTH = 0.2  # share along the normal, below which a force acts within the cloth; a random direction has a third
 EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
@@ -127,7 +126,7 @@ def sentence_of(
 
     power [W/kg]: power of the force on the cloth
     """
-    if odd + even < VISIBLE:
+    if odd + even < VISIBLE_FORCE:
         return (
             "The sensor's noise hides the missing force that the base fit left: "
             f"features of the motion explain {100 * (odd + even):.0f} % of the pull."

@@ -79,7 +79,11 @@ def effect_bars(gap: Gap, effects: Sequence[EffectFinding], named: Sequence[str]
         parts = _parts([("floor", 0.0, low), ("rest", low, shown), ("gone", shown, base)], base)
         detail = f"{percent(effect.closure.value)} closed"
         rows.append(_row(words(effect.id), tenths(left), detail, parts, is_named=effect.id in named))
-    return piece("charts.html", "bars", rows, (), "") if rows else NOTHING
+    legend = [
+        ("var(--floor)", "", "the sensor's noise"), ("var(--rest)", "", "left above the noise"),
+        ("var(--effect)", "is-striped", "removed by the effect"),
+    ]  # fmt: skip
+    return piece("charts.html", "bars", rows, legend, "") if rows else NOTHING
 
 
 def _figure_row(name: str, figure: Figure, parts: Sequence[Part], reach: float) -> dict[str, object]:
@@ -225,13 +229,14 @@ def error_chart(
             lines.append((f"largest {style}", _path(time, 1e3 * curve.largest, top)))
         lines.append((style, _path(time, 1e3 * curve.values, top)))
         colour = f"var(--{style.removeprefix('is-')})"
+        kind_of_line = "is-line is-dotted" if curve.run == "fit" else "is-line"
         if curve.whole is None:
-            legend.append((colour, "is-line", curve.name))
+            legend.append((colour, kind_of_line, curve.name))
             continue
         kind, whole = curve.whole[0], 1e3 * curve.whole[1]
         lines.append((f"mean {style}", f"M0 {100 * (1 - whole / top):.2f}H100"))
         worst = 1e3 * float(np.nanmax(curve.values))
-        legend.append((colour, "is-line", f"{curve.name}: {kind} {whole:.1f} mm, worst frame {worst:.1f} mm"))
+        legend.append((colour, kind_of_line, f"{curve.name}: {kind} {whole:.1f} mm, worst frame {worst:.1f} mm"))
     return piece("charts.html", "error_chart", {
         "caption": caption, "legend": legend, "lines": lines, "axis": axis, "unit": unit, "motion": motion,
         "start": _fine(start), "end": _fine(end),

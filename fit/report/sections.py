@@ -100,6 +100,7 @@ def errors(
             f"{MEASURE}, in each frame; thin, the worst point; dashed, all frames. A curve breaks where no free point "
             "is seen."
         )
+        intro += " Dotted, the fit." if any("fit" in motion.shown for motion in motions) else ""
     if not any(charts):
         return NOTHING
     hint = " Click a chart to move the player there." if shown else ""
@@ -191,10 +192,7 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
     others = [e for e in diagnosis.effects if e not in refitted]
     body = NOTHING
     if refitted:
-        intro = (
-            "Root mean square error that each effect alone would leave, everything fitted again; striped: removed, "
-            "solid: above the noise still."
-        )
+        intro = "Root mean square error that each effect alone would leave, everything fitted again."
         body += lead(intro) + effect_bars(diagnosis.gap, refitted, diagnosis.named)
         body += effect_table(refitted, diagnosis.named)
     if others:
@@ -225,9 +223,14 @@ def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
 
 
 def missing_force(found: MissingForce | None, outline: Floats | None = None) -> Markup:
-    """Return the section on the missing force, whether or not an effect of the library explains it."""
+    """Return the section on the missing force, whether or not an effect of the library explains it.
+
+    A force that the noise hides has its sentence alone.
+    """
     if found is None:
         return NOTHING
+    if found.is_hidden:
+        return Markup("<p>{}</p>").format(found.sentence)
     shares = dict(found.spatial_share)
     figures = [
         ("along the cloth's normal", percent(found.normal_share)),

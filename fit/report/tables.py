@@ -108,7 +108,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     place = f"Acts {place_of(effect.regions)}. " if is_named and effect.regions else ""
     least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
     closure = effect.closure
-    about["remark"] = place + twin + absorbed + effect.note
+    about["remark"] = place + twin + absorbed + effect.note[:1].upper() + effect.note[1:]
     between = effect.amplitude_interval
     is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # no evidence for this effect
     spread, meaning = interval(between), meaning_of(effect.id, None if is_open else effect.amplitude)

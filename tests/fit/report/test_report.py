@@ -326,6 +326,13 @@ def test_the_figures_at_the_top_hold_the_probability_of_a_named_effect_in_rows_o
     assert '<dl class="figures of-3">' in page  # of six figures
 
 
+def test_a_missing_force_that_noise_hides_has_neither_picture_nor_figures():
+    seen = diagnosis().missing_force
+    hidden = msgspec.structs.replace(seen, odd_share=0.02, even_share=0.01, sentence="Noise hides it.")
+    assert "grows with speed" in sections.missing_force(seen)
+    assert sections.missing_force(hidden) == "<p>Noise hides it.</p>"
+
+
 def test_a_gate_says_its_figures_in_its_sentence_alone():
     gate = Gate(name="clocks", passed=True, figure=0.0, limit=0.0, unit="takes", sentence="All go alike.")
     shown = sections.gates(diagnosis(gates=[gate]))

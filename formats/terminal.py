@@ -15,6 +15,7 @@ from formats.plain_text import lines_of
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 BAR = 24  # characters of a progress bar
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated
+SLOW_AFTER = 60.0  # s: from then on, any share done gives an estimate, and each such time a line where no terminal is
 
 
 class _Hushed:
@@ -90,7 +91,7 @@ class ProgressLine:
         """Begin the line; now: a clock [s]."""
         self._title, self._now = title, now
         self._is_terminal = is_watched()
-        self._last = -1.0
+        self._last, self._last_said = -1.0, now()
         self._begun: tuple[float, float] | None = None  # when, and at which share
 
     def show(self, share: float, text: str) -> None:
@@ -108,9 +109,9 @@ class ProgressLine:
             # A narrow terminal truncates the words and never the remaining time.
             words = f"{text[: max(width - len(left) - 2, 0)]}, {left}" if left else text
             say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
-        elif share >= self._last + 0.1:
+        elif share >= self._last + 0.1 or self._now() - self._last_said >= SLOW_AFTER:
             say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")
-            self._last = share
+            self._last, self._last_said = share, self._now()
 
     def end(self) -> None:
         """End the line of progress."""
@@ -123,7 +124,8 @@ class ProgressLine:
         if self._begun is None or share < self._begun[1]:
             self._begun = (now, share)
         begun, first = self._begun
-        if now - begun < SURE_AFTER or share - first < SURE_SHARE or share >= 1.0:
+        is_sure = now - begun >= SURE_AFTER and share - first >= SURE_SHARE
+        if not (is_sure or (now - begun >= SLOW_AFTER and share > first)) or share >= 1.0:
             return ""
         return f"about {in_words((now - begun) * (1.0 - share) / (share - first))} left"
 

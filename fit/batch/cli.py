@@ -161,10 +161,11 @@ def batch_command(
         """Run the waiting jobs; return whether the run was interrupted."""
         progress = ProgressLine("batch")
 
-        def show(done: int, total: int, text: str) -> None:
+        def show(done: float, total: int, text: str) -> None:
             failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
             progress.show(
-                done / total, f"{done}/{total} {what}{f', {failed} failed' if failed else ''}{text and f', {text}'}"
+                done / total,
+                f"{int(done)}/{total} {what}{f', {failed} failed' if failed else ''}{text and f', {text}'}",
             )
 
         try:

@@ -26,6 +26,7 @@ from formats.interrupts import held
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
 WAITS = "hangtime-waits"  # topic of a worker's messages on waiting
+STAGES = "hangtime-stages"  # topic of a worker's messages on the stage and share of a diagnosis, with the job's key
 LONGEST_FILE = 1 << 20  # characters of a scheduler file at most
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fit.batch.cluster import RETRY, WAITS, Workers, connect, has_workers
+from fit.batch.cluster import RETRY, STAGES, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
 from fit.batch.kept import has_fit
@@ -35,7 +35,7 @@ SILENCE = 300.0  # s; a request to an unreachable bucket fails after 180 s at th
 THIS_MACHINE = "this machine"
 NEVER = Ending()
 
-Progress = Callable[[int, int, str], None]
+Progress = Callable[[float, int, str], None]  # jobs done, with the shares of those at work; all jobs; and words
 Say = Callable[[str], None]
 
 
@@ -176,7 +176,10 @@ class _Round:
         self.last_seen = self.last_look = time.monotonic()  # instants of the last worker and of the last check [s]
         self.outage = Outage()
         self.waits: deque[str] = deque()  # messages of workers that wait to store a finished result
+        self._is_news = False
+        self.stages: dict[str, tuple[str, float]] = {}  # of jobs at work, by key
         self.client.subscribe_topic(WAITS, lambda event: self.waits.append(event[1]))
+        self.client.subscribe_topic(STAGES, lambda event: self._hear(*event[1]))
 
     def run(self, ending: Ending) -> bool:
         """Submit the waiting jobs and collect all outcomes; return true if the scheduler was lost."""
@@ -191,6 +194,7 @@ class _Round:
             for future in [f for f in self.pending if f.status != "pending"]:
                 if not self._collect(future):
                     return True
+            self._show_stages()
             while self.waits:
                 self._note_outage(self.waits.popleft())
             self._look_for_workers()
@@ -201,6 +205,22 @@ class _Round:
                 self._hand_out(job)
             time.sleep(POLL)
         return False
+
+    def _hear(self, key: str, stage: str, share: float) -> None:
+        self.stages[key] = (stage, share)
+        self._is_news = True
+
+    def _show_stages(self) -> None:
+        """Show the stages of the jobs at work, once a worker told of one."""
+        if not self._is_news:
+            return
+        self._is_news = False
+        names = {key: name for name, key in self.found.keys.items()}
+        waiting = {job.key for job in self.found.waiting}
+        working = {key: told for key, told in self.stages.items() if key in waiting}
+        words = [f"{names.get(key, key)}: {stage}" for key, (stage, _) in working.items()]
+        total = len(self.found.jobs)
+        self.progress(total - len(waiting) + sum(share for _, share in working.values()), total, "; ".join(words))
 
     def _hand_out(self, job: Task) -> None:
         # Each attempt has its own key, because dask would return the old answer under the old key.

@@ -37,6 +37,7 @@ Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 Progress = Callable[[float], None]
 PIECES = 100  # parts of a simulation that reports its progress and can be interrupted between them
+NUMBERS_A_PIECE = 5e7  # coordinates times steps of one part, about a second of one core: Ctrl-C waits for its end
 
 
 def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | None = None) -> None:
@@ -48,11 +49,11 @@ def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | Non
             if progress is not None:
                 progress((number + share) / len(calls))
 
-        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 1, report)
+        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 0, report)
 
 
 def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progress: Progress) -> None:
-    """Run one kernel on tasks of at most `lanes` members."""
+    """Run one kernel on tasks of at most `lanes` members, in pieces; 0: in as few as let Ctrl-C through in time."""
     from fit.cloth.rollout import make_rollout
 
     filled = [task.filled(lanes) for task in tasks]
@@ -72,12 +73,18 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progre
         results,
     )
     kernel = make_rollout(kind)
-    for share in _pieces(driven[-1], pieces):
+    few = pieces_for(int(driven[-1].frame_step.max(initial=0)), motion.f.size)
+    for share in _pieces(driven[-1], pieces or few):
         with runtime.vectors_kept():
             kernel(**by_name(bundles))
         progress(share)
     forces = motion.f.reshape(len(tasks), -1, 3, lanes)
     _hand_back(courses, _from_lanes(results.seen), _from_lanes(results.shapes), _from_lanes(forces), lanes)
+
+
+def pieces_for(steps: int, numbers: int) -> int:
+    """Return in how many calls a simulation of some steps and coordinates runs, so that Ctrl-C is soon obeyed."""
+    return min(PIECES, 1 + int(steps * numbers / NUMBERS_A_PIECE))
 
 
 def _pieces(clock: Clock, pieces: int) -> Iterator[float]:

@@ -50,6 +50,16 @@ def test_progress_tells_the_time_that_is_left_from_the_speed_of_this_process(cap
     assert said == ["annealing: 40 %, 140/350", "annealing: 60 %, 210/350, about 20 s left"]
 
 
+def test_slow_work_has_a_line_a_minute_where_no_terminal_is(capsys):
+    clock = Clock()
+    line = ProgressLine("fit", clock)
+    for share in (0.0, 0.01, 0.02, 0.03):
+        line.show(share, "step")
+        clock.now += 30.0
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["fit: 0 %, step", "fit: 2 %, step, about 49 min left"]
+
+
 def test_progress_tells_no_time_before_it_can_know_it(capsys):
     clock = Clock()
     line = ProgressLine("fit", clock)
@@ -160,8 +170,9 @@ def test_the_width_of_no_terminal_is_eighty_columns(monkeypatch):
 
 @pytest.mark.parametrize(
     ("after", "share", "words"),
-    [(2.9, 0.5, ""), (3.0, 0.5, "about 3 s left"), (9.0, 0.019, ""), (9.0, 0.02, "about 7 min left"), (9.0, 1.0, "")],
-)
+    [(2.9, 0.5, ""), (3.0, 0.5, "about 3 s left"), (9.0, 0.019, ""), (9.0, 0.02, "about 7 min left"), (9.0, 1.0, ""),
+     (59.0, 0.01, ""), (60.0, 0.01, "about 1 h 39 min left"), (60.0, 0.0, "")],
+)  # fmt: skip
 def test_the_time_that_is_left_is_reported_after_three_seconds_and_a_fiftieth_of_the_work(after, share, words):
     clock = Clock()
     line = ProgressLine("fit", clock)

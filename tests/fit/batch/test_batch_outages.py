@@ -16,6 +16,7 @@ import pytest
 from fit.batch import cluster, runner, worker
 from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.cluster import Workers, connect
+from fit.batch.diagnosing import heard
 from fit.batch.jobs import Outcome
 from fit.batch.runner import Outage, Survey, run, survey
 from fit.batch.store import Bucket, Folder, open_store
@@ -266,3 +267,32 @@ def test_a_scheduler_is_tried_again_where_dasks_own_thread_did_not_begin_in_time
     monkeypatch.setattr(cluster, "RETRY", 0.0)
     with connect(Workers(scheduler="tcp://127.0.0.1:9")):
         assert not list(tries)
+
+
+def test_a_batch_shows_the_stage_and_share_of_the_garment_at_work():
+    """One garment of two is done, the other one at 40 %: 1.4 of 2."""
+    heard, shown = {}, []
+    client = SimpleNamespace(subscribe_topic=heard.__setitem__)
+    jobs = [SimpleNamespace(key="k"), SimpleNamespace(key="l")]
+    found = Survey(keys={"skirt": "k", "shirt": "l"}, outcomes={"l": Outcome(key="l", state="diagnosed")}, jobs=jobs)
+    at_work = runner._Round(client, found, Workers(), lambda *told: shown.append(told), print)
+    at_work._show_stages()
+    assert shown == []
+    for key, share in (("l", 0.9), ("k", 0.4)):  # the message on the finished garment came late
+        heard[cluster.STAGES]((0.0, [key, "refitting air_drag", share]))
+    at_work._show_stages()
+    at_work._show_stages()
+    assert shown == [(1.4, 2, "skirt: refitting air_drag")]
+
+
+def test_a_worker_tells_of_its_diagnosis_every_few_seconds_and_nobody_outside_of_a_worker(monkeypatch):
+    told, clock = [], SimpleNamespace(now=100.0)
+    heard_by = SimpleNamespace(log_event=lambda topic, message: told.append((topic, message)))
+    monkeypatch.setattr("fit.batch.diagnosing.time", SimpleNamespace(monotonic=lambda: clock.now))
+    heard("k")("base fit", 0.1)  # no worker here, no error
+    monkeypatch.setattr("distributed.get_worker", lambda: heard_by)
+    hear = heard("k")
+    for after, share in ((0.0, 0.1), (4.9, 0.2), (5.0, 0.3)):
+        clock.now = 200.0 + after
+        hear("refits", share)
+    assert told == [(cluster.STAGES, ["k", "refits", 0.1]), (cluster.STAGES, ["k", "refits", 0.3])]

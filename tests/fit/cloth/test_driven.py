@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fit.cloth import launch
 from fit.cloth.contact import Contact
 from fit.cloth.crossings import pierces
 from fit.cloth.simulator import Simulator
@@ -111,3 +112,23 @@ def test_a_simulation_in_pieces_is_the_same_to_the_last_bit_and_can_be_interrupt
 
     with pytest.raises(KeyboardInterrupt):
         simulator.run(material(garment), progress=stop)
+
+
+def test_a_long_simulation_runs_in_pieces_that_let_ctrl_c_through_and_is_the_same_to_the_last_bit(monkeypatch):
+    garment = sheet()
+    time = np.arange(0, 1, 1 / 30)
+    recording = prepare(take_of(garment, time, swing(time, amplitude=0.1, hz=1.5, start=0.0), hung(garment, time)))
+    simulator = Simulator(recording)
+    shares, pieces = [], launch._pieces
+    monkeypatch.setattr(launch, "_pieces", lambda clock, count: shares.append(count) or pieces(clock, count))
+    whole = simulator.run(material(garment), shapes=True)
+    monkeypatch.setattr(launch, "NUMBERS_A_PIECE", 1e4)
+    apart = simulator.run(material(garment), shapes=True)
+    assert (apart.shapes == whole.shapes).all()
+    assert (apart.forces == whole.forces).all()
+    assert shares[0] == 1
+    assert shares[-1] > 5
+
+
+def test_pieces_have_fifty_million_numbers_each_and_are_a_hundred_at_most():
+    assert [launch.pieces_for(steps, 1000) for steps in (0, 49_999, 50_000, 120_000, 10**9)] == [1, 1, 2, 3, 100]

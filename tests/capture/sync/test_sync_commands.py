@@ -84,7 +84,7 @@ def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
     assert "Sync has not run yet. Next: `hangtime sync now`" in hangtime("sync", "status", "--config", config).stdout
     pruned = hangtime("takes", "prune", "--config", config, "--quota-mb", 0)
-    assert "0 left" in pruned.stdout
+    assert "0 takes removed" in pruned.stdout
     assert "3 takes are not safe on the server and stay" in pruned.stdout
     done = hangtime("sync", "run", "--config", config)
     assert (done.returncode, done.stderr.count("safe on the server (read back)")) == (0, 3)
@@ -145,7 +145,7 @@ def test_any_number_of_days_is_one_and_nan_is_none(tmp_path, spool, three, days)
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\nretention.days = {days}\n')
     assert hangtime("sync", "run", "--config", config).returncode == 0
-    assert "0 left" in hangtime("takes", "prune", "--config", config, "--keep-days", days).stdout
+    assert "0 takes removed" in hangtime("takes", "prune", "--config", config, "--keep-days", days).stdout
     assert hangtime("takes", "prune", "--config", config, "--keep-days", "nan").returncode == 2
     assert len(spool.takes()) == 3
 

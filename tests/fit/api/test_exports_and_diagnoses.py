@@ -109,12 +109,12 @@ def test_a_diagnosis_shows_its_effects_as_html_and_as_text():
     outcome = hangtime.DiagnosisOutcome(result=diagnosis(sentence=given.sentence, effects=effects))
     html = outcome._repr_html_()
     heads = re.findall(r"<th>(.*?)</th>", html)
-    assert heads == ["effect", "probability", "amplitude", "gap closed", ""]
+    assert heads == ["effect", "probability", "amplitude", "90 % interval", "gap closed", ""]
     rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(<td>.*?)</tr>", html)]
     shown = [
-        ["air_drag", "94 %", "1.31 1", "87 %", "named"],
-        ["hem", "3 %", "0.004 kg/m", "8 %", ""],
-        ["time_offset", "", "-0.0021 s", "1 %", ""],
+        ["air_drag", "94 %", "1.31", "1.02 to 1.6", "87 %", "named"],
+        ["hem", "3 %", "-", "-0.001 to 0.009 kg/m", "8 %", ""],
+        ["time_offset", "", "-", "-0.006 to 0.002 s", "1 %", ""],
     ]
     assert rows == shown
     assert re.findall(r"<p>(.*?)</p>", html) == [

@@ -18,9 +18,9 @@ import numpy as np
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS
-from firmware_host.synthetic.surroundings import arm, cluttered, plain
 from firmware_host.synthetic.visibility import PointSight
 from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
+from tests.firmware_host.rooms import arm, cluttered, plain
 
 DISTANCES = (1.2, 1.6, 2.0, 2.5)  # m
 SWINGS = ("mixed", "hard")

@@ -80,7 +80,9 @@ def distance_at_truth(take: Take, physics: ClothPhysics, spacing: float, air_dra
 def simulated(take: Take, materials: Sequence[mat.Material], spacing: float, air_drag: float) -> Floats:
     """Return our cloth's simulated points [m], (materials, frames, points, 3)."""
     simulator = Simulator(prepare(take), find_effects(["air_drag"]), resolution=Resolution(spacing=spacing))
-    return simulator.run(mat.as_rows(materials), np.full((len(materials), 1), air_drag)).points
+    return simulator.run(
+        np.array([dataclasses.astuple(one) for one in materials]), np.full((len(materials), 1), air_drag)
+    ).points
 
 
 def synthetic_take(folder: Path, fabric: str, motion: str, air_drag: float) -> Take:
@@ -136,7 +138,7 @@ def causes(folder: Path, fabric: str, motion: str) -> dict[str, tuple[float, flo
         for cells in (CELLS_BETWEEN_MARKERS, 2 * CELLS_BETWEEN_MARKERS)
     )
     take, noisy, finer = (swatch_take(folder, fabric, n, s) for n, s in ((coarse, 1), (coarse, 2), (fine, 1)))
-    row = mat.as_rows([true_material(take, true.physics)])
+    row = np.array([dataclasses.astuple(true_material(take, true.physics))])
 
     def ours(take: Take, spacing: float = NODE_SPACING, *, flat: bool = False) -> Floats:
         recording = prepare(take)

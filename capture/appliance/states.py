@@ -1,6 +1,6 @@
 """The state machine of the appliance: the table of states, events and transitions.
 
-An event without a transition from the current state changes nothing. `table` prints the table for the documentation.
+An event without a transition from the current state changes nothing.
 """
 
 from __future__ import annotations
@@ -74,13 +74,3 @@ class StateMachine:
     def may_record(self) -> bool:
         """Return whether a press of the button would begin a take."""
         return (self.state, Event.START) in TRANSITIONS
-
-
-def table() -> str:
-    """Return the table in Markdown."""
-    lines = ["| state | what happens | state afterwards |", "|---|---|---|"]
-    lines += [
-        f"| {before.name.lower()} | {event.value} | {after.name.lower()} |"
-        for (before, event), after in TRANSITIONS.items()
-    ]
-    return "\n".join(lines) + "\n"

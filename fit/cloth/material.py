@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, fields
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass, fields
 
 RELAXATION_TIME = 2e-3  # s: theta of viscous stretch (`fit.effects.stretch_viscosity`)
 REFERENCE_CURVATURE = (
@@ -55,8 +52,3 @@ MATERIAL_NAMES = tuple(f.name for f in fields(Material))
     DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY,
     STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y, VISCOSITY, GRAVITY_LOG,
 ) = range(len(MATERIAL_NAMES))  # fmt: skip
-
-
-def as_rows(materials: list[Material]) -> NDArray[np.float64]:
-    """Return the materials as rows, (candidates, parameters), columns in the order of `MATERIAL_NAMES`."""
-    return np.array([astuple(m) for m in materials], float)

@@ -9,7 +9,7 @@ Source: "Estimating the clothes characteristics with the image and depth sensors
 equations 2 to 5. Its settings: T_0 = 1000, 350 iterations, alpha = 0.003, beta = 1, mu = 0.1, sigma = 0.6, theta_s from
 its Table 2.
 
-The paper leaves five things open. We chose, and each can be set in `AnnealingSettings`:
+The paper leaves five things open. We chose the following. `AnnealingSettings` holds gamma and the rule at a bound:
 
 - gamma is 1e5 per metre. T falls from 1000 to 5.9. At the start, a step that makes D 10 mm worse passes with
   probability 1/e. At the end, 0.06 mm has the same probability. We chose gamma on two stand-ins for D
@@ -58,13 +58,11 @@ class AnnealingSettings:
     sigma: float = 0.6
     gamma: float = 1e5  # 1/m, our choice
     beyond_bounds: Literal["reflect", "clip", "redraw"] = "reflect"
-    first_temperature: Literal["T1", "T0"] = "T1"
 
     def temperature(self, iteration: int) -> float:
         """Return T of equation 3 for an iteration counted from 1."""
-        last = iteration if self.first_temperature == "T1" else iteration - 1
         temperature = self.start_temperature
-        for t in range(1, last + 1):
+        for t in range(1, iteration + 1):
             temperature /= (1 + self.beta * t) ** self.alpha
         return temperature
 
@@ -82,8 +80,7 @@ class AnnealingSettings:
         )
 
     def _cooling(self, iterations: int) -> float:
-        last = iterations if self.first_temperature == "T1" else max(iterations - 1, 1)
-        return sum(math.log1p(self.beta * t) for t in range(1, last + 1))
+        return sum(math.log1p(self.beta * t) for t in range(1, iterations + 1))
 
 
 @dataclass(frozen=True)
@@ -133,7 +130,7 @@ class Annealing:
         self.settings, self.box = settings, box
         self._generator = generator
         self._draws: list[Floats] = []  # [p1 of each parameter, p2] of the future iterations
-        self._temperature = settings.temperature(0) if settings.first_temperature == "T1" else math.nan
+        self._temperature = settings.start_temperature
         self._asked: list[Branch] = []
         self._changes: list[float] = []
         self.iteration = 0
@@ -204,7 +201,7 @@ class Annealing:
             "generator": _plain(self._generator.bit_generator.state),
             "draws": [draw.tolist() for draw in self._draws],
             "iteration": self.iteration,
-            "temperature": _number(self._temperature),
+            "temperature": self._temperature,
             "is_started": self.is_started,
             "current": self.current.tolist(),
             "current_distance": _number(self.current_distance),
@@ -230,7 +227,7 @@ class Annealing:
             )
         self._generator.bit_generator.state = state["generator"]
         self._draws = [np.array(draw) for draw in state["draws"]]
-        self._temperature = math.nan if state["temperature"] is None else state["temperature"]
+        self._temperature = state["temperature"]
         self._changes = [_distance(change) for change in state["changes"]]
         self._asked = []
         self.iteration, self.is_started = state["iteration"], state["is_started"]
@@ -253,10 +250,7 @@ class Annealing:
         return self._draws[offset], temperature
 
     def _cooled(self, temperature: float, iteration: int) -> float:
-        lowered = iteration if self.settings.first_temperature == "T1" else iteration - 1
-        if lowered == 0:
-            return self.settings.start_temperature
-        cooling: float = (1 + self.settings.beta * lowered) ** self.settings.alpha
+        cooling: float = (1 + self.settings.beta * iteration) ** self.settings.alpha
         return temperature / cooling  # (3)
 
     def _propose(self, theta: Floats, offset: int) -> Floats:

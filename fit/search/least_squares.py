@@ -1,11 +1,10 @@
 """Levenberg-Marquardt least squares within bounds, for a simulator that evaluates many candidates in one batch.
 
-    cost(u) = sum_j rho(r_j(u)) + (z(u) - z0)' P (z(u) - z0)
-    (J' W J + P_u + lambda diag(J' W J + P_u)) s = -(J' W r + P_u (u - u0))
+    cost(u) = sum_j r_j(u)^2 + (z(u) - z0)' P (z(u) - z0)
+    (J' J + P_u + lambda diag(J' J + P_u)) s = -(J' r + P_u (u - u0))
 
-W holds Huber's weights min(1, k/|r|). The loss rho is Huber's: r^2 within k, else 2 k |r| - k^2. The working coordinate
-z is the logarithm of a parameter with a log scale, else the parameter itself. The coordinate u is z scaled to [0, 1]
-between its bounds.
+The working coordinate z is the logarithm of a parameter with a log scale, else the parameter itself. The coordinate u
+is z scaled to [0, 1] between its bounds.
 
 One batch gives all columns of J by finite differences. The next batch tries a ladder of dampings lambda side by side
 and keeps the best. The projected gradient leaves parameters at a bound out of the step. So the search reaches an
@@ -15,8 +14,8 @@ differences.
 
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3. The projection:
 Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local convergence properties for solving
-nonlinear equations with convex constraints". The weights: Huber 1964, "Robust estimation of a location parameter".
-Chords: Broyden 1965, "A class of methods for solving nonlinear simultaneous equations", method 1.
+nonlinear equations with convex constraints". Chords: Broyden 1965, "A class of methods for solving nonlinear
+simultaneous equations", method 1.
 """
 
 from __future__ import annotations
@@ -100,8 +99,6 @@ class LeastSquaresSettings:
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     renewals: int = 2  # of the Jacobian, when a search by chords finds no further step
     is_exact: bool = True  # the returned Jacobian is made of differences, at any cost
-    is_central: bool = False  # twice the simulations for columns without the first-order error
-    huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
     cost_tolerance: float = 1e-6  # relative fall of the cost
     step_tolerance: float = 1e-6  # longest step, share of the box
@@ -114,7 +111,6 @@ class LeastSquaresResult:
 
     - `parameters`, (p,); `residuals`, (m,)
     - `jacobian`, (m, p): d residual / d working coordinate, the logarithm for log parameters
-    - `weights`, (m,): Huber's
     - `cost_history`, (iterations + 1,)
     - `at_bound`, (p,): held back by a bound
     - `slopes_at`, (p,): the place of the Jacobian's differences, at most a short step away if `exact`
@@ -124,7 +120,6 @@ class LeastSquaresResult:
     residuals: Floats
     jacobian: Floats
     slopes_at: Floats
-    weights: Floats
     prior_precision: Floats
     cost: float
     cost_history: tuple[float, ...]
@@ -137,7 +132,7 @@ class LeastSquaresResult:
     @property
     def precision(self) -> Floats:
         """J' W J + P in working coordinates, (p, p): inverse covariance if residuals are in sigmas."""
-        return np.asarray((self.jacobian.T * self.weights) @ self.jacobian + self.prior_precision)
+        return np.asarray(self.jacobian.T @ self.jacobian + self.prior_precision)
 
     def covariance(self, variance: float = 1.0) -> Floats:
         """Covariance in working coordinates, (p, p), for residuals of this variance."""
@@ -289,7 +284,6 @@ class _Search:
             residuals=r,
             jacobian=jacobian / self.space.scale,
             slopes_at=self.space.from_unit(made_at),
-            weights=self._weights(r),
             prior_precision=self.working_precision,
             cost=cost,
             cost_history=tuple(history),
@@ -318,34 +312,20 @@ class _Search:
         self.batches += math.ceil(len(units) / self.settings.width)
         return np.asarray((yield self.space.from_unit(units)), dtype=float)
 
-    def _weights(self, r: Floats) -> Floats:
-        if self.settings.huber is None:
-            return np.ones_like(r)
-        return self.settings.huber / np.maximum(np.abs(r), self.settings.huber)
-
     def _cost(self, u: Floats, r: Floats) -> float:
         if not np.isfinite(r).all():
             return math.inf
-        k, size = self.settings.huber, np.abs(r)
-        loss = size**2 if k is None else np.where(size <= k, size**2, 2 * k * size - k * k)
-        return float(loss.sum() + (u - self.mean) @ self.precision @ (u - self.mean))
+        return float((r**2).sum() + (u - self.mean) @ self.precision @ (u - self.mean))
 
     def _normal_equations(self, u: Floats, r: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
-        weighted = jacobian.T * self._weights(r)
-        return weighted @ jacobian + self.precision, weighted @ r + self.precision @ (u - self.mean)
+        return jacobian.T @ jacobian + self.precision, jacobian.T @ r + self.precision @ (u - self.mean)
 
     def _jacobian(self, u: Floats, r: Floats) -> Generator[Floats, Floats, Floats]:
         """Return d residual / d u, (m, p); a column that blew up uses the opposite difference, or is zero."""
-        h, count = self.settings.step, len(u)
+        h = self.settings.step
         inward = np.where(u + h <= 1, h, -h)
         aside = u + np.diag(inward)
-        if not self.settings.is_central:
-            columns = ((yield from self._evaluate(aside)) - r) / inward[:, None]
-        else:
-            other = np.clip(u - np.diag(inward), 0, 1)
-            both = yield from self._evaluate(np.concatenate([aside, other]))
-            apart = np.diag(aside - other)
-            columns = (both[:count] - both[count:]) / apart[:, None]
+        columns = ((yield from self._evaluate(aside)) - r) / inward[:, None]
         broken = ~np.isfinite(columns).all(1)
         if broken.any():
             back = np.clip(u - np.diag(inward), 0, 1)[broken]

@@ -12,9 +12,10 @@ from firmware_host.synthetic.cloth import ClothPhysics, _Cloth, simulate
 from firmware_host.synthetic.garments import GARMENTS, shirt
 from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.scene import CAMERA, HANGER
-from firmware_host.synthetic.surroundings import Panel, Surroundings, cluttered, plain
+from firmware_host.synthetic.surroundings import Panel, Surroundings
 from formats.descriptions import check_garment
 from formats.errors import HangtimeError
+from tests.firmware_host.rooms import cluttered, plain
 from tests.firmware_host.scenes import flat_world
 
 

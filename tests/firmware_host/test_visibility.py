@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from firmware_host.synthetic.scene import CAMERA
-from firmware_host.synthetic.surroundings import Panel, plain
+from firmware_host.synthetic.surroundings import Panel
 from firmware_host.synthetic.visibility import NEIGHBOURHOOD, _as_noise_shows
 from tests.capture.garment.garment_scenes import hung
+from tests.firmware_host.rooms import plain
 
 CENTRE = 4
 

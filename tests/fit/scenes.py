@@ -78,10 +78,15 @@ def hung(garment, time):
     return np.broadcast_to(rest, (len(time), *rest.shape)).copy()
 
 
+def as_rows(materials):
+    """Material rows, (candidates, parameters), columns in the order of `MATERIAL_NAMES`."""
+    return np.array([dataclasses.astuple(one) for one in materials], float)
+
+
 def material(garment, **changes):
     """Material row of a garment of median fabric, with changes."""
     base = mat.Material(areal_density=garment.areal_density)
-    return mat.as_rows([dataclasses.replace(base, **changes)])
+    return as_rows([dataclasses.replace(base, **changes)])
 
 
 def simulate_take(garment, time, displacement, materials, *, effects=(), amplitudes=None, noise=0.0, seed=0,

@@ -7,8 +7,9 @@ import numpy as np
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.scene import place
-from firmware_host.synthetic.surroundings import Surroundings, plain
+from firmware_host.synthetic.surroundings import Surroundings
 from firmware_host.synthetic.world import BODY, World
+from tests.firmware_host.rooms import plain
 
 
 def hung(kind: str, distance: float, *, surroundings: Surroundings | None = None, seed: int = 3, fold=None) -> World:

@@ -17,10 +17,11 @@ from capture.garment.occlusion import folded_away
 from capture.garment.tracker import garment_tracker
 from firmware_host.synthetic.garments import GARMENTS, shirt, swatch
 from firmware_host.synthetic.scene import RIG
-from firmware_host.synthetic.surroundings import Panel, cluttered
+from firmware_host.synthetic.surroundings import Panel
 from formats.descriptions import load_garment, load_rig
 from formats.garment import TrackedPoint
 from tests.capture.garment.garment_scenes import hung
+from tests.firmware_host.rooms import cluttered
 
 SKIRT_FIRST = ["skirt", *(pytest.param(kind, marks=pytest.mark.slow) for kind in GARMENTS if kind != "skirt")]
 

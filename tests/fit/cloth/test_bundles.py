@@ -11,11 +11,11 @@ from fit import runtime
 from fit.cloth import bundles
 from fit.cloth.bundles import Grip, Kind, Points, by_name
 from fit.cloth.contact import Contact
-from fit.cloth.material import Material, as_rows
+from fit.cloth.material import Material
 from fit.cloth.model import ClothModel
 from fit.effects import find_effects
 from fit.recordings.recording import prepare
-from tests.fit.scenes import sheet, take_of
+from tests.fit.scenes import as_rows, sheet, take_of
 
 PLAIN = Kind(
     lanes=1, face_forces=(), fibre_nodes=(4, 4), bend_lengths=(4,), handles=2, with_twist=False, is_crossed=False,

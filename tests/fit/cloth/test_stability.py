@@ -16,7 +16,7 @@ from fit.cloth.stability import unit_frequencies
 from fit.effects import find_effects
 from fit.recordings.bodies import half_space
 from fit.recordings.recording import prepare
-from tests.fit.scenes import sheet, take_of
+from tests.fit.scenes import as_rows, sheet, take_of
 
 EFFECTS = find_effects(["hem", "bending_hysteresis", "self_contact"])
 MEMBRANE = {"shear_stiffness": 1e-6, "bending_stiffness": 1e-12, "membrane_damping_time": 0.0}
@@ -32,7 +32,7 @@ def model():
 
 def step(model, base, effects=None, **changes):
     """The stable step of a material with changes."""
-    row = mat.as_rows([mat.Material(**(base | changes))])
+    row = as_rows([mat.Material(**(base | changes))])
     return float(model.stable_steps(row, amplitudes_of(EFFECTS, **(effects or {}))[None])[0])
 
 
@@ -133,7 +133,7 @@ def test_contact_adds_what_two_layers_and_a_body_may_add(model):
 
 def test_a_group_takes_the_longest_step_on_the_ladder_of_half_octaves_that_is_stable(model):
     """1 ms over sqrt(2)^n."""
-    rows = np.concatenate([mat.as_rows([mat.Material(stretch_stiffness=k)]) for k in (500.0, 5e3, 5e4)])
+    rows = np.concatenate([as_rows([mat.Material(stretch_stiffness=k)]) for k in (500.0, 5e3, 5e4)])
     stable, taken = model.stable_steps(rows, np.zeros((3, 3))), model.steps_of(rows)
     assert (taken <= stable).all()
     assert (taken * np.sqrt(2) > stable).all()

@@ -11,6 +11,7 @@ import pytest
 from benchmarks import search as benchmark
 from fit.cloth.model import Resolution
 from fit.errors import BlowUpError
+from fit.identification import trials
 from fit.identification.calibrate import Model, calibrate
 from fit.identification.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, begin_observed
 from fit.identification.request import request_of
@@ -82,10 +83,11 @@ def test_between_short_windows_a_pull_catches_the_cloth_and_nothing_counts(swung
 
 
 @pytest.mark.slow
-def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
+def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung, monkeypatch):
+    monkeypatch.setattr(trials, "STARTS", 1)
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
-    found = search.run(SI.initial, ObservedSettings(starts=1, pulls=(1.0, 0.0)))
+    found = search.run(SI.initial, ObservedSettings(pulls=(1.0, 0.0)))
     assert len(found.path) == 2
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
@@ -271,7 +273,7 @@ def breaking(swung):
             return np.where(is_broken(vectors)[:, None], np.nan, residuals), distances
 
         search.simulate = simulated
-        return search.run(SI.initial, ObservedSettings(looks=20, starts=1, iterations=1))
+        return search.run(SI.initial, ObservedSettings(looks=20, iterations=1))
 
     return begun
 

@@ -58,13 +58,12 @@ def test_temperature_falls_from_1000_to_5_9_in_350_iterations():
     assert by_hand == pytest.approx(5.9, abs=0.05)
 
 
-def test_first_step_uses_t1_or_t0_as_set():
+def test_first_step_uses_t1():
     assert AnnealingSettings().temperature(1) == pytest.approx(1000 / 2**0.003)
-    assert AnnealingSettings(first_temperature="T0").temperature(1) == 1000
-    chain = chain_of(first_temperature="T0", iterations=3)
+    chain = chain_of(iterations=3)
     run(chain, 2)
     assert [step.temperature for step in chain.steps[1:]] == pytest.approx(
-        [AnnealingSettings(first_temperature="T0").temperature(t) for t in (1, 2, 3)]
+        [AnnealingSettings().temperature(t) for t in (1, 2, 3)]
     )
 
 
@@ -241,15 +240,6 @@ def test_clipped_steps_end_on_the_bound_that_they_would_pass():
     assert chain._propose(BOX.maximum, 0) == pytest.approx(np.clip(moved, BOX.minimum, BOX.maximum))
     redrawn = chain_of(beyond_bounds="redraw")._propose(BOX.maximum, 0)
     assert redrawn == pytest.approx(bounds.redraw(BOX.maximum, draws[:-1], spread, BOX.minimum, BOX.maximum))
-
-
-@pytest.mark.parametrize("iterations", [1, 2, 9])
-def test_a_short_schedule_that_begins_at_t0_cools_as_far_too(iterations):
-    settings = AnnealingSettings(first_temperature="T0")
-    shorter = settings.lasting(iterations)
-    wanted = settings.temperature(settings.iterations)
-    # The only iteration is at T0 itself and cannot be colder.
-    assert shorter.temperature(iterations) == pytest.approx(1000.0 if iterations == 1 else wanted)
 
 
 @pytest.mark.parametrize("iterations", [50, 1000])

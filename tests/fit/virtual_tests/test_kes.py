@@ -33,9 +33,9 @@ from fit.virtual_tests.sheet import sheet_of, unidentified_of
 from formats.fit_records import Combination
 from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import fit_result
-from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+from tests.fit.scenes import as_rows, hung, material, sheet, simulate_take, swing, take_of
 
-MEDIAN = dict(zip(mat.MATERIAL_NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=True))
+MEDIAN = dict(zip(mat.MATERIAL_NAMES, as_rows([mat.Material()])[0].tolist(), strict=True))
 
 
 def test_units_by_hand():

@@ -1,4 +1,4 @@
-"""The surroundings of the synthetic garment: a bare wall, furniture behind and beside it, and objects in front of it.
+"""The surroundings of the synthetic garment: a wall, a floor, and panels behind, beside and in front of it.
 
 Everything is a flat, upright rectangle that faces the sensor, and a floor,
 

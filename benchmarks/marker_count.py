@@ -19,13 +19,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-from formats.arrays import Integers
+from formats.arrays import Floats, Integers
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -77,7 +76,7 @@ def recorded(fabric: str, motion: str, folder: Path) -> Take:
     garment = msgspec.structs.replace(swatch(true.density * LENGTH**2, name=fabric), held="edge")
     time = np.arange(round(SECONDS * SWATCH_FPS)) / SWATCH_FPS
 
-    def ends(instants: NDArray[np.float64]) -> NDArray[np.float64]:
+    def ends(instants: Floats) -> Floats:
         ramp = np.clip(instants / 0.5, 0.0, 1.0)
         ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
         swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in SWATCH_MOTIONS[motion]) * ramp

@@ -31,9 +31,8 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -44,8 +43,6 @@ from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
 from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
-
-Singles = NDArray[np.float32]
 
 SOURCE = Path(__file__).parent / "scalar" / "rollout.c"
 LANES = max(runtime.lane_widths())  # 16 on Intel's processors with AVX-512, for which the targets are, else 8

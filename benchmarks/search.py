@@ -22,10 +22,9 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -80,7 +79,7 @@ class Run:
     spent: int
     fitted: Floats
     ends: Floats
-    is_identified: NDArray[np.bool_]
+    is_identified: Booleans
 
 
 def make_case(seed: int, spacing: float = SPACING, air_drag: float = 0.0) -> Case:
@@ -216,14 +215,14 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
         print(f"{name:14} {'all together':22}         {intervals(identified, held)}  {knowable(can, right, ideal)}")
 
 
-def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) -> str:
+def knowable(can: Booleans, right: Booleans, ideal: Floats) -> str:
     """Return as text the number of parameters that are knowable, found, and findable with noise as the only error."""
     return (
         f"could be known to 5 %: {can.sum()}, of these found: {right[can].sum()}, by noise alone {ideal[can].sum():.1f}"
     )
 
 
-def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
+def known_by_noise(case: Case) -> tuple[Floats, Booleans]:
     """Return the smallest possible interval of each parameter, and whether its path is straight, (parameters,) each.
 
     The first is half of the relative 95 % interval by Cramer and Rao's bound. It comes from the residuals' slopes at
@@ -245,7 +244,7 @@ def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
     return TWO_SIDED_95 * np.maximum(*deviations), is_straight
 
 
-def intervals(identified: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:
+def intervals(identified: Booleans, held: Booleans) -> str:
     """Return as text the number of parameters whose intervals hold the truth: all, and of the identified ones."""
     of_identified = f"{100 * held[identified].mean():.0f} %" if identified.any() else "-"
     return f"{100 * identified.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_identified})"

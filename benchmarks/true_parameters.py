@@ -22,7 +22,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.synthetic.cloth import ClothPhysics
 from firmware_host.synthetic.swatch import (
@@ -170,7 +169,7 @@ def print_causes(folder: Path, fabrics: Sequence[str]) -> None:
         print(f"{name:56} {whole:5.1f} ({early:4.1f}): " + " ".join(f"{r:.1f}" for r in rows[:, 0]))
 
 
-def mean_and_maximum(by_frame: NDArray[np.float64]) -> tuple[float, float]:
+def mean_and_maximum(by_frame: Floats) -> tuple[float, float]:
     """Return mean and maximum over the frames with at least one valid point."""
     return float(np.nanmean(by_frame)), float(np.nanmax(by_frame))
 

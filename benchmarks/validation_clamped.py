@@ -20,7 +20,6 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
@@ -29,12 +28,12 @@ from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, Supporting, clamps
 from fit.effects.air_drag import AirDrag
 from fit.recordings.recording import Curve, prepare
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.nature import AIR_DENSITY, GRAVITY
 from tests.fit.scenes import material, sheet, take_of
 
-Held = Callable[[Floats], NDArray[np.bool_]]
+Held = Callable[[Floats], Booleans]
 DENSITY = 0.2  # kg/m^2
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # frame of a sheet in the plane of x and z
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])  # and of one that lies
@@ -85,7 +84,7 @@ def shear_frame_error(resolution: Resolution) -> float:
     """Return the error of the torque on a shear frame at 0.2 rad, with card, which stays flat in it."""
     side, shear = 0.4, 100.0
 
-    def on_rim(places: Floats) -> NDArray[np.bool_]:
+    def on_rim(places: Floats) -> Booleans:
         x, y = places.T
         return (np.abs(x) > side / 2 - 1e-9) | (y > -1e-9) | (y < 1e-9 - side)
 
@@ -136,7 +135,7 @@ def drawn_down(height: float, way: float, gravity: float = GRAVITY) -> tuple[Sup
         frame[:, 2] = -way * gone(instants)
         return frame
 
-    def is_lowest(places: Floats) -> NDArray[np.bool_]:
+    def is_lowest(places: Floats) -> Booleans:
         return np.asarray(places[:, 1] < 1e-9 - height)
 
     upper = Clamp(lambda places: places[:, 1] > -1e-9, still(UPRIGHT))

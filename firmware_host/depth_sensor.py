@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from formats.arrays import Bytes, Unsigned
 from formats.rig import Sensor
 
 # Multiple of the frames due in a time: after so many frames the device's clock counts as stopped, and waiting ends.
@@ -53,8 +51,8 @@ class SensorFrame:
     index: int
     time_s: float
     host_time_s: float
-    depth: NDArray[np.uint16]
-    colour: NDArray[np.uint8] | None
+    depth: Unsigned
+    colour: Bytes | None
     dropped_before: int = 0
     colour_late_s: float = 0.0
 

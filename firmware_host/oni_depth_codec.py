@@ -13,14 +13,13 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Indices, Integers
+from formats.arrays import Booleans, Indices, Integers, Unsigned
 
 LONGEST_TABLE = 0x8000  # distinct values: a full index has 15 bits
 
 
-def encode_depth(image: NDArray[np.uint16]) -> bytes:
+def encode_depth(image: Unsigned) -> bytes:
     """Compress a depth image [any unit], any shape, uint16.
 
     Raises:
@@ -75,7 +74,7 @@ def _encode_steps(places: Indices) -> bytes:
     return out.tobytes()
 
 
-def _merge_still_pairs(is_still: NDArray[np.bool_], size: Integers, first: Indices) -> tuple[Integers, Indices]:
+def _merge_still_pairs(is_still: Booleans, size: Integers, first: Indices) -> tuple[Integers, Indices]:
     """Encode each run of up to 15 unchanged pairs as one byte, at the position of its last pair."""
     k = np.arange(is_still.size)
     rank = (k - np.maximum.accumulate(np.where(is_still, -1, k)) - 1) % 15

@@ -24,7 +24,6 @@ from types import TracebackType
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import RecordingError
 from firmware_host.oni_depth_codec import encode_depth
@@ -39,6 +38,7 @@ from firmware_host.oni_records import (
     PixelFormat,
     RecordType,
 )
+from formats.arrays import Bytes, Unsigned
 from formats.rig import Sensor
 from formats.system_causes import step_to_write
 
@@ -96,14 +96,14 @@ class OniWriter:
         self._depth = self._add_stream(_Stream(1, NodeType.DEPTH, depth_codec))
         self._colour = self._add_stream(_Stream(2, NodeType.IMAGE, "NONE")) if with_colour else None
 
-    def write_depth(self, time_us: int, depth: NDArray[np.uint16]) -> None:
+    def write_depth(self, time_us: int, depth: Unsigned) -> None:
         """Append one depth frame [mm], (height, width); time stamps [us] are above 0 and increase."""
         _check_frame(depth, np.uint16, (self.intrinsics.height, self.intrinsics.width))
         pixels = np.ascontiguousarray(depth)
         encoded = encode_depth(pixels) if self._depth.codec == "16zT" else pixels.tobytes()
         self._append(self._depth, time_us, encoded)
 
-    def write_colour(self, time_us: int, colour: NDArray[np.uint8]) -> None:
+    def write_colour(self, time_us: int, colour: Bytes) -> None:
         """Append one colour frame, RGB, (height, width, 3); time stamps [us] are above 0 and increase."""
         if self._colour is None:
             raise ValueError("this recording was opened without colour")
@@ -237,6 +237,6 @@ def _text(text: str) -> bytes:
     return struct.pack("<I", len(encoded)) + encoded
 
 
-def _check_frame(image: NDArray[np.uint16] | NDArray[np.uint8], kind: type[np.generic], shape: tuple[int, ...]) -> None:
+def _check_frame(image: Unsigned | Bytes, kind: type[np.generic], shape: tuple[int, ...]) -> None:
     if image.shape != shape or image.dtype != kind:
         raise ValueError(f"the frame is {image.shape} {image.dtype}, the stream is {shape} {np.dtype(kind)}")

@@ -17,9 +17,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Integers
+from formats.arrays import Booleans, Integers
 
 ESCAPE = 24  # the quotient that marks an exception, whose z is stored in eight bytes
 LARGEST_K = 30
@@ -137,7 +136,7 @@ def _aligned(bits: Integers) -> tuple[Integers, Integers]:
     return 8 * np.concatenate([[0], byte_ends[:-1]]), byte_ends
 
 
-def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
+def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple[Integers, Booleans]:
     """Return the tables of the sound blocks, (sum of their rows, columns), and which blocks are sound.
 
     A malformed block is left out. The memory allocated is at most a small multiple of the given bytes and of rows x
@@ -155,7 +154,7 @@ def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple
         sound[np.flatnonzero(sound)[~good]] = False
 
 
-def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
+def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers, Booleans]:
     """Decode blocks in one pass; if some are malformed, return only which ones."""
     raw = np.frombuffer(b"".join([*coded, bytes(8)]), np.uint8)
     sizes = np.array([len(one) for one in coded])

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Booleans, Floats
+from formats.arrays import Booleans, Floats, Unsigned
 from formats.garment import Garment
 from formats.plain_text import shortened
 from formats.rig import Rig
@@ -55,7 +54,7 @@ class Take:
     points: Floats
     points_valid: Booleans
     points_sd: Floats
-    state: NDArray[np.uint16]
+    state: Unsigned
     markers: Floats
     pitch: Floats | None = None
     pitch_sd: Floats | None = None

@@ -98,6 +98,23 @@ def test_a_constant_of_a_package_is_defined_once() -> None:
     assert copies == OF_WORKERS
 
 
+def test_each_array_type_is_named_in_one_module() -> None:
+    named = {
+        ast.unparse(node.value)
+        for node in tree_of(ROOT / "formats/arrays.py").body
+        if isinstance(node, ast.Assign) and node.value is not None
+    }
+    assert len(named) == 7
+    spelt = [
+        f"{name_of(path)}:{node.lineno} {ast.unparse(node)}"
+        for path in [*MODULES, *sorted((ROOT / "benchmarks").glob("*.py"))]
+        if name_of(path) != "formats/arrays.py"
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Subscript) and ast.unparse(node) in named
+    ]
+    assert spelt == []
+
+
 # --- imports ------------------------------------------------------------------------------------
 
 

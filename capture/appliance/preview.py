@@ -7,11 +7,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.recording.condition import condition_of
 from capture.recording.tracking import Tracked
 from firmware_host.depth_sensor import SensorFrame
+from formats.arrays import Bytes, Unsigned
 
 PICTURE_WIDTH = 320  # px of the picture
 MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
@@ -21,7 +21,7 @@ class Preview:
     """The image of the last processed frame, and the markers and garment found in it."""
 
     def __init__(self) -> None:
-        self._picture: NDArray[np.uint8] | NDArray[np.uint16] | None = None
+        self._picture: Bytes | Unsigned | None = None
         self._sight: Tracked | None = None
 
     def keep(self, frame: SensorFrame, sight: Tracked) -> None:
@@ -46,7 +46,7 @@ class Preview:
         return f"{said.words}: hanger {away:.2f} m away, {points}" + (f"; {said.advice}" if said.advice else "")
 
 
-def _png(seen: NDArray[np.uint8] | NDArray[np.uint16], sight: Tracked) -> bytes:
+def _png(seen: Bytes | Unsigned, sight: Tracked) -> bytes:
     if seen.ndim == 3:
         picture = seen.astype(np.uint8)  # a copy, to draw into
     else:

@@ -13,18 +13,17 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import OUTLIER_SD, pixel_sd
 from capture.hanger.marker_detection import diagonal_crossing, quad_side
 from capture.hanger.marker_plates import PlatePlacer
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Unsigned
 
 REACH = 1.1  # of the marker's side, from its centre: plates with a quiet zone of one bit end at 0.6 to 0.7
 WHOLE_ROWS = 0.5  # of the marker's side: fewer rows with two free ends do not count as an outline
 
 
-def plate_offset(placer: PlatePlacer, quad: Floats, depth: NDArray[np.uint16]) -> Floats:
+def plate_offset(placer: PlatePlacer, quad: Floats, depth: Unsigned) -> Floats:
     """Return the offset of a marker's plate in depth against colour [px], (2,); NaN along an axis without free ends.
 
     quad [px], (4, 2): the marker's corners in colour; depth [mm], (H, W).
@@ -54,7 +53,7 @@ def plate_offset(placer: PlatePlacer, quad: Floats, depth: NDArray[np.uint16]) -
     return np.array([across + left - centre[0], down + top - centre[1]])
 
 
-def _middle_of_rows(piece: NDArray[np.bool_], side: float) -> float:
+def _middle_of_rows(piece: Booleans, side: float) -> float:
     """Return the mean middle [px] of the rows with a free end on both sides, NaN if these are too few."""
     whole = piece.any(1) & ~piece[:, 0] & ~piece[:, -1]
     # Rows that merely touch the edge of the region are mostly noise.

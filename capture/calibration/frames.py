@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.errors import CalibrationError
 from capture.hanger.marker_detection import MarkerDetector
 from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
-from formats.arrays import Floats
+from formats.arrays import Bytes, Floats, Unsigned
 
 STILL_PIXELS = 0.7  # px that a marker may move within still frames: 2 mm at 1.6 m, five times its detection noise
 FEWEST_STILL_FRAMES = 15  # frames, half a second: less can be the turning point of a swing
@@ -29,7 +28,7 @@ class StillFrames:
     """
 
     corners: Floats
-    depth: list[NDArray[np.uint16]]
+    depth: list[Unsigned]
     seen: int
 
     def sees(self, row: int) -> bool:
@@ -39,7 +38,7 @@ class StillFrames:
 
 def watch(
     sensor: DepthSensor, detector: MarkerDetector, seconds: float,
-    otherwise: Callable[[NDArray[np.uint8] | None], str] = lambda colour: "",
+    otherwise: Callable[[Bytes | None], str] = lambda colour: "",
 ) -> StillFrames:  # fmt: skip
     """Return the last frames of the longest still period within the next seconds [s] of a sensor.
 
@@ -49,10 +48,10 @@ def watch(
         CalibrationError: no marker was detected, or the scene was never still.
     """
     run = StillRun()
-    recent: deque[tuple[Floats, NDArray[np.uint16]]] = deque(maxlen=MOST_KEPT)
-    best: list[tuple[Floats, NDArray[np.uint16]]] = []
+    recent: deque[tuple[Floats, Unsigned]] = deque(maxlen=MOST_KEPT)
+    best: list[tuple[Floats, Unsigned]] = []
     first: float | None = None
-    colour: NDArray[np.uint8] | None = None
+    colour: Bytes | None = None
     seen = longest = 0
     most = MOST_FRAMES * seconds * sensor.info.fps
     for number, frame in enumerate(sensor.frames()):

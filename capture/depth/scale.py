@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Unsigned
 from formats.rig import Calibration, Rig
 
 LARGEST_DEPTH = 65535  # mm, of a 16-bit image
@@ -23,7 +23,7 @@ class DepthScale:
         measured = np.arange(LARGEST_DEPTH + 1)
         self._true = np.minimum(np.rint(measured / scale), LARGEST_DEPTH).astype(np.uint16) if scale != 1.0 else None
 
-    def __call__(self, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    def __call__(self, depth: Unsigned) -> Unsigned:
         """Return true depth [mm], (H, W), of a depth image."""
         return depth if self._true is None else self._true[depth]
 

@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 
 BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
@@ -49,7 +48,7 @@ class SurfaceDepth:
     slope: Floats
     height: float
     residuals: Floats
-    used: NDArray[np.bool_]
+    used: Booleans
 
 
 def pixel_sd(depth: float, focal_length: float) -> float:
@@ -148,7 +147,7 @@ class CorrelationMeter:
         ]
         return math.prod((1.0 + one) / (1.0 - one) for one in rho)
 
-    def add(self, residuals: Floats, used: NDArray[np.bool_]) -> None:
+    def add(self, residuals: Floats, used: Booleans) -> None:
         """Add one plate's residuals in units of the pixel noise, (rows, columns), where `used` is true."""
         for axis in range(2):
             rows, marks = (residuals.T, used.T) if axis == 0 else (residuals, used)

@@ -24,10 +24,8 @@ from numpy.typing import NDArray
 
 from capture.garment.geodesic import geodesic_distances
 from capture.garment.silhouette import Silhouette
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Singles
 from formats.rig import Sensor
-
-Booleans = NDArray[np.bool_]
 
 INNER_RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m
 PIXEL_STRIDE = 2  # step between the considered pixels along both axes
@@ -49,7 +47,7 @@ class SeenWays:
     surface: Floats
     cell: int
     held: Floats
-    from_corners: NDArray[np.float32]
+    from_corners: Singles
     found: Booleans
 
 
@@ -93,7 +91,7 @@ def beyond_the_seen(
 
 
 def _ways_to(
-    places: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], maps: NDArray[np.float32], ways: SeenWays
+    places: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], maps: Singles, ways: SeenWays
 ) -> Floats:
     """Return the distances [m], (maps, points), to points between the nodes; `NOWHERE` if unreachable."""
     steps = np.arange(-NEIGHBOUR_NODES, NEIGHBOUR_NODES + 1)

@@ -19,9 +19,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 
 # Half of the 16 moves (rows, columns); the other half are their opposites.
 MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
@@ -33,7 +32,7 @@ WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
 FINE_STEPS = 8  # points per grid step at which the smoothed maps are compared
 
 
-def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.float32], Floats]:
+def geodesic_distances(surface: Floats, sources: Floats) -> tuple[Singles, Floats]:
     """Return the geodesic distances from each source to each node, and from each source to each other source.
 
     surface [m], (rows, columns, 3), any frame, NaN where there is none; sources [m], (k, 3), on the surface.
@@ -69,9 +68,7 @@ def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.flo
     return np.ascontiguousarray(grid), np.minimum(apart, apart.T)
 
 
-def _relaxed(
-    start: NDArray[np.float32], steps: list[tuple[int, NDArray[np.float32]]], margin: int
-) -> NDArray[np.float32]:
+def _relaxed(start: Singles, steps: list[tuple[int, Singles]], margin: int) -> Singles:
     """Return the distances, (nodes of the array,), relaxed over all moves in both directions until nothing changes."""
     nodes = start.size
     whole = np.concatenate([start, np.full(margin, np.inf, dtype=np.float32)])
@@ -87,7 +84,7 @@ def _relaxed(
         before = here.copy()
 
 
-def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:
+def farthest_place(distances: Singles) -> tuple[float, float] | None:
     """Return the point (row, column), in nodes, whose nearest source is farthest away.
 
     distances [m], (k, rows, columns). Only points inside the surface count, because a maximum at its border is an

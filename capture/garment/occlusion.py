@@ -17,12 +17,9 @@ Folded      cloth hardly stretches, so two corners are as far apart along the se
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
-from formats.arrays import Floats
-
-Booleans = NDArray[np.bool_]
+from formats.arrays import Booleans, Floats
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20

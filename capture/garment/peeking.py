@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
 FARTHEST, MORE = 0.25, 0.03  # m: bound on the missing cloth that is searched for, and its tolerance
@@ -62,16 +62,14 @@ def _depth_around(silhouette: Silhouette, u: int, v: int, otherwise: float) -> f
 
 def _below(
     first: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], held: Floats, sensor: Sensor, z: float
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Mark the pixels below the held edge; first [px of the image], (2,): the patch's first column and row."""
     (x0, y0), (x1, y1) = held[:, :2] / held[:, 2:] * [sensor.fx, sensor.fy] + [sensor.cx, sensor.cy]
     slope = (y1 - y0) / (x1 - x0) if abs(x1 - x0) > 1e-6 else 0.0
     return np.asarray(rows + first[1] > y0 + slope * (columns + first[0] - x0) + BELOW * sensor.fx / z)
 
 
-def _count_within(
-    raw: NDArray[np.uint16], chosen: NDArray[np.bool_], first: Floats, held: Floats, ways: Floats, sensor: Sensor
-) -> int:
+def _count_within(raw: Unsigned, chosen: Booleans, first: Floats, held: Floats, ways: Floats, sensor: Sensor) -> int:
     """Count the chosen pixels that are no farther from the held ends than the corner can be."""
     rows, columns = np.nonzero(chosen)
     z = raw[rows, columns] * 1e-3

@@ -14,9 +14,8 @@ corner. So its deviation is larger by `UNSETTLED_SD`. Rejected points are marked
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 
 HARDEST_WHIP = 60.0  # m/s^2, a free corner that reverses at the end of a hard swing
 FASTEST_POINT = 6.0  # m/s, the hem in the hardest swing by hand
@@ -37,7 +36,7 @@ class MotionGate:
         self._frame = -np.inf  # time of the frame before
         self._in_a_row = np.full(points, SETTLED)
 
-    def admit(self, places: Floats, sd: Floats, time: float) -> tuple[NDArray[np.bool_], Floats]:
+    def admit(self, places: Floats, sd: Floats, time: float) -> tuple[Booleans, Floats]:
         """Return which points agree with their earlier motion, and all standard deviations [m], (points, 3).
 
         places [m], (points, 3): positions, NaN if not detected; sd [m], (points, 3); time [s], increasing.

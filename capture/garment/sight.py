@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.garment.corners import CornerFinder, PanelCorners, ShirtCorners
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Unsigned
 from formats.surface import SurfaceScan
 
 WELL_KNOWN = 8e-3  # m, the target error of a corner
@@ -37,8 +36,8 @@ class GarmentSight:
 
     points: Floats
     sd: Floats
-    valid: NDArray[np.bool_]
-    hidden: NDArray[np.bool_]
+    valid: Booleans
+    hidden: Booleans
     pixels: Floats
     outline: Floats
     quality: float = 0.0
@@ -52,7 +51,7 @@ class GarmentSight:
 class GarmentTracker(Protocol):
     """Tracks one garment through a recording."""
 
-    def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
+    def track(self, depth: Unsigned, held: Floats, time: float) -> GarmentSight:
         """Find the garment's points in one frame.
 
         depth [mm], (H, W), 0 where missing; held [m], (2, 3): ends of the held edge, left first, sensor frame;
@@ -65,7 +64,7 @@ class GarmentTracker(Protocol):
         ...
 
 
-def frame_quality(valid: NDArray[np.bool_], sd: Floats, filled: float) -> float:
+def frame_quality(valid: Booleans, sd: Floats, filled: float) -> float:
     """Return a frame's quality, see `GarmentSight`; sd [m], (points, 3); filled: share of pixels with depth."""
     known = np.zeros(len(valid))
     known[valid] = np.minimum(1.0, WELL_KNOWN / np.maximum(np.linalg.norm(sd[valid], axis=1), 1e-9))

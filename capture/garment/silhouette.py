@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats, Indices
+from formats.arrays import Bytes, Floats, Indices, Singles, Unsigned
 
 CROP_BORDER = 12  # px kept around the garment: they show whether it ends or continues behind an object
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
@@ -46,15 +45,15 @@ class Silhouette:
     """
 
     window: Window
-    mask: NDArray[np.uint8]
-    depth: NDArray[np.float32]
-    raw: NDArray[np.uint16]
+    mask: Bytes
+    depth: Singles
+    raw: Unsigned
     outline: Floats
     touches_rim: bool
 
 
 def cut_out(
-    depth: NDArray[np.uint16], window: Window, held: Floats, *, nearest: float, farthest: float, jump: float
+    depth: Unsigned, window: Window, held: Floats, *, nearest: float, farthest: float, jump: float
 ) -> Silhouette | None:
     """Return the garment inside the window, or None where nothing hangs below the held edge.
 
@@ -95,7 +94,7 @@ def _around(start: int, length: int, limit: int) -> slice:
     return slice(max(0, start - CROP_BORDER), min(limit, start + length + CROP_BORDER))
 
 
-def _before_jumps(patch: NDArray[np.uint16], jump: int) -> NDArray[np.uint8]:
+def _before_jumps(patch: Unsigned, jump: int) -> Bytes:
     """Mark pixels that do not lie just behind a nearer surface, 255; this separates surfaces at different depths.
 
     Two pixels to every side: one beside a jump may be missing, and the closing of holes bridges one.
@@ -105,7 +104,7 @@ def _before_jumps(patch: NDArray[np.uint16], jump: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.inRange(step, 0, jump), dtype=np.uint8)
 
 
-def _cut_above(mask: NDArray[np.uint8], ends: Floats) -> None:
+def _cut_above(mask: Bytes, ends: Floats) -> None:
     """Clear the pixels above the held edge: the bar, the marker plates, the hand."""
     (x0, y0), (x1, y1) = ends
     slope = (y1 - y0) / (x1 - x0) if abs(x1 - x0) > 1e-6 else 0.0
@@ -114,7 +113,7 @@ def _cut_above(mask: NDArray[np.uint8], ends: Floats) -> None:
     mask[:last][np.arange(last)[:, None] < edge[None, :]] = 0
 
 
-def _hanging_piece(labels: NDArray[np.uint16], stats: Indices, count: int, ends: Floats) -> int | None:
+def _hanging_piece(labels: Unsigned, stats: Indices, count: int, ends: Floats) -> int | None:
     """Return the label of the largest region that begins right below the held edge."""
     x0, x1 = sorted(int(x) for x in ends[:, 0])
     y0, y1 = int(ends[:, 1].min()), int(ends[:, 1].max())

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.garment.silhouette import Silhouette
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 from formats.rig import Sensor
 from formats.surface import SurfaceScan
 
@@ -91,7 +90,7 @@ def _side(way: Floats, start: Floats, end: Floats) -> Floats:
     return np.vstack([start, way[far], end])
 
 
-def _smooth_depth(silhouette: Silhouette) -> NDArray[np.float32]:
+def _smooth_depth(silhouette: Silhouette) -> Singles:
     """Return the cloth's depth [m], (h, w), averaged over neighbours; 0 if these are too few."""
     inner = cv2.erode(silhouette.mask, RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     cloth = ((inner > 0) & (silhouette.depth > 0)).astype(np.float32)
@@ -102,7 +101,7 @@ def _smooth_depth(silhouette: Silhouette) -> NDArray[np.float32]:
     return np.where((share > FEWEST_CLOTH) & near, total / np.maximum(share, 1e-6), 0.0).astype(np.float32)
 
 
-def _in_metres(places: Floats, depth: NDArray[np.float32], offset: Floats, sensor: Sensor) -> Floats:
+def _in_metres(places: Floats, depth: Singles, offset: Floats, sensor: Sensor) -> Floats:
     """Return the 3D positions [m], (..., 3), of pixels of the window, (..., 2); NaN where the cloth has no depth."""
     h, w = depth.shape
     pixel = np.rint(np.nan_to_num(places)).astype(int)

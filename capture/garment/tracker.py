@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
@@ -25,12 +24,10 @@ from capture.garment.sight import FINDERS, GarmentSight, GarmentTracker, frame_q
 from capture.garment.silhouette import Silhouette, Window, cut_out
 from capture.garment.slant import UPRIGHT, rim_slant
 from capture.garment.surface_scan import scan_surface
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Singles, Unsigned
 from formats.garment import Garment
 from formats.rig import Rig, Sensor
 from formats.surface import SurfaceScan
-
-Booleans = NDArray[np.bool_]
 
 REACH_FACTOR = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
 GROWTH = 3.0  # m/s, speed at which the hem may leave the previous frame's window
@@ -88,7 +85,7 @@ class SilhouetteTracker:
         self._belief = Belief()
         self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's doubtful corners, NaN for others
 
-    def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
+    def track(self, depth: Unsigned, held: Floats, time: float) -> GarmentSight:
         """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
         roles = self.flat.roles
         silhouette = self._silhouette(depth, held, time)
@@ -154,7 +151,7 @@ class SilhouetteTracker:
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
 
     @staticmethod
-    def _ways_between(surface: Floats, places: Floats) -> tuple[NDArray[np.float32], Floats]:
+    def _ways_between(surface: Floats, places: Floats) -> tuple[Singles, Floats]:
         """Return distances from the four corners to the nodes and to each other, NaN for a corner without position."""
         distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
@@ -228,7 +225,7 @@ class SilhouetteTracker:
     def _jump(self, z: float) -> float:
         return JUMP + JUMP_NOISE * pixel_sd(z, self.sensor.fx)
 
-    def _silhouette(self, depth: NDArray[np.uint16], held: Floats, time: float) -> Silhouette | None:
+    def _silhouette(self, depth: Unsigned, held: Floats, time: float) -> Silhouette | None:
         if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
             return None
         middle = float(held[:, 2].mean())
@@ -290,7 +287,7 @@ class SilhouetteTracker:
         v = window.top + (np.arange(rows) + 0.5) * cell - 0.5
         return np.stack([z * ((u - s.cx) / s.fx)[None], z * ((v - s.cy) / s.fy)[:, None], z], axis=-1), cell
 
-    def _centre(self, silhouette: Silhouette, distances: NDArray[np.float32], cell: int) -> tuple[Floats, float]:
+    def _centre(self, silhouette: Silhouette, distances: Singles, cell: int) -> tuple[Floats, float]:
         """Return the centre's pixel in the image and its standard deviation [px]."""
         place = farthest_place(distances)
         if place is None:

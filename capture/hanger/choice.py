@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from capture.errors import UntrackableError
 from capture.hanger.colour_dots import DotTracker
 from capture.hanger.fiducial_tracker import HangerTracker, MarkerTracker, hanger_and_sensor
+from formats.arrays import Floats
 from formats.rig import Rig
 
 
-def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None, *, is_sparing: bool = False) -> HangerTracker:
+def hanger_tracker(rig: Rig, picks: Floats | None = None, *, is_sparing: bool = False) -> HangerTracker:
     """Return the tracker for a rig's hanger.
 
     - `picks` [px], (2, 2): its dots in the first frame

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Bytes, Floats, Unsigned
 from formats.rig import Hanger, Sensor
 
 LEAST_CHROMA = 22.0  # of L*a*b*: paper and skin in shade have less, stickers of a colour with a name have 40 and more
@@ -44,7 +43,7 @@ class _Candidate:
 
 
 def find_pair(
-    colour: NDArray[np.uint8], depth: NDArray[np.uint16], hanger: Hanger, sensor: Sensor, colours: list[Floats | None]
+    colour: Bytes, depth: Unsigned, hanger: Hanger, sensor: Sensor, colours: list[Floats | None]
 ) -> tuple[Dot, Dot] | None:
     """Return the left and the right dot of a hanger, or None if no pair or several pairs qualify.
 
@@ -72,9 +71,7 @@ def find_pair(
     return pairs[0][1], pairs[0][2]
 
 
-def _candidates(
-    colour: NDArray[np.uint8], depth: NDArray[np.uint16], hanger: Hanger, sensor: Sensor
-) -> list[_Candidate]:
+def _candidates(colour: Bytes, depth: Unsigned, hanger: Hanger, sensor: Sensor) -> list[_Candidate]:
     lab = cv2.cvtColor(colour, cv2.COLOR_RGB2LAB)
     a, b = lab[..., 1].astype(np.float32) - 128.0, lab[..., 2].astype(np.float32) - 128.0
     chroma = np.hypot(a, b)
@@ -97,7 +94,7 @@ def _candidates(
 
 
 def _judge(
-    inside: NDArray[np.bool_], colour: NDArray[np.uint8], depth: NDArray[np.uint16], middle: Floats, hanger: Hanger,
+    inside: Booleans, colour: Bytes, depth: Unsigned, middle: Floats, hanger: Hanger,
     sensor: Sensor,
 ) -> _Candidate | None:  # fmt: skip
     measured = depth[inside & (depth > 0)]

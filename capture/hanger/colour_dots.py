@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
 from capture.hanger.colour_dot_search import Dot, find_pair
 from capture.hanger.fiducial_tracker import LONGEST_GUESS, HangerSight, ImageTrack, check_distance, hanger_and_sensor
 from capture.hanger.marker_plates import PlatePlacer
-from formats.arrays import Floats
+from formats.arrays import Bytes, Floats, Singles, Unsigned
 from formats.rig import Calibration, Rig
 
 AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its centre by a tenth of its diameter
@@ -47,9 +46,7 @@ class DotTracker:
         self._colours: list[Floats | None] = [None, None] if known is None else [np.array(c, float) for c in known]
         self._tracks: list[ImageTrack | None] = [None, None]
 
-    def track(
-        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
-    ) -> HangerSight:
+    def track(self, colour: Bytes, depth: Unsigned, time: float, colour_late: float = 0.0) -> HangerSight:
         """Locate both dots in one frame; see `capture.hanger.fiducial_tracker.HangerTracker.track`.
 
         Raises:
@@ -81,7 +78,7 @@ class DotTracker:
             valid=np.isfinite(positions[:, 2]), distance_m=distance,
         )  # fmt: skip
 
-    def _dots(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> list[Dot | None]:
+    def _dots(self, colour: Bytes, depth: Unsigned, time: float) -> list[Dot | None]:
         if self._picks is not None:
             picks, self._picks = self._picks, None
             return [self._picked(colour, depth, place) for place in picks]
@@ -116,7 +113,7 @@ class DotTracker:
             faults.append((time - track.time, float(np.linalg.norm(one.centre - expected))))
         dots[0 if faults[0] > faults[1] else 1] = None
 
-    def _picked(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], place: Floats) -> Dot:
+    def _picked(self, colour: Bytes, depth: Unsigned, place: Floats) -> Dot:
         height, width = depth.shape
         x, y = (int(part) for part in np.rint(place))
         where = f"--pick {x},{y}"
@@ -142,7 +139,7 @@ class DotTracker:
         return bool(abs((diameter / expected) ** 2 - 1.0) <= AREA_TOLERANCE)
 
 
-def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: float, mark: Floats) -> Dot | None:
+def dot_near(colour: Bytes, centre: Floats, reach: float, diameter: float, mark: Floats) -> Dot | None:
     """Return the dot of a colour nearest to a pixel [px], (2,), within `reach` [px], or None.
 
     colour RGB, (H, W, 3); diameter [px]: its approximate size; mark, (3,): its colour, 0 to 255
@@ -178,7 +175,7 @@ def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: 
     return Dot(found, float(np.sqrt(4.0 * total / np.pi)), mark)
 
 
-def _background(window: NDArray[np.float32], mark: Floats, diameter: float) -> Floats:
+def _background(window: Singles, mark: Floats, diameter: float) -> Floats:
     """Return the median colour, (3,), of the pixels in a window that do not have the dot's colour."""
     pixels = window.reshape(-1, 3)
     far = np.linalg.norm(pixels - mark, axis=1)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import CorrelationMeter
 from capture.errors import UntrackableError
@@ -20,7 +19,7 @@ from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing, q
 from capture.hanger.marker_following import LONGEST_FOLLOWED, Followed, Keepsake, follow, keep
 from capture.hanger.marker_plates import PlatePlacer
 from capture.hanger.pose import PlateSlope, hanger_pitch
-from formats.arrays import Floats
+from formats.arrays import Booleans, Bytes, Floats, Unsigned
 from formats.rig import Calibration, Hanger, Rig, Sensor
 
 HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window allows for
@@ -50,7 +49,7 @@ class HangerSight:
     ranges: Floats
     positions: Floats
     sd: Floats
-    valid: NDArray[np.bool_]
+    valid: Booleans
     distance_m: float
     pitch: float = float("nan")
     pitch_sd: float = float("nan")
@@ -66,9 +65,7 @@ class HangerTracker(Protocol):
 
     correlation: CorrelationMeter
 
-    def track(
-        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
-    ) -> HangerSight:
+    def track(self, colour: Bytes, depth: Unsigned, time: float, colour_late: float = 0.0) -> HangerSight:
         """Detect both markers in one frame, and compute their positions at the instant of its depth image.
 
         - `colour` RGB, (H, W, 3)
@@ -122,9 +119,7 @@ class MarkerTracker:
         self._tracks: list[ImageTrack | None] = [None, None]
         self._kept: list[Keepsake | None] = [None, None]
 
-    def track(
-        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
-    ) -> HangerSight:
+    def track(self, colour: Bytes, depth: Unsigned, time: float, colour_late: float = 0.0) -> HangerSight:
         """Detect both markers in one frame: see `HangerTracker.track`."""
         time += colour_late
         corners = self._find_corners(colour, time)
@@ -170,7 +165,7 @@ class MarkerTracker:
             valid=np.isfinite(positions[:, 2]), distance_m=distance, pitch=pitch, pitch_sd=pitch_sd,
         )  # fmt: skip
 
-    def _find_corners(self, colour: NDArray[np.uint8], time: float) -> Floats:
+    def _find_corners(self, colour: Bytes, time: float) -> Floats:
         corners = np.full((2, 4, 2), np.nan)
         for row in range(2):
             track = self._tracks[row]
@@ -186,7 +181,7 @@ class MarkerTracker:
                 corners[row] = self._detector.refined(colour, row, coarse[row])
         return corners
 
-    def _follow(self, colour: NDArray[np.uint8], row: int, time: float) -> Followed | None:
+    def _follow(self, colour: Bytes, row: int, time: float) -> Followed | None:
         """Search for a recently decoded marker by template matching."""
         kept, track = self._kept[row], self._tracks[row]
         if kept is None or track is None or time - kept.time > LONGEST_FOLLOWED or time - track.time > LONGEST_GUESS:
@@ -199,7 +194,7 @@ class MarkerTracker:
 
 
 def check_distance(
-    positions: Floats, sd: Floats, hanger: Hanger, doubtful: NDArray[np.bool_] | None = None
+    positions: Floats, sd: Floats, hanger: Hanger, doubtful: Booleans | None = None
 ) -> float:  # fmt: skip
     """Return the distance [m] between two markers; set both to NaN if it contradicts the rig.
 

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
-from formats.arrays import Floats
+from formats.arrays import Bytes, Floats
 
 APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is measured to a pixel
 WANTED_SIDE = 64.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
@@ -39,7 +38,7 @@ def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(number)
 
 
-def ids_in(colour: NDArray[np.uint8], dictionary: str) -> set[int]:
+def ids_in(colour: Bytes, dictionary: str) -> set[int]:
     """Return the ids of all markers of a dictionary in an RGB picture, (H, W, 3)."""
     grey = cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)
     larger = cv2.resize(grey, None, fx=ENLARGEMENT, fy=ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
@@ -65,7 +64,7 @@ class MarkerDetector:
         self._anywhere = cv2.aruco.ArucoDetector(known, _parameters())
         self._near = cv2.aruco.ArucoDetector(known, _parameters())
 
-    def in_picture(self, colour: NDArray[np.uint8]) -> Floats:
+    def in_picture(self, colour: Bytes) -> Floats:
         """Return the corners [px], (ids, 4, 2), in a whole RGB picture, (H, W, 3); NaN where an id is not found."""
         grey = cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)
         corners = self._detect(self._anywhere, grey, 1)
@@ -75,7 +74,7 @@ class MarkerDetector:
             corners = np.where(np.isfinite(corners), corners, finer)
         return corners
 
-    def in_window(self, colour: NDArray[np.uint8], row: int, centre: Floats, reach: float, side: float) -> Floats:
+    def in_window(self, colour: Bytes, row: int, centre: Floats, reach: float, side: float) -> Floats:
         """Return the corners [px], (4, 2), of the id in `row`, looked for up to `reach` [px] around `centre` [px].
 
         side [px]: how long the marker's side is about; NaN where it is not found.
@@ -95,13 +94,13 @@ class MarkerDetector:
                 break
         return np.asarray(corners + np.array([left, top]))
 
-    def refined(self, colour: NDArray[np.uint8], row: int, coarse: Floats) -> Floats:
+    def refined(self, colour: Bytes, row: int, coarse: Floats) -> Floats:
         """Return the refined corners [px], (4, 2), of the id in `row`; if refinement fails, the given ones."""
         side = quad_side(coarse)
         fine = self.in_window(colour, row, coarse.mean(0), 1.2 * side, side)
         return fine if np.isfinite(fine).all() else coarse
 
-    def _detect(self, detector: cv2.aruco.ArucoDetector, grey: NDArray[np.uint8], enlargement: int) -> Floats:
+    def _detect(self, detector: cv2.aruco.ArucoDetector, grey: Bytes, enlargement: int) -> Floats:
         """Return the corners [px], (ids, 4, 2); NaN if an id is absent, or appears twice and no pair fits."""
         corners = np.full((len(self.ids), 4, 2), np.nan)
         if enlargement > 1:

@@ -21,12 +21,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.hanger.marker_detection import quad_side
-from formats.arrays import Floats
+from formats.arrays import Booleans, Bytes, Floats, Singles
 
-Picture = NDArray[np.float32]
+Picture = Singles
 
 LONGEST_FOLLOWED = 0.5  # s since the id was decoded; a template tolerates a hand's few degrees of rotation
 RIM_MARGIN = 0.15  # of the marker's side, margin of the template: the white border
@@ -66,7 +65,7 @@ class Keepsake:
 
     time: float
     corners: Floats
-    colour: NDArray[np.uint8]
+    colour: Bytes
     origin: Floats
 
     @cached_property
@@ -75,7 +74,7 @@ class Keepsake:
         return _grey(self.colour)
 
 
-def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | None:
+def keep(colour: Bytes, corners: Floats, time: float) -> Keepsake | None:
     """Return the template of a marker with corners [px], (4, 2), or None if the image's border cuts it off."""
     margin = RIM_MARGIN * quad_side(corners)
     left, top = np.floor(corners.min(0) - margin).astype(int)
@@ -87,7 +86,7 @@ def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | 
 
 
 def follow(
-    colour: NDArray[np.uint8], kept: Keepsake, expected: Floats, reach: float, step: Floats
+    colour: Bytes, kept: Keepsake, expected: Floats, reach: float, step: Floats
 ) -> Followed | None:  # fmt: skip
     """Return the marker that matches a template, or None if no match is good enough.
 
@@ -130,7 +129,7 @@ def _best_place(window: Picture, picture: Picture) -> tuple[float, Floats]:
     return float(best), np.array(fine)
 
 
-def _peak(three: NDArray[np.float32]) -> float:
+def _peak(three: Singles) -> float:
     """Return the vertex of the parabola through three neighbouring values, relative to the middle one."""
     if three.size < 3:
         return 0.0
@@ -174,7 +173,7 @@ def _follow_points(
     return None
 
 
-def _there_and_back(first: Picture, second: Picture, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def _there_and_back(first: Picture, second: Picture, points: Floats) -> tuple[Floats, Booleans]:
     """Return the positions in the second image of points [px], (n, 2), and which of them pass the backward check."""
     one, other = (np.clip(part, 0, 255).astype(np.uint8) for part in (first, second))
     start = points.astype(np.float32)[:, None]
@@ -216,5 +215,5 @@ def _blurred(picture: Picture, way: Floats) -> Picture:
     return np.asarray(cv2.filter2D(picture, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE))
 
 
-def _grey(colour: NDArray[np.uint8]) -> Picture:
+def _grey(colour: Bytes) -> Picture:
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.float32)

@@ -19,12 +19,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.depth.surface import CorrelationMeter, fit_surface, pixel_sd
 from capture.hanger.marker_detection import quad_side
 from capture.hanger.pose import PlateSlope, plate_slope
-from formats.arrays import Floats
+from formats.arrays import Floats, Unsigned
 from formats.rig import Sensor
 
 MARKER_CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
@@ -72,7 +71,7 @@ class PlatePlacer:
         return self.sensor.fx * self.marker_size / side
 
     def place(
-        self, quad: Floats, at: Floats, depth: NDArray[np.uint16], *, in_view: Floats | None = None,
+        self, quad: Floats, at: Floats, depth: Unsigned, *, in_view: Floats | None = None,
         centre_sd: float = MARKER_CENTRE_SD,
     ) -> Placed:  # fmt: skip
         """Return the 3D position of a point `at` [px] on a marker's plate, and the plate's slope.
@@ -100,7 +99,7 @@ class PlatePlacer:
         across = np.array([z * centre_sd / s.fx, z * centre_sd / s.fy, 0.0])
         return z * ray, np.hypot(across, ray * plate.sd)
 
-    def plate_depth(self, outline: Floats, at: Floats, depth: NDArray[np.uint16]) -> Plate | None:
+    def plate_depth(self, outline: Floats, at: Floats, depth: Unsigned) -> Plate | None:
         """Return the depth at a point `at` [px] of the plane within a convex outline [px of colour], (n, 2)."""
         outline, at = outline + self.depth_offset, at + self.depth_offset
         height, width = depth.shape

@@ -6,9 +6,9 @@ A mirrored marker does not belong to its dictionary, so a mirrored image shows n
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.hanger.marker_detection import MarkerDetector, ids_in
+from formats.arrays import Bytes
 from formats.rig import Hanger
 
 OTHERS = (
@@ -17,7 +17,7 @@ OTHERS = (
 )  # fmt: skip  # printed most; a larger set of one size begins with the same markers
 
 
-def seen_otherwise(colour: NDArray[np.uint8] | None, hanger: Hanger) -> str:
+def seen_otherwise(colour: Bytes | None, hanger: Hanger) -> str:
     """Return how both markers appear in an RGB image, (H, W, 3), and the remedy; "" if they do not appear.
 
     Dots look the same in a mirror.
@@ -36,5 +36,5 @@ def seen_otherwise(colour: NDArray[np.uint8] | None, hanger: Hanger) -> str:
     return ""
 
 
-def _finds(colour: NDArray[np.uint8], hanger: Hanger, dictionary: str) -> bool:
+def _finds(colour: Bytes, hanger: Hanger, dictionary: str) -> bool:
     return bool(np.isfinite(MarkerDetector(dictionary, hanger.ids).in_picture(colour)).all())

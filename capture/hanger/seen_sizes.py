@@ -9,10 +9,9 @@ is wrong and the rig's marker sizes are right.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.hanger.marker_detection import MarkerDetector
-from formats.arrays import Floats
+from formats.arrays import Bytes, Floats, Unsigned
 from formats.rig import Hanger, Rig, Sensor
 
 OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate rotated by 20 degrees is 6 % narrower
@@ -23,7 +22,7 @@ UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; units differ
 ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
 
-def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> tuple[float, float] | None:
+def sizes_seen(colour: Bytes, depth: Unsigned, rig: Rig) -> tuple[float, float] | None:
     """Return side and distance [m] of both markers in an RGB picture, (H, W, 3), with depth [mm], (H, W).
 
     None if a marker or its depth is missing, or if the hanger has dots, which have no side.
@@ -39,7 +38,7 @@ def sizes_seen(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -
     return float(np.mean(sides)), float(np.linalg.norm(places[1].mean(0) - places[0].mean(0)))
 
 
-def wrong_unit(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> str:
+def wrong_unit(colour: Bytes, depth: Unsigned, rig: Rig) -> str:
     """Return why depth in one frame is not in millimetres, by the markers' size in the picture; "" if it may be.
 
     As for `sizes_seen`. Both of the rig's lengths must put the markers at one distance:
@@ -77,7 +76,7 @@ def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str
     return f"{measured}: measure hanger.{wrong} again"
 
 
-def _corners(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> Floats | None:
+def _corners(colour: Bytes, depth: Unsigned, rig: Rig) -> Floats | None:
     """Return the corners [px], (2, 4, 2), of both fiducials in a picture; None where one is missing."""
     if rig.hanger is None or rig.sensor is None or rig.hanger.marker == "dot":
         return None
@@ -87,7 +86,7 @@ def _corners(colour: NDArray[np.uint8], depth: NDArray[np.uint16], rig: Rig) -> 
     return corners if np.isfinite(corners).all() else None
 
 
-def _depth_within(quad: Floats, depth: NDArray[np.uint16], *, nearest: float = NEAREST_DEPTH) -> float:
+def _depth_within(quad: Floats, depth: Unsigned, *, nearest: float = NEAREST_DEPTH) -> float:
     """Return the median depth [m] in the bounding box of the corners [px], (4, 2); NaN without measurements.
 
     nearest [m]: only larger depth counts

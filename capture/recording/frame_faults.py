@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.hanger.fiducial_tracker import HangerSight
 from firmware_host.depth_sensor import SensorFrame
-from formats.arrays import Floats
+from formats.arrays import Floats, Unsigned
 from formats.rig import Hanger, Sensor
 from formats.take import FrameState
 
@@ -47,7 +46,7 @@ class HangerWatch:
         self._smallest = SMALLEST_MARKER[hanger.marker]
         self._last: list[_Sighting | None] = [None, None]
 
-    def faults(self, sight: HangerSight, depth: NDArray[np.uint16], time: float) -> int:
+    def faults(self, sight: HangerSight, depth: Unsigned, time: float) -> int:
         """Return the faults that hinder detection of the hanger: distance, one marker only, an object in front."""
         state = 0
         is_read = np.isfinite(sight.centres[:, 0])
@@ -67,7 +66,7 @@ class HangerWatch:
             state |= FrameState.VIEW_BLOCKED if self._is_blocked(sight, depth, time) else 0
         return state
 
-    def _is_blocked(self, sight: HangerSight, depth: NDArray[np.uint16], time: float) -> bool:
+    def _is_blocked(self, sight: HangerSight, depth: Unsigned, time: float) -> bool:
         blocked = False
         for row, last in enumerate(self._last):
             if last is None or sight.valid[row] or time - last.time > HANGER_MEMORY:
@@ -81,7 +80,7 @@ class HangerWatch:
         return blocked
 
 
-def view_faults(depth: NDArray[np.uint16]) -> int:
+def view_faults(depth: Unsigned) -> int:
     """Return whether most of an image without markers is too near, or nearly all of it too far."""
     seen = depth[::VIEW_STRIDE, ::VIEW_STRIDE]
     seen = seen[seen > 0]
@@ -94,7 +93,7 @@ def view_faults(depth: NDArray[np.uint16]) -> int:
     return FrameState.TOO_FAR if low > 1e3 * FARTHEST else 0
 
 
-def is_garment_covered(depth: NDArray[np.uint16], held: Floats, camera: Sensor) -> bool:
+def is_garment_covered(depth: Unsigned, held: Floats, camera: Sensor) -> bool:
     """Return whether an object covers the region below the held edge.
 
     depth [mm], (H, W); held [m], (2, 3): ends of the held edge.
@@ -119,7 +118,7 @@ class _Sighting:
     side: float
 
 
-def _window(depth: NDArray[np.uint16], low: Floats, high: Floats) -> NDArray[np.uint16]:
+def _window(depth: Unsigned, low: Floats, high: Floats) -> Unsigned:
     height, width = depth.shape
     left, top = (max(0, int(value)) for value in low)
     right, bottom = min(width, int(high[0]) + 1), min(height, int(high[1]) + 1)

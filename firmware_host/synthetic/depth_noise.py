@@ -12,9 +12,8 @@ Sources: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect sensor noise for im
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
 LATERAL_PX = 0.8
@@ -30,7 +29,7 @@ def axial_deviation(depth: Floats) -> Floats:
     return np.asarray(0.0012 + 0.0019 * (depth - 0.4) ** 2)
 
 
-def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
+def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> Unsigned:
     """Return the depth image [mm], (height, width), that the camera gives for true depth [m], 0 where unknown."""
     height, width = truth.shape
     rows = _beside(np.arange(height, dtype=float)[:, None], height, rng.normal(0, LATERAL_PX, truth.shape))
@@ -83,7 +82,7 @@ def _alike_over_three_pixels(noise: Floats) -> Floats:
     return total
 
 
-def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:
+def in_shadow(truth: Floats, camera: Sensor) -> Booleans:
     """Return which pixels of true depth [m], (height, width), the projector does not reach: they have no depth.
 
     The projector stands to the right of the camera, so an object to their right casts the shadow.

@@ -12,10 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from formats.arrays import Floats, Integers
+from formats.arrays import Booleans, Floats, Integers
 from formats.garment import Garment
 
 SHIRT_CORNERS = 10  # shoulder, shoulder, sleeve hem (2), underarm, body hem (2), underarm, sleeve hem (2)
@@ -31,11 +30,11 @@ class Pattern:
     """
 
     rest: Floats
-    is_cloth: NDArray[np.bool_]
+    is_cloth: Booleans
     held: slice
 
     @property
-    def is_node(self) -> NDArray[np.bool_]:
+    def is_node(self) -> Booleans:
         """Return which nodes belong to any cell, (rows, columns)."""
         found = np.zeros(self.rest.shape[:2], bool)
         for i in (slice(None, -1), slice(1, None)):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from firmware_host.synthetic.pattern import Pattern
 from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
 from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
-from formats.arrays import Floats, Integers
+from formats.arrays import Booleans, Floats, Integers
 
 SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
@@ -123,7 +123,7 @@ class Renderer:
         colour.reshape(-1, 3)[pixel] = shade.ravel()[which, None] * np.asarray(CLOTH)
 
 
-def _pieces(flat: Floats, drawn: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _pieces(flat: Floats, drawn: Booleans) -> tuple[Floats, Floats]:
     """Return middles [m], (pieces, 2), and areas [m^2], (pieces,), of the pieces between neighbouring drawn points."""
     down, across = flat[1:, :-1] - flat[:-1, :-1], flat[:-1, 1:] - flat[:-1, :-1]
     areas = np.abs(down[..., 0] * across[..., 1] - down[..., 1] * across[..., 0])

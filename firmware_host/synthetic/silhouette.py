@@ -26,13 +26,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
 from firmware_host.synthetic.swatch import TO_SENSOR
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.garment import Garment, TrackedPoint
 from formats.outputs import check_stem, output_folder, refuse_to_replace, write_bytes
 
@@ -79,11 +78,11 @@ class Silhouette:
     stamps: Floats
     exposures: Floats
     points: Floats
-    valid: NDArray[np.bool_]
+    valid: Booleans
     ends: Floats
     places: Floats
     lean: Floats
-    is_skewed: NDArray[np.bool_]
+    is_skewed: Booleans
 
 
 def held_path(instants: Floats) -> Floats:

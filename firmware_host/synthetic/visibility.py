@@ -28,13 +28,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.synthetic.depth_noise import LATERAL_PX, in_shadow
 from firmware_host.synthetic.render import Renderer
 from firmware_host.synthetic.scene import CAMERA
 from firmware_host.synthetic.surroundings import Panel
-from formats.arrays import Floats, Integers
+from formats.arrays import Booleans, Floats, Integers
 
 NEIGHBOURHOOD = 0.020  # m along the cloth
 CLEAR_SHARE = 0.25  # of what the neighbourhood would show if it faced the camera
@@ -52,27 +51,27 @@ class PointSight:
     - `share`: see above
     """
 
-    in_view: NDArray[np.bool_]
+    in_view: Booleans
     pixels: Integers
     share: Floats
 
     @property
-    def hidden(self) -> NDArray[np.bool_]:
+    def hidden(self) -> Booleans:
         """Return whether no pixel shows the neighbourhood."""
         return np.asarray(self.pixels == 0)
 
     @property
-    def visible(self) -> NDArray[np.bool_]:
+    def visible(self) -> Booleans:
         """Return whether the point and enough of its neighbourhood are in view."""
         return self.visible_from(CLEAR_SHARE)
 
-    def visible_from(self, share: float) -> NDArray[np.bool_]:
+    def visible_from(self, share: float) -> Booleans:
         """Return which points would be visible with another threshold of the share."""
         return self.in_view & (self.share >= share) & ~self.hidden
 
 
 def point_sight(
-    nodes: Floats, points: Floats, flat: Floats, in_view: NDArray[np.bool_], renderer: Renderer,
+    nodes: Floats, points: Floats, flat: Floats, in_view: Booleans, renderer: Renderer,
     in_front: tuple[Panel, ...] = (),
 ) -> PointSight:  # fmt: skip
     """Return the visibility of points in one pose of the cloth.
@@ -94,7 +93,7 @@ def point_sight(
     return PointSight(in_view, pixels, share)
 
 
-def _as_noise_shows(is_near: NDArray[np.bool_]) -> Floats:
+def _as_noise_shows(is_near: Booleans) -> Floats:
     """Return the share of noisy samples in which each pixel shows one of the marked pixels."""
     rows, columns = np.nonzero(is_near)
     part = is_near[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]

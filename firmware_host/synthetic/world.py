@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import COLUMNS, ROWS, ClothPhysics, simulate
@@ -26,7 +25,7 @@ from firmware_host.synthetic.render import Renderer, View
 from firmware_host.synthetic.scene import CAMERA, FPS, HANGER_REST, Placement, demo_garment, place
 from firmware_host.synthetic.surroundings import Panel, Surroundings
 from firmware_host.synthetic.visibility import PointSight, point_sight
-from formats.arrays import Floats
+from formats.arrays import Booleans, Bytes, Floats, Unsigned
 from formats.garment import Garment
 
 Progress = Callable[[str, float], None]
@@ -74,7 +73,7 @@ class World:
             surroundings=surroundings,
         )  # fmt: skip
 
-    def visible(self, number: int, renderer: Renderer) -> NDArray[np.bool_]:
+    def visible(self, number: int, renderer: Renderer) -> Booleans:
         """Return which tracked points are visible to the camera in this frame, (points,); the clamp bar hides none."""
         scene = self._without_hanger(number, renderer)
         seen = np.zeros(len(self.points[number]), bool)
@@ -95,7 +94,7 @@ class World:
     def _without_hanger(self, number: int, renderer: Renderer) -> View:
         return renderer.cloth(self.nodes[number], self.in_front[number] if self.in_front else ())
 
-    def frame(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+    def frame(self, number: int, renderer: Renderer) -> tuple[Unsigned, Bytes]:
         """Render one frame with the camera's faults; the same number gives the same images.
 
         Only the hanger is blurred, since nothing reads the cloth's colour.

@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
-from formats.arrays import Floats
+from formats.arrays import Bytes, Floats
 
 FINER = 2  # drawn pixels per output pixel along each side
 UNCOVERED = np.int64(2**63 - 1)  # index of a pixel without a triangle
@@ -127,7 +126,7 @@ def _kernels() -> tuple[Any, Any]:
 
 def drawn(
     faces: Faces, size: tuple[int, int], sky: Floats, light: Floats, ambient: float
-) -> NDArray[np.uint8]:  # fmt: skip
+) -> Bytes:  # fmt: skip
     """Return a picture of faces, (rows, columns, 3), with corners in pixels of a picture FINER times as fine.
 
     size: columns and rows; sky: background colour; light: unit vector towards the light; ambient: share of ambient

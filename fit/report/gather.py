@@ -22,7 +22,7 @@ from fit.report.kept import created_of, load_motions, save_motions
 from fit.report.motion import ReportMotion, Run
 from fit.report.origin import Origin, origin_of
 from fit.report.page import write_report
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 from formats.fit_records import FitResult
 from formats.take import Take
 
@@ -137,7 +137,7 @@ def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request,
     return _motion(recording, is_held_out, grid.triangles, _runs(("before", "after"), engine.points(vectors), None))
 
 
-def _runs(names: Sequence[str], points: Floats, shapes: NDArray[np.float32] | None) -> dict[str, Run]:
+def _runs(names: Sequence[str], points: Floats, shapes: Singles | None) -> dict[str, Run]:
     """Return the runs that did not blow up."""
     return {
         name: Run(points=points[k], mesh=None if shapes is None else shapes[k].astype(float))

@@ -16,9 +16,8 @@ import math
 import unicodedata
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 
 INTEL, DEC, SGI = 84, 85, 86
 SECTION_HEAD = 4  # bytes
@@ -30,7 +29,7 @@ class NoParametersError(ValueError):
     """The parameter section is malformed."""
 
 
-def numbers_of(raw: bytes, kind: int, processor: int) -> NDArray[np.float32]:
+def numbers_of(raw: bytes, kind: int, processor: int) -> Singles:
     """Return the numbers in `raw`; incomplete numbers at its end are ignored.
 
     A DEC float is four times the IEEE float, and its 16-bit halves are exchanged.
@@ -39,7 +38,7 @@ def numbers_of(raw: bytes, kind: int, processor: int) -> NDArray[np.float32]:
     whole = raw[: len(raw) // abs(kind) * abs(kind)]
     if kind == FLOAT and processor == DEC:
         halves = np.frombuffer(whole, "<u2").reshape(-1, 2)[:, ::-1]
-        quadrupled: NDArray[np.float32] = np.ascontiguousarray(halves).view("<f4").ravel()
+        quadrupled: Singles = np.ascontiguousarray(halves).view("<f4").ravel()
         return quadrupled * np.float32(0.25)
     dtype = {FLOAT: f"{order}f4", SHORT: f"{order}i2", BYTE: "u1"}[kind]
     return np.frombuffer(whole, dtype).astype(np.float32)

@@ -8,13 +8,13 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from capture.sensor_check import markers_visible
 from firmware_host.depth_sensor import SensorFrame, SensorInfo
 from firmware_host.doctor.checks import Examination, StreamSample, Verdict
 from firmware_host.oni_writer import OniWriter
+from formats.arrays import Bytes
 from formats.command import app, gather_commands
 from formats.rig import Hanger, Rig, Sensor
 from tests import openni2
@@ -25,7 +25,7 @@ from tests.capture.stage import CAMERA, pictures
 SENSOR = Sensor(width=320, height=240, fx=288.0, fy=288.0, cx=159.5, cy=119.5)
 
 
-def drawn(*ids: int) -> NDArray[np.uint8]:
+def drawn(*ids: int) -> Bytes:
     """A white picture, RGB, (240, 320, 3), with these markers of DICT_4X4_50 side by side, 24 px each."""
     picture = np.full((240, 320), 255, np.uint8)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
@@ -34,7 +34,7 @@ def drawn(*ids: int) -> NDArray[np.uint8]:
     return np.repeat(picture[..., None], 3, axis=2)
 
 
-def examined(*pictures: NDArray[np.uint8] | None, rig: Rig | None = None) -> Examination:
+def examined(*pictures: Bytes | None, rig: Rig | None = None) -> Examination:
     """An examination with these colour pictures half a second apart."""
     info = SensorInfo(name="s", uri="s", width=320, height=240, fps=30.0, intrinsics=SENSOR, is_live=False)
     sample = StreamSample(info=info)

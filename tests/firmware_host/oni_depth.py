@@ -5,10 +5,11 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
+
+from formats.arrays import Unsigned
 
 
-def decode_depth(data: bytes, shape: tuple[int, int]) -> NDArray[np.uint16]:
+def decode_depth(data: bytes, shape: tuple[int, int]) -> Unsigned:
     """Expand a compressed depth image.
 
     Raises:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.oni_records import RECORD_HEADER, Record
 from firmware_host.oni_writer import OniWriter
 from firmware_host.synthetic.scene import TOP, demo_garment, place
 from firmware_host.synthetic.world import World
+from formats.arrays import Bytes, Unsigned
 from formats.rig import Sensor
 
 SMALL = Sensor(width=64, height=48, fx=57.58, fy=57.58, cx=31.5, cy=23.5)
@@ -37,7 +37,7 @@ def flat_world(frames: int = 4, depth_step: float = 0.0) -> World:
     return World(time, hanger, nodes, np.concatenate([corners, nodes[:, 2:3, 2]], axis=1), seed=5)
 
 
-def picture(number: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+def picture(number: int) -> tuple[Unsigned, Bytes]:
     """Return depth with noise, jumps, holes and the largest value, and colour; different for every number."""
     rng = np.random.default_rng(number)
     depth = (900 + np.arange(64)[None] + rng.integers(-8, 9, (48, 64))).astype(np.uint16)

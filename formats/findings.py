@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from formats.take import Take
 
-SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
+SHORTEST_DIAGNOSED = 2.5  # s: a shorter take, of under five blocks, is not diagnosed: no statistic holds
 FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: too few for splines and statistics below
 HARDLY_EVER = 0.1  # of the frames
 OF_MARKERS = "markers"  # the note that only takes of marker trajectories have

@@ -9,6 +9,7 @@ from formats.findings import FEWEST_SEEN, HARDLY_EVER, HARDLY_MOVED, SHORTEST_DI
 from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
+from formats.nature import NORMAL_90
 from formats.plain_text import counted
 from formats.sights import SAME_PLACE, Sights, away_from_held, fitted_sights, longest_without_cloth, standing
 from formats.take import Take
@@ -19,7 +20,6 @@ MOST_STRETCHED = 1.25  # of a flat distance, more than apparel stretches under i
 MEASURED_APART = 0.06  # m more: held ends and points are measured by different means, 26 mm apart on real takes
 SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
 RIGHT_MOST = 95  # percentile of a distance over the take: folds shorten it, and cloth never stretches by 10 %
-DEVIATIONS_TO_PERCENTILE = 1.645  # standard deviations from the median to the percentile 95 of a normal distribution
 HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: below 1 in the synthetic motions
 MOST_NAMES = 5  # of points in one sentence
 ENOUGH = 10  # frames that both points of a distance must be seen in
@@ -230,7 +230,7 @@ def _without_noise(ways: Floats, deviations: Floats) -> float:
     apart = np.linalg.norm(ways, axis=1)
     along = float((variances * (ways / np.maximum(apart, SAME_PLACE)[:, None]) ** 2).sum(1).mean())
     across = float(variances.sum(1).mean()) - along
-    most = max(np.median(apart), np.percentile(apart, RIGHT_MOST) - DEVIATIONS_TO_PERCENTILE * np.sqrt(along))
+    most = max(np.median(apart), np.percentile(apart, RIGHT_MOST) - NORMAL_90 * np.sqrt(along))
     return float(np.sqrt(max(most**2 - across, 0.0)))
 
 

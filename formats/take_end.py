@@ -14,7 +14,7 @@ from formats.sound_blocks import is_number
 from formats.surface import SurfaceScan
 from formats.take_messages import Message
 from formats.take_report import Span
-from formats.take_writer import BLOCK_SECONDS
+from formats.take_writer import FILE_BLOCK_SECONDS
 
 
 def is_end(end: Message, version: int) -> bool:
@@ -107,7 +107,7 @@ def stray_scans(held: Held, scans: list[SurfaceScan], spans: tuple[Span, ...]) -
     - `spans`: as of `missing_spans`
     """
     begin, end = float(held.begins[0]), float(held.ends[-1])
-    allowed = [(begin - BLOCK_SECONDS, end + BLOCK_SECONDS), *spans]
+    allowed = [(begin - FILE_BLOCK_SECONDS, end + FILE_BLOCK_SECONDS), *spans]
     stray = [scan.time for scan in scans if not any(since <= scan.time <= until for since, until in allowed)]
     if stray:
         which = "a scan" if len(stray) == 1 else f"{len(stray)} of {len(scans)} scans, one"

@@ -32,7 +32,7 @@ from formats.wrong_fields import wrong_field
 
 VERSION = 2
 PROFILE = f"hangtime-take/{VERSION}"
-BLOCK_SECONDS = 1.0  # lost at most in a power cut
+FILE_BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
@@ -147,12 +147,12 @@ class TakeWriter:
         if self._first_time == -np.inf:
             self._first_time = frame.time
         start = self._waiting[0]["time"][0] if self._waiting else frame.time
-        if frame.time - start >= 2 * BLOCK_SECONDS:  # a gap: it is no part of a block
+        if frame.time - start >= 2 * FILE_BLOCK_SECONDS:  # a gap: it is no part of a block
             self._flush()
             start = frame.time
         self._waiting.append(columns)
         self._last_time = frame.time
-        if frame.time - start >= BLOCK_SECONDS or len(self._waiting) >= self._most_rows:
+        if frame.time - start >= FILE_BLOCK_SECONDS or len(self._waiting) >= self._most_rows:
             self._flush()
 
     def append_columns(self, columns: Columns) -> None:
@@ -168,7 +168,7 @@ class TakeWriter:
         self._check(columns)
         if self._first_time == -np.inf:
             self._first_time = float(columns["time"][0])
-        rows = cut_into_blocks(columns["time"], BLOCK_SECONDS, self._most_rows)
+        rows = cut_into_blocks(columns["time"], FILE_BLOCK_SECONDS, self._most_rows)
         each = max(WRITTEN_AT_ONCE // sum(widths(self._points).values()), 1)
         ends = np.cumsum(rows)
         for of_batch in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(ends // each)) + 1):

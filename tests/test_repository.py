@@ -53,7 +53,7 @@ def ruff_on(path: str, statement: str) -> str:
 # --- constants ----------------------------------------------------------------------------------
 
 # Workers run in other simulators' Pythons, which lack our packages, so they repeat constants.
-OF_WORKERS = {"AIR_DENSITY", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
+OF_WORKERS = {"BLIND_AIR", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
 
 
 @functools.cache

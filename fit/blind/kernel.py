@@ -27,7 +27,7 @@ import taichi as ti
 from fit.runtime import TASK
 
 TAKE_LANES = 8  # takes per SIMD vector; a case has five
-AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
+BLIND_AIR = 1.2041  # kg/m^3, dry air at 20 degC; formats.nature has 1.204; existing cases keep this value
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 
 # Entries of `numbers`, the same for every take of a cloth.
@@ -117,7 +117,7 @@ def magnitude(a):
 def plate(speed, along_normal, coefficient):
     """Normal force per area [Pa] of a plate in a flow of this speed and normal component [m/s]."""
     attack = magnitude(along_normal) / (speed + 1e-12)
-    return (0.5 * AIR_DENSITY * 0.505 * coefficient) * speed * along_normal / (0.222 * attack + 0.283)
+    return (0.5 * BLIND_AIR * 0.505 * coefficient) * speed * along_normal / (0.222 * attack + 0.283)
 
 
 @ti.func
@@ -164,7 +164,7 @@ def on_triangles(home, first, now, dt, x: ti.template(), v: ti.template(), f: ti
             vn, speed = dot(vc, n), length_of(vc)
             along = sum_of(1.0, vc, 0.0 - vn, n)
             push = 0.0 - plate(speed, vn, drag)
-            push = push - (0.5 * AIR_DENSITY * p[LIFT]) * vn * dot(along, along) / (speed + 1e-12)
+            push = push - (0.5 * BLIND_AIR * p[LIFT]) * vn * dot(along, along) / (speed + 1e-12)
             if has_wind:
                 # drag in moving air minus drag in still air, which is a separate effect
                 flow = [wind[0] - vc[0], wind[1] - vc[1], wind[2] - vc[2]]
@@ -174,7 +174,7 @@ def on_triangles(home, first, now, dt, x: ti.template(), v: ti.template(), f: ti
                 wake[first + e] = lagging
                 push = push - p[WAKE] * (vn - lagging)
             carried = jacobian * (a / 3.0)
-            share = sum_of(push * carried, n, (0.0 - 0.5 * AIR_DENSITY * SKIN_FRICTION * drag) * speed * carried, along)
+            share = sum_of(push * carried, n, (0.0 - 0.5 * BLIND_AIR * SKIN_FRICTION * drag) * speed * carried, along)
             add(f, i, share)
             add(f, j, share)
             add(f, k, share)

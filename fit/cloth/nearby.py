@@ -37,7 +37,7 @@ PAIR_DISTANCE = 0.005  # m beyond contact; the pair list is rebuilt when a sampl
 MOVED = 2.5  # times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it, see `beside`
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
-CARRIED, FRICTION, CLEARANCE, INSTANT, THICKNESS = range(5)  # of the numbers behind those of the quads
+CARRIED, FRICTION, CLEARANCE_AT, INSTANT, THICKNESS_AT = range(5)  # of the numbers behind those of the quads
 WAY_NOW, WAY_CHOSEN, WAY_WATCHED, WAYS = range(4)  # of a group's ways; how many
 POSE = 12  # numbers of a pose
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
@@ -148,7 +148,7 @@ def numbers_at(samples, count):
 @ti.func
 def bodies_at(samples, count, groups, bodies, b):
     """Return the index at which a group's bodies begin."""
-    return numbers_at(samples, count) + THICKNESS + groups + BODY * bodies * b
+    return numbers_at(samples, count) + THICKNESS_AT + groups + BODY * bodies * b
 
 
 @ti.func
@@ -332,8 +332,8 @@ def find_pairs(
     """Rebuild the lists if an unlisted pair may have come near since their last update."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
-    carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE]
-    thickness = alone[numbers + THICKNESS + b]
+    carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE_AT]
+    thickness = alone[numbers + THICKNESS_AT + b]
     before, watched = then + 3 * nodes * groups, LIST_COUNTS + 2 * (samples + count) + most
     margin = PAIR_DISTANCE
     if whole[mine + WATCHING] == 0:

@@ -13,7 +13,7 @@ from fit.cloth.lanes import magnitude, within
 from fit.cloth.nearby import (
     BODIES,
     BODY,
-    CLEARANCE,
+    CLEARANCE_AT,
     FORCE,
     FRICTION,
     HEADER_SIZES,
@@ -153,7 +153,7 @@ def touching(
         drive(b, groups, time, moving, whole, alone)
     find_pairs(b, mine, home, nodes, first, front, then, gauge, x, whole, memory, alone, groups, lanes)
     numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
-    friction, clearance = alone[numbers + FRICTION], alone[numbers + CLEARANCE]
+    friction, clearance = alone[numbers + FRICTION], alone[numbers + CLEARANCE_AT]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     stiffness, viscosity = 0.5 * CONTACT_OMEGA * CONTACT_OMEGA * density, CONTACT_DAMPING * CONTACT_OMEGA * density
     for n in range(whole[mine + SPOTS]):

@@ -31,7 +31,7 @@ LARGEST = 50_000_000  # bytes
 SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
 LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
 FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
-SHORTEST_MOTION = 1.0  # s
+SHORTEST_ANIMATION = 1.0  # s
 MOST_JOINTS = 1000
 MOST_CHANNELS = 6  # three positions and three angles
 CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
@@ -70,9 +70,9 @@ def read_bvh(path: Path, height: float, seconds: float | None = None, arms_out: 
     """
     joints, times, places = _places(path)
     index = _named(path, joints)
-    if times[-1] < SHORTEST_MOTION:
+    if times[-1] < SHORTEST_ANIMATION:
         raise FitError(
-            f"lasts {times[-1]:.2f} s; at least {SHORTEST_MOTION:g} s are needed", where=path,
+            f"lasts {times[-1]:.2f} s; at least {SHORTEST_ANIMATION:g} s are needed", where=path,
             advice="give a longer motion",
         )  # fmt: skip
     last = min(times[-1], seconds - LEAD / 2) if seconds is not None else times[-1]

@@ -25,7 +25,7 @@ from fit.recordings.bodies import Body
 from formats.arrays import Booleans, Floats, Indices
 
 GROWING, GROWN = 120, 150  # steps of the body's growth, and of the cloth's relaxation after it
-ROUNDS = 6  # of the sides in each step
+SIDE_ROUNDS = 6  # of the sides in each step
 THREAD = 0.02  # of a body's size, at first
 HALF_APART = 0.004  # m of either layer from the middle, at first
 SINKING = 1e-5  # m per round: sinking, so that loose hems fall instead of folding
@@ -60,7 +60,7 @@ def dressed(
     begun = places[held].copy()
     for size in np.concatenate([np.linspace(THREAD, 1.0, GROWING), np.ones(GROWN)]):
         grown = [_sized(body, float(size)) for body in bodies]
-        for _ in range(ROUNDS):
+        for _ in range(SIDE_ROUNDS):
             way = places[sides[:, 0]] - places[sides[:, 1]]
             far = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
             step = 0.5 * (1 - length / far)[:, None] * way

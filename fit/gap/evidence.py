@@ -24,12 +24,13 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_favoured_by_edge, is_seen_on_edge
 from fit.observer.residuals import Observer
-from fit.search.intervals import AT_BOUND, NORMAL_90
+from fit.search.intervals import NEAR_BOUND
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Figure, Gate
+from formats.nature import NORMAL_90
 
 SMALLEST_CLOSURE = 0.25  # share of the gap: an effect that removes less is not its cause
-MOST_LEFT = 0.6  # share of the gap that a cause may leave unexplained, beyond noise and mesh
+MOST_UNEXPLAINED = 0.6  # share of the gap that a cause may leave unexplained, beyond noise and mesh
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion. Of the gap they leave the square of
 # three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
@@ -52,7 +53,7 @@ def is_at_bound(observer: Observer, hypothesis: Hypothesis, effect_name: str | N
     """Return whether an effect of a hypothesis, or its last one, is at its bound: the end of its physical range."""
     name = effect_name or hypothesis.effects[-1]
     effect, amplitude = observer.library[name], hypothesis.fitted.amplitudes[observer.columns[name]]
-    reach = AT_BOUND * (effect.high - effect.low)
+    reach = NEAR_BOUND * (effect.high - effect.low)
     below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
     return bool((below | (amplitude > effect.high - reach)).any())
 
@@ -396,4 +397,4 @@ class Evidence:
         if self.is_silhouette:
             return left <= MOST_LEFT_OF_SILHOUETTE * self.gap_mm2
         by_law = float(self.most_by_law(hypothesis, np.array(self.gap_mm2)))
-        return left <= MOST_LEFT * self.gap_mm2 and hypothesis.errors.squared_mm <= by_law
+        return left <= MOST_UNEXPLAINED * self.gap_mm2 and hypothesis.errors.squared_mm <= by_law

@@ -14,10 +14,11 @@ from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
-from fit.search.intervals import AT_BOUND, NORMAL_90
+from fit.search.intervals import NEAR_BOUND
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.figures import short, with_unit
 from formats.fit_records import FitParameter
+from formats.nature import NORMAL_90
 
 LISTED_EFFECTS = 3  # left-out effects that a sentence names
 PROBABILITIES = {
@@ -151,7 +152,7 @@ def _stopped(parameter: Parameter, value: float) -> bool:
     low, high, at = parameter.minimum, parameter.maximum, value
     if parameter.is_log:
         low, high, at = float(np.log(low)), float(np.log(high)), float(np.log(value))
-    reach = AT_BOUND * (high - low)
+    reach = NEAR_BOUND * (high - low)
     return at < low + reach or at > high - reach
 
 

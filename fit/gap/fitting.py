@@ -21,7 +21,6 @@ import numpy as np
 
 from fit.cloth.effect import size_of
 from fit.observer.residuals import Observer
-from fit.search.intervals import NORMAL_90
 from fit.search.least_squares import (
     BoundedSpace,
     LeastSquaresResult,
@@ -31,6 +30,7 @@ from fit.search.least_squares import (
     side_by_side,
 )
 from formats.arrays import Floats, Integers
+from formats.nature import NORMAL_90
 
 PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero

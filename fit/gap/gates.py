@@ -12,11 +12,10 @@ from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import Gate
+from formats.findings import HARDLY_MOVED, SHORTEST_DIAGNOSED
 from formats.impossible_points import MOST_LEFT_OUT, describe_impossible
 
-SHORTEST_MOTION = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames
-SMALLEST_SWING = 0.03  # m of travel of the hanger
 LEAST_OWN_MOTION = 2.0  # times the noise: a rigid board on the hanger would show motion of the noise's size
 LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
 SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves
@@ -39,7 +38,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     (own, noise), of_own = min((max((_own_motion(r), _noise(r)) for r in group), of) for group, of in groups)
     least = LEAST_OWN_MOTION * noise
     # s: a take that is too short is rounded down, so that it never seems long enough
-    lasts = shortest if shortest >= SHORTEST_MOTION else np.floor(10 * shortest + 1e-6) / 10
+    lasts = shortest if shortest >= SHORTEST_DIAGNOSED else np.floor(10 * shortest + 1e-6) / 10
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
@@ -51,12 +50,12 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=_measured(imported) if guessed == 0 else
              f"The rig of {guessed} takes was never measured, so a wrong number in it would pass for an effect. Run "
              "`hangtime calibrate` and record with the rig that it writes."),
-        Gate(name="length", passed=shortest >= SHORTEST_MOTION, figure=shortest, limit=SHORTEST_MOTION, unit="s",
-             sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_MOTION:g} s are needed."
-             + _unless(shortest >= SHORTEST_MOTION, "Record longer.")),
-        Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
+        Gate(name="length", passed=shortest >= SHORTEST_DIAGNOSED, figure=shortest, limit=SHORTEST_DIAGNOSED, unit="s",
+             sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_DIAGNOSED:g} s are needed."
+             + _unless(shortest >= SHORTEST_DIAGNOSED, "Record longer.")),
+        Gate(name="motion", passed=swing >= HARDLY_MOVED, figure=1e3 * swing, limit=1e3 * HARDLY_MOVED, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at least "
-             f"{1e3 * SMALLEST_SWING:.0f} mm are needed." + _unless(swing >= SMALLEST_SWING, "Swing it wider.")),
+             f"{1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(swing >= HARDLY_MOVED, "Swing it wider.")),
         Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
              sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take{of_own}. At "
              f"least {LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."

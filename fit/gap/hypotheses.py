@@ -26,7 +26,7 @@ REFIT_ITERATIONS = 5  # of each refit, along chords
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
 AMPLITUDE_STARTS = (0.3, 0.6, 1.0, 1.5)  # shares of the linear estimate of an amplitude, tried as starts
 TWIN_COSINE = 0.9  # cosine above which an effect is refitted together with its twin
-LEAST_SHARE = 0.05  # of the best predicted saving; effects that save less are not refitted
+LEAST_SAVED = 0.05  # of the best predicted saving; effects that save less are not refitted
 # A constant offset adds little to the cost of hundreds of noisy frames, but may be most of the error in mm.
 MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
 
@@ -61,7 +61,7 @@ def further(screened: Screened, most: int) -> list[str]:
     `shortlist`, so the effects with the largest reduction of distance are tried as well.
     """
     nearest = max(one.predicted_mm2 for one in screened.values())
-    nearer = [name for name, one in screened.items() if nearest <= 0.0 or one.predicted_mm2 >= LEAST_SHARE * nearest]
+    nearer = [name for name, one in screened.items() if nearest <= 0.0 or one.predicted_mm2 >= LEAST_SAVED * nearest]
     chosen = _not_trifling(screened, sorted(nearer, key=lambda name: -screened[name].predicted)[:most])
     return chosen + _seen_most(screened, chosen, most)
 
@@ -75,7 +75,7 @@ def _seen_most(screened: Screened, chosen: list[str], most: int = MOST_SEEN) -> 
 
 def _not_trifling(screened: Screened, order: list[str]) -> list[str]:
     """Return the first of sorted effects and those that reduce the cost by a sizeable share of the first one's."""
-    least = LEAST_SHARE * screened[order[0]].predicted
+    least = LEAST_SAVED * screened[order[0]].predicted
     return [name for name in order if screened[name].predicted > least or name == order[0]]
 
 

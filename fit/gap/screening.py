@@ -31,8 +31,9 @@ from fit.gap.correlation import effective_count
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
 from formats.arrays import Floats, Integers
+from formats.nature import NORMAL_90
 
-DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
+DETECTION = NORMAL_90 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
 RENEWED = 8  # effects whose signatures are recomputed although signatures about a nearby fit are known
 AT_TOP = 0.02  # of a base parameter's largest value: a nearer fitted value is at its bound

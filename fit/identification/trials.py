@@ -36,7 +36,7 @@ from formats.arrays import Floats
 
 RIPPLE_TIME = 2.0  # s: duration of the ripples in which descents end
 STARTS = 4  # descents under each pull without looks, the first from the start itself: stated by us
-ROUNDS = 3  # at most: looks across the valleys about an end
+LOOKS_ACROSS = 3  # at most: looks across the valleys about an end
 WORTH = 0.005  # of the cost: least gain for a further look across, and largest difference between two trials that agree
 NEXT_SEED = 7919  # added to the seed of each further trial, far from seeds that a user would choose in turn
 FIRST_SETTINGS = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
@@ -70,7 +70,7 @@ class ObservedSettings:
         if not self.looks:
             return STARTS * len(self.pulls)
         proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
-        return self.trials * (1 + proposed + len(self.pulls) + ROUNDS * (1 + valleys.HOPPED)) + 1
+        return self.trials * (1 + proposed + len(self.pulls) + LOOKS_ACROSS * (1 + valleys.HOPPED)) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +176,7 @@ class Run:
                     break  # a scattered start that cannot be simulated is skipped
             else:
                 ends.append((descent, found))
-        for _ in range(ROUNDS if self.settings.looks and ends else 0):
+        for _ in range(LOOKS_ACROSS if self.settings.looks and ends else 0):
             before, found = min(ends, key=lambda pair: pair[0].cost)
             ends += (beyond := self._across(before, found))
             if all(end.cost > (1 - WORTH) * before.cost for end, _ in beyond):

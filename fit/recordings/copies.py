@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
-from fit.recordings.filtered_copies import AT_REST, MOST_LEFT, SAME_POSITION, Motion, noise_left
+from fit.recordings.filtered_copies import AT_REST, MOST_NOISE_LEFT, SAME_POSITION, Motion, noise_left
 from formats.arrays import Booleans, Floats, Integers
 from formats.sights import on_held_edge
 from formats.take import Take
@@ -80,7 +80,7 @@ def are_copies(one: Track, other: Track) -> bool:
     """Return whether two takes of a garment share frames of one recording."""
     if share_positions(one, other):
         return True
-    return noise_left(one.motion, other.motion, _best_seen_in(one, other)) < MOST_LEFT
+    return noise_left(one.motion, other.motion, _best_seen_in(one, other)) < MOST_NOISE_LEFT
 
 
 def share_positions(one: Track, other: Track) -> bool:

@@ -48,10 +48,10 @@ SAME_POSITION = 1.0e-4
 AT_REST = 0.01  # m from its first position: nearer frames hardly inform a fit, and synthetic takes may share noise
 # Share of the noise of two recordings. Pairs of synthetic takes leave 1.3 times that noise and more, and motions that a
 # machine repeats with noise above 0.1 mm leave 0.7. Rounding to steps s leaves a twelfth.
-MOST_LEFT = 0.25
+MOST_NOISE_LEFT = 0.25
 LEAST_TIME = 2.0  # s in common in which the cloth has moved
-LEAST_SHARE = 0.2  # of the shorter take in common
-FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_LEFT` in 1e-10 of fits (chi-squared)
+LEAST_COMMON_SHARE = 0.2  # of the shorter take in common
+FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_NOISE_LEFT` in 1e-10 of fits
 NUMBERS_A_PLACE = 0.6  # independent numbers of a position's three, as neighbouring smoothed positions are correlated
 REACH = 4.0  # tau: corners farther away contribute 1e-5 of those nearby to the Gaussian smoothing
 SMOOTHING = 2.0  # frames of the slower take: between frames, resampling changes the noise
@@ -209,7 +209,7 @@ def noise_left(one: Motion, other: Motion, points: Integers) -> float:
         return np.inf
     tau = float(2 ** (np.ceil(RUNGS * np.log2(SMOOTHING * max(one.interval, other.interval))) / RUNGS))
     x, y = one.smoothed(points, tau), other.smoothed(points, tau)
-    fewest = max(LEAST_TIME / tau * READS, LEAST_SHARE * min(len(x.seen), len(y.seen)))
+    fewest = max(LEAST_TIME / tau * READS, LEAST_COMMON_SHARE * min(len(x.seen), len(y.seen)))
     noises = one.noise(points, tau), other.noise(points, tau)
     either = (
         min(_left(x, y, lag, fewest, noises), _left(y, x, -lag, fewest, noises[::-1])) for lag in _lags(x, y, fewest)

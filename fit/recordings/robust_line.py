@@ -13,7 +13,7 @@ from formats.arrays import Floats, Integers
 BLOCK = 0.5  # s, half a swing
 FEWEST_BLOCKS_ON_A_LINE = 8
 HUBER = 1.345  # deviations from which a frame counts less: 95 % efficiency for normal noise
-ROUNDS = 20
+REWEIGHTINGS = 20
 
 
 def seconds_apart(time: Floats) -> Integers:
@@ -29,7 +29,7 @@ def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats
     from scipy.special import stdtrit
 
     weight = np.ones(len(values))
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         left = values - design @ _solved(design, values, weight)
         spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
         weight = np.minimum(1.0, HUBER * max(spread, 1e-6) / np.maximum(np.abs(left), 1e-12))

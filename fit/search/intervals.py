@@ -33,12 +33,12 @@ import numpy as np
 from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
 from formats.arrays import Booleans, Floats, Integers
+from formats.nature import NORMAL_90
 
 SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
-AT_BOUND = 0.01  # of the box: a parameter nearer to its bound is at its bound
-FEWEST_BLOCKS = 3
-NORMAL_90 = 1.645  # standard deviations: half the central 90 % interval of a normal distribution
+NEAR_BOUND = 0.01  # of the box: a parameter nearer to its bound is at its bound
+FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals: stated by us
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ def check_blocks(block: Integers) -> None:
         FitError: fewer than three blocks.
     """
     count = len(np.unique(block))
-    if count < FEWEST_BLOCKS:
+    if count < FEWEST_HALVES:
         raise FitError(
-            f"the takes are too short: intervals need {FEWEST_BLOCKS} half-seconds of motion, and there are {count}",
+            f"the takes are too short: intervals need {FEWEST_HALVES} half-seconds of motion, and there are {count}",
             advice="record a longer take",
         )
 
@@ -124,7 +124,7 @@ def block_intervals(
 
 def at_bounds(unit: Floats) -> tuple[Booleans, Booleans]:
     """Return which parameters lie at their lower and at their upper bound, (p,) each, from shares of the box, (p,)."""
-    return unit <= AT_BOUND, unit >= 1 - AT_BOUND
+    return unit <= NEAR_BOUND, unit >= 1 - NEAR_BOUND
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Intervals:

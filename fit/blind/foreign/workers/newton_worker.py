@@ -19,7 +19,7 @@ import newton
 import numpy as np
 import warp as wp
 from every_take import answer_takes
-from outside_forces import AIR_DENSITY, OutsideForces
+from outside_forces import BLIND_AIR, OutsideForces
 
 wp.config.quiet = True
 wp.set_device("cpu")
@@ -39,7 +39,7 @@ def build(job, numbers):
     faces = len(triangles)
     builder.add_triangles(
         *triangles.T.tolist(), tri_ke=[numbers["mu"]] * faces, tri_ka=[numbers["lam"] + numbers["mu"]] * faces,
-        tri_kd=[0.0] * faces, tri_drag=[AIR_DENSITY * numbers["drag"] / 6] * faces, tri_lift=[0.0] * faces,
+        tri_kd=[0.0] * faces, tri_drag=[BLIND_AIR * numbers["drag"] / 6] * faces, tri_lift=[0.0] * faces,
     )  # fmt: skip
     hinges, stiffness = hinges_of(rest, triangles, numbers)
     builder.add_edges(

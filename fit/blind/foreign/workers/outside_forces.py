@@ -7,7 +7,7 @@ weight on a string, a thread to the room and a magnet. The module runs in the en
 
 import numpy as np
 
-AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
+BLIND_AIR = 1.2041  # kg/m^3, dry air at 20 degC; formats.nature has 1.204; existing cases keep this value
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 DRAUGHT = 1.2  # plate coefficient of a draught
 BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
@@ -16,7 +16,7 @@ BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
 def plate(speed, along_normal, coefficient):
     """Normal force per area [Pa] of a plate in a flow of this speed and normal component [m/s]."""
     attack = np.abs(along_normal) / (speed + 1e-12)
-    return 0.5 * AIR_DENSITY * coefficient * speed * along_normal * 0.505 / (0.222 * attack + 0.283)
+    return 0.5 * BLIND_AIR * coefficient * speed * along_normal * 0.505 / (0.222 * attack + 0.283)
 
 
 class OutsideForces:
@@ -55,14 +55,14 @@ class OutsideForces:
         vn, speed = (vc * n).sum(1), np.sqrt((vc**2).sum(1))
         along = vc - vn[:, None] * n
         normal = -plate(speed, vn, p["drag"])
-        normal -= 0.5 * AIR_DENSITY * p["lift"] * vn * (along**2).sum(1) / (speed + 1e-12)
+        normal -= 0.5 * BLIND_AIR * p["lift"] * vn * (along**2).sum(1) / (speed + 1e-12)
         if self.wind.any():  # drag in moving air minus drag in still air, which is a separate effect
             flow = self.wind * (1 + 0.15 * np.sin(1.9 * now + p["gust_phase"])) - vc
             normal += plate(np.sqrt((flow**2).sum(1)), (flow * n).sum(1), DRAUGHT) + plate(speed, vn, DRAUGHT)
         if p["wake"]:
             self.lagging += (vn - self.lagging) * self.dt / p["wake_time"]
             normal -= p["wake"] * (vn - self.lagging)
-        friction = -0.5 * AIR_DENSITY * SKIN_FRICTION * p["drag"] * speed[:, None] * along
+        friction = -0.5 * BLIND_AIR * SKIN_FRICTION * p["drag"] * speed[:, None] * along
         share = (normal[:, None] * n + friction) * (doubled / 6)[:, None]
         for c in range(3):
             force[:, c] += np.bincount(self.triangles.ravel(), np.repeat(share[:, c], 3), len(x))

@@ -92,7 +92,10 @@ def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_
     assert "0 takes wait, 3 safe on the server, last sync: today at" in shown
     assert ", sound." in shown
     assert hangtime("sync", "prove", "--config", config).returncode == 0
-    assert "take-000003 is removed from this device" in hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+    assert (
+        "take-000003 is removed from this device"
+        in hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+    )
 
 
 @pytest.mark.parametrize(

@@ -40,8 +40,11 @@ def checkout(tmp_path: Path) -> Path:
     for path, text in programs.items():
         (tmp_path / path).write_text(f"#!/bin/sh\n{text}\n")
         (tmp_path / path).chmod(0o755)
-    named = re.findall(r"^ *extras=(\S+)$", (ROOT / "scripts/setup").read_text(), re.MULTILINE)
-    extras = named[0] if platform.machine() == "x86_64" else named[-1]
+    setup = (ROOT / "scripts/setup").read_text()
+    used, more, elsewhere = re.search(
+        r"^used=(\S+)\nall=\$used(\S+)\n(?:.*\n)  +used=\S+ all=(\S+)$", setup, re.M
+    ).groups()
+    extras = used + more if platform.machine() == "x86_64" else elsewhere
     checksum = subprocess.run(
         ["cksum"], input=(tmp_path / "pyproject.toml").read_bytes(), capture_output=True, check=True
     ).stdout.decode()

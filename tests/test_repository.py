@@ -115,6 +115,45 @@ def test_each_array_type_is_named_in_one_module() -> None:
     assert spelt == []
 
 
+ROOMS_OF_LIMITS = (
+    *("fit/gap", "fit/blind", "fit/search", "fit/identification", "fit/methods"),
+    *("capture/hanger", "capture/garment"),
+)
+
+
+def is_numbers(node: ast.expr) -> bool:
+    """Return whether code holds numbers alone: literals, arithmetic, tuples, and calls of NumPy or `float`."""
+    inside = list(ast.walk(node))
+    literals = [one.value for one in inside if isinstance(one, ast.Constant)]
+    calls = [ast.unparse(one.func) for one in inside if isinstance(one, ast.Call)]
+    is_plain = all(type(value) in {int, float} for value in literals)
+    return bool(literals) and is_plain and all(call == "float" or call.startswith("np.") for call in calls)
+
+
+def bare_constants(source: str) -> list[str]:
+    """Return the upper-case numbers of a module that have no comment on their lines or on the line above."""
+    lines, bare = source.splitlines(), []
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and is_numbers(node.value):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            above, own = lines[max(node.lineno - 2, 0)], lines[node.lineno - 1 : node.end_lineno]
+            if ast.unparse(target).isupper() and not above.startswith("# ") and not any("  # " in one for one in own):
+                bare.append(ast.unparse(target))
+    return bare
+
+
+@pytest.mark.parametrize("room", ROOMS_OF_LIMITS)
+def test_every_number_that_a_room_decides_by_has_a_comment(room: str) -> None:
+    modules = [path for path in MODULES if path.is_relative_to(ROOT / room)]
+    assert len(modules) >= 5
+    assert [f"{name_of(path)}: {name}" for path in modules for name in bare_constants(path.read_text())] == []
+
+
+def test_a_number_is_bare_without_a_comment_of_its_own() -> None:
+    source = "# m\nLONG = 2.0\nNEAR, FAR = -1.0, 1 / 3\nSHORT = 1.0  # m\nRIM = np.ones(3)\nNAME = 'x'\nIS_ON = True\n"
+    assert bare_constants(source) == ["(NEAR, FAR)", "RIM"]
+
+
 # --- imports ------------------------------------------------------------------------------------
 
 

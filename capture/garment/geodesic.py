@@ -28,7 +28,7 @@ STEEPEST_STEP = 2.0  # path length per distance across the view; a steeper step 
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
 GRID_PADDING = 2  # nodes of padding around the grid so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
-WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
+WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)  # nodes of one parabola
 FINE_STEPS = 8  # points per grid step at which the smoothed maps are compared
 
 

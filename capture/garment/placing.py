@@ -22,7 +22,7 @@ from formats.rig import Sensor
 PATCH_RADIUS = 14  # px around a point whose cloth determines its depth: 39 mm at 1.6 m, flat to 1 mm
 MIXED_RIM = 2  # px at the silhouette's edge whose depth may be mixed
 PATCH_SPREAD = 0.06  # m, how far a steep cloth reaches in depth across the patch
-CORE = np.ones((2 * MIXED_RIM + 1, 2 * MIXED_RIM + 1), np.uint8)
+CORE = np.ones((2 * MIXED_RIM + 1, 2 * MIXED_RIM + 1), np.uint8)  # px: erodes by MIXED_RIM
 
 
 def project(places: Floats, sensor: Sensor) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from formats.arrays import Bytes, Floats, Indices, Singles, Unsigned
 
 CROP_BORDER = 12  # px kept around the garment: they show whether it ends or continues behind an object
-SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
+SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)  # px: closes gaps; erodes by 2 px
 EDGE_BAND = 12  # px below the held edge in which the garment must be present
 
 

@@ -23,7 +23,7 @@ from formats.surface import SurfaceScan
 SMOOTHING = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
 FEWEST_CLOTH = 0.04  # share of averaged pixels that must be cloth: a right-angled corner without its edge fills a tenth
 RIM_KERNEL = np.ones((5, 5), np.uint8)  # pixels nearer to the edge may be mixed with the background
-NEIGHBOURS = np.ones((3, 3), np.uint8)
+NEIGHBOURS = np.ones((3, 3), np.uint8)  # px: dilates by one
 CORNER_REACH_PIXELS = 12.0  # px: a bar that ends 20 mm beyond the cloth at 1.2 m
 CONTOUR_SMOOTHING = 7  # outline pixels: a ragged edge is longer than the hem
 

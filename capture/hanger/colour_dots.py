@@ -29,6 +29,7 @@ AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its 
 LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the dot's region
 FAINTEST = 40.0  # of 255, distance between the colours of dot and background: 20 times a pixel's noise
 INNER = 0.8  # of the diameter: depth pixels farther out may be mixed with the background
+# Twelve points on a circle of diameter 1, in diameters of a dot.
 CIRCLE = 0.5 * np.stack([np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)], 1)
 
 

@@ -32,7 +32,7 @@ FIRST_FREQUENCY = 1.0  # Hz: fits from any start agree, and the residual still d
 FIRST_LOOKS, LOOKS = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
 CARRIED = 12  # best places, simulated under both pulls
 APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
-STARTS, MOST_STARTS = 2, 4
+STARTS, MOST_STARTS = 2, 4  # base fits, and at most while the best two disagree: stated by us
 COARSER = 1.5  # spacing of the mesh for the first search of starts
 COARSEST_LOOKED_AT = 0.06  # m, unless the mesh itself is coarser
 

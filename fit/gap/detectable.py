@@ -18,7 +18,7 @@ from formats.arrays import Floats
 
 # Share of the squared error of mesh and solver that an effect must remove. Effects by which sound solvers differ must
 # remove more than all of it.
-MESH_SHARE, SOLVER_TIMES = 0.5, 3.0
+MESH_SHARE, SOLVER_TIMES = 0.5, 3.0  # stated by us
 LISTED_COMPONENTS = 4  # components that a sentence names
 
 

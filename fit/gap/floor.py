@@ -36,7 +36,7 @@ from fit.recordings.noise import held_noise, point_noise, white_noise
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-NOISE_REPLICAS = 3
+NOISE_REPLICAS = 3  # draws of the noise, each a simulation: stated by us
 LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise
 FEWEST_NEIGHBOURS = 9  # points with opposite neighbours, below which no estimate is made
 CONTRADICTED = 1.25  # ratio of stated to measured noise, or its inverse, from which they contradict each other

@@ -28,9 +28,9 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import NextExperiment
 
-SECONDS, RATE = 4.0, 30.0
+SECONDS, RATE = 4.0, 30.0  # s; frames per second of a proposed recording: stated by us
 JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
-MOST_ALIVE = 4
+MOST_ALIVE = 4  # explanations that are compared: stated by us
 WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording
 
 

@@ -59,11 +59,9 @@ Subset = tuple[str, ...]
 SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
 SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
 WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
-UNKNOWN = 1 / 6  # odds of a cause outside the library
+UNKNOWN = 1 / 6  # odds of a cause outside the library: stated by us
 DOZEN = 12  # subsets that are refitted in one round at most
-REFITTED_WITHIN = (
-    2.5  # below the best log mass: a subset farther behind is not refitted; an effect without any gain is 3.2 behind
-)
+REFITTED_WITHIN = 2.5  # of log mass below the best, for refits: stated by us, as an effect without gain is 3.2 behind
 JOINT_ITERATIONS = 6  # of a joint refit, along chords
 JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
 LEAST_KEPT = 0.25  # of a predicted amplitude: a fit that keeps less found another local minimum

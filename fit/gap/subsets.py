@@ -34,7 +34,7 @@ MOST_EFFECTS = 3  # present together
 CHANCE = 1 / 24  # odds that one effect is present: about two dozen effects give an even chance that one is present
 SIZES = 2.0  # standard deviation of an amplitude, in typical sizes, before its range cuts it
 TOGETHER = 256  # subsets evaluated in one batch, which bounds the memory of their matrices
-LOG_ROOT = 0.5 * float(np.log(2 * np.pi))
+LOG_ROOT = 0.5 * float(np.log(2 * np.pi))  # of the normal density's constant, sqrt(2 pi)
 
 
 @dataclass(frozen=True)

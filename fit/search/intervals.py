@@ -35,9 +35,9 @@ from fit.search.least_squares import BoundedSpace
 from formats.arrays import Booleans, Floats, Integers
 from formats.nature import NORMAL_90
 
-SHARE_IDENTIFIED = 0.5  # of the prior's deviation
+SHARE_IDENTIFIED = 0.5  # of the prior's deviation: stated by us
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
-NEAR_BOUND = 0.01  # of the box: a parameter nearer to its bound is at its bound
+NEAR_BOUND = 0.01  # of the box, stated by us: a parameter nearer to its bound is at its bound
 FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals: stated by us
 
 

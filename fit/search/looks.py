@@ -21,7 +21,7 @@ from formats.arrays import Floats
 
 SCATTER_MARGIN = 0.1  # of the box, left out at each end: rarely true, often costly
 SCATTERED = 16  # places with the start: a batch that costs little more than one
-CAUTIONS = (1.0, 0.0)
+CAUTIONS = (1.0, 0.0)  # of the prediction's variance in the cost: the expected cost, and the prediction alone
 NEAREST = 0.01  # share of the box: least difference of two places in one parameter
 NEAR_BLOW_UP = 0.1  # the same around a place whose simulation blew up
 MOST_EMULATED = 60  # best places that the emulator uses at most: its work grows with their third power

@@ -23,11 +23,11 @@ import numpy as np
 
 from formats.arrays import Floats
 
-WALKERS, SWEEPS = 64, 300
+WALKERS, SWEEPS = 64, 300  # walkers, and moves of each: stated by us
 FORGOTTEN_SWEEPS = 100  # first steps
 BOX_JITTER = 1e-3  # share of the box, e above
 FIRST_JITTER = 3e-3  # about the places that walkers begin at
-LEAP_EVERY = 5
+LEAP_EVERY = 5  # moves: every fifth takes the whole difference, stated by us
 
 
 def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: int) -> Floats:

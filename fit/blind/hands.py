@@ -20,8 +20,8 @@ from fit.blind.engine import SAMPLES_A_SECOND
 from formats.arrays import Floats
 from formats.nature import GRAVITY
 
-TRAINING = ("chirp", "sideways", "twist")
-HELD_OUT = ("ellipse", "oblique")
+TRAINING = ("chirp", "sideways", "twist")  # motions of the fitted takes
+HELD_OUT = ("ellipse", "oblique")  # motions of the held-out takes
 ANGLES = (12.0, 26.0)  # degrees
 STOPPED = 0.75  # of that angle for a bar that stops abruptly, as limp cloth flutters after a stop
 MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays taut and its motion predictable

@@ -33,7 +33,7 @@ SMALLEST_CLOSURE = 0.25  # share of the gap, stated by us: an effect that remove
 MOST_UNEXPLAINED = 0.6  # share of the gap that a cause may leave beyond noise and mesh: stated by us
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion. Of the gap they leave the square of
 # three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
-LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
+LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0  # deviations, for the development sets of decision 20; times: stated by us
 STUDENT_95 = 2.92  # Student's t, 95 % one-sided, two degrees of freedom: for the mean of three replicas of the noise
 # Factor for one more draw of the noise, in standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
@@ -43,7 +43,7 @@ MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette 
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3  # of the gap; of the error left: stated by us
 MOST_OF_LEFT = 0.6  # of the error left: stated by us after the development pairs of decision 18
-LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
+LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most: decision 25
 LEAST_LEFT = 0.1  # of the squared noise: least squared error that a half-second is assumed to keep
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure, of an effect and a collinear one, to be a rival: stated by us
 RIVAL = 0.1  # share of bootstrap draws won, from which an effect is a rival: stated by us

@@ -32,9 +32,9 @@ from fit.search.least_squares import (
 from formats.arrays import Floats, Integers
 from formats.nature import NORMAL_90
 
-PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
-PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
-COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
+PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values: stated by us
+PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero: stated by us
+COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends: stated by us
 CANDIDATE_LANES = 12  # candidates that cost hardly more than one
 FEWEST_RUNGS, MOST_RUNGS = 3, 4  # damping values that one fit tries in a batch
 

@@ -37,9 +37,9 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
 NOISE_REPLICAS = 3  # draws of the noise, each a simulation: stated by us
-LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise
+LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise: stated by us
 FEWEST_NEIGHBOURS = 9  # points with opposite neighbours, below which no estimate is made
-CONTRADICTED = 1.25  # ratio of stated to measured noise, or its inverse, from which they contradict each other
+CONTRADICTED = 1.25  # ratio of stated to measured noise, or its inverse, from which they contradict: stated by us
 
 
 @dataclass(frozen=True)

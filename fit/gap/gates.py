@@ -15,14 +15,14 @@ from formats.diagnosis_records import Gate
 from formats.findings import HARDLY_MOVED, SHORTEST_DIAGNOSED
 from formats.impossible_points import MOST_LEFT_OUT, describe_impossible
 
-MOST_REPEATED = 0.1  # of the frames
+MOST_REPEATED = 0.1  # of the frames: stated by us
 LEAST_OWN_MOTION = 2.0  # times the noise: a rigid board on the hanger would show motion of the noise's size
-LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
-SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves
-CONVERGED = 0.15  # relative difference in cost between the best fits
+LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove: stated by us
+SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves: stated by us
+CONVERGED = 0.15  # relative difference in cost between the best fits: stated by us
 PULL_FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
-NUDGE = 1e-3  # relative change of the stiffnesses in the predictability test
-FORGOTTEN_SHARE = 0.2  # of the sensor's noise
+NUDGE = 1e-3  # relative change of the stiffnesses in the predictability test: stated by us
+FORGOTTEN_SHARE = 0.2  # of the sensor's noise: stated by us
 
 
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:

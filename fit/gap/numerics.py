@@ -27,7 +27,7 @@ from fit.observer.residuals import Observer
 REFINEMENT = 1.5  # of the mesh spacing, as requested
 LEAST_REFINEMENT = 1.3  # actual ratio at least: where whole elements give less, a finer mesh is requested
 REFINING_FACTOR = 1.1  # factor of each further request
-SOLVER_SHARE = 0.015  # of the motion: sound solvers of one cloth differ by constitutive law, scheme and weave
+SOLVER_SHARE = 0.015  # of the motion: sound solvers of one cloth differ; chosen on takes without any effect, as above
 TRIED_STEPS = (0.0, 0.5, 1.0)  # of the refit's linear step
 
 

@@ -41,12 +41,12 @@ from formats.diagnosis_records import Gate
 Progress = Callable[[str, float], None]
 
 POLISHED = 2  # hypotheses whose fit is continued with a Jacobian of finite differences
-POLISHED_SHARE = 0.5  # of the best hypothesis' saving of cost: the fit of a hypothesis that saves less is not continued
-PROMISING = 2.0  # times its closure: a further effect that would then suffice gets a continued fit
-POLISHED_WITHIN = 1.5  # of the squared error of two effects: limit within which a twin's fit is continued too
+POLISHED_SHARE = 0.5  # of the best hypothesis' saving of cost: one that saves less is not continued (decision 18)
+PROMISING = 2.0  # times its closure, stated by us: a further effect that would then suffice gets a continued fit
+POLISHED_WITHIN = 1.5  # of the squared error of two effects, stated by us: within this a twin's fit is continued too
 SECONDS_TRIED = 3  # further effects that are refitted together with the first one
-FITS_BETTER = 1.5  # times the best effect's saving of cost: an effect that saves more is a start for pairs
-RIVAL_SHARE = 0.7  # of the best effect's closure: the next best effect is a start for pairs from this share on
+FITS_BETTER = 1.5  # times the best effect's saving of cost, stated by us: one that saves more is a start for pairs
+RIVAL_SHARE = 0.7  # of the best effect's closure, stated by us: from this share on the next best is a start for pairs
 
 
 class Rounds:

@@ -29,9 +29,9 @@ from formats.diagnosis_records import Figure, in_percent, place_of
 
 FAMILY_WISE_LEVEL = 0.05  # probability of any wrong rejection among the refitted effects (Bonferroni): stated by us
 CLEAR_WIN = 0.8  # share of bootstrap draws, stated by us, in which the winner beats every other effect
-SURELY_CLOSED = 0.5  # of the gap: lower end of the closure's interval for effects of which none passes alone
-MOSTLY_MESH = 0.5  # of an unexplained gap: if mesh and solver error exceeds this share, the verdict is `numerics`
-LIKELY, SURE = 0.5, 0.8  # probabilities from which the sentence says `probably`, and from which it is plain
+SURELY_CLOSED = 0.5  # of the gap, stated by us: lower end of the closure's interval where no effect passes alone
+MOSTLY_MESH = 0.5  # of an unexplained gap, stated by us: if mesh and solver make more, it is `numerics`
+LIKELY, SURE = 0.5, 0.8  # probabilities of a sentence with `probably`, and of a plain one, at least: stated by us
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:

@@ -30,7 +30,7 @@ from fit.blind.judging import answer_of, judge
 from fit.blind.making import open_labels
 from fit.blind.plants import Planted
 from fit.blind.rates import rate_of
-from fit.blind.scoring import LOOKS
+from fit.blind.scoring import LOOKS_FILE
 from fit.effects import LIBRARY
 from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.detectable import mesh_share
@@ -71,7 +71,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("answers", metavar="ANSWERS", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, help="write the figures to this JSON file as well")
     asked = parser.parse_args(arguments)
-    if not (asked.folder / LOOKS).exists():
+    if not (asked.folder / LOOKS_FILE).exists():
         parser.error(f"{asked.folder} was never scored: its seal is closed. Score it first (`hangtime blind score`)")
     found: list[Known] = []
     for truth in open_labels(asked.folder).truths:

@@ -21,7 +21,7 @@ from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
-BESIDE = "Warning: the diagnosis beside this fit "
+NAMED_BESIDE = "Warning: the diagnosis beside this fit "
 
 
 def make_folder(folder: Path, *files: str) -> Path:
@@ -135,7 +135,7 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
 
 def notes_of_diagnosis(notes: Sequence[str]) -> list[str]:
     """Return a fit's notes on what a diagnosis beside it names."""
-    return [note for note in notes if note.startswith(BESIDE)]
+    return [note for note in notes if note.startswith(NAMED_BESIDE)]
 
 
 def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
@@ -152,7 +152,7 @@ def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
         return result
     names = (" or " if is_any else " and ").join(name.replace("_", " ") for name in lacking)
     note = (
-        f"{BESIDE}names {names}, which this fit leaves out. Fitted values may make up for that. Fit "
+        f"{NAMED_BESIDE}names {names}, which this fit leaves out. Fitted values may make up for that. Fit "
         f"again with --effect {lacking[0] if is_any else ' --effect '.join(lacking)}."
     )
     return msgspec.structs.replace(result, notes=[*result.notes, note])

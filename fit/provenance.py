@@ -1,7 +1,8 @@
 """Digest of the source text and the library versions on which results depend, besides takes and options.
 
 The digest covers every module of `fit` and `formats` that affects a result (all but `WITHOUT_PART`), and the versions
-of `LIBRARIES`. A changed comment there costs the time of a fit. In exchange, no stale fit is ever reused or continued.
+of `FITTING_LIBRARIES`. A changed comment there costs the time of a fit. In exchange, no stale fit is ever reused or
+continued.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ WITHOUT_PART = (
     "formats/cli.py", "formats/command.py", "formats/command_groups.py", "formats/help_pages.py", "formats/importers",
     "formats/interrupts.py", "formats/telling.py", "formats/terminal.py",
 )  # fmt: skip
-LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")
+FITTING_LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")
 
 
 @cache
@@ -36,7 +37,7 @@ def physics_version() -> str:
             if has_part(name):
                 content = path.read_bytes()
                 whole.update(f"{name} {len(content)}\n".encode() + content)
-    for library in LIBRARIES:
+    for library in FITTING_LIBRARIES:
         whole.update(f"{library} {_installed(library)}\n".encode())
     return whole.hexdigest()
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
-from formats.table_memory import AT_ONCE
+from formats.table_memory import NUMBERS_AT_ONCE
 
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
 TICKS = 10**6  # a second
@@ -158,7 +158,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
 
 def most_rows(points: int) -> int:
     """Return the largest number of frames of a block, such that readers can decode several blocks together."""
-    return max(min(MOST_ROWS, AT_ONCE // sum(widths(points).values())), 1)
+    return max(min(MOST_ROWS, NUMBERS_AT_ONCE // sum(widths(points).values())), 1)
 
 
 def cut_into_blocks(time: Floats, seconds: float, most: int = MOST_ROWS) -> Integers:

@@ -36,14 +36,14 @@ from formats.wrong_fields import wrong_field
 Description = TypeVar("Description", Garment, Rig)
 
 MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
-MOST_LETTERS = 1000  # characters of a garment's or a point's name: tables and pages show it
+MOST_LETTERS_OF_A_NAME = 1000  # characters of a garment's or a point's name: tables and pages show it
 MOST_CORNERS = 1000  # of an outline, and of all holes together
 HEAVIEST_GARMENT = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; beyond them, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 MOST_PIXELS = 100_000  # along a picture's side
 HEIGHT_TOLERANCE = 0.01  # m, tolerance of other sides above the held edge's lower end: flat cloth is laid by hand
-CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # characters that TOML strings must escape, toml.io/en/v1.0.0#string
+ESCAPED_IN_TOML = re.compile(r"[\x00-\x1f\x7f]")  # characters that TOML strings must escape, toml.io/en/v1.0.0#string
 LEAST_FALL, MOST_FALL = 9.5, 10.1  # m/s^2: from 9.78 at the equator to 9.83 at the poles, typed with two digits or more
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
@@ -137,7 +137,7 @@ def refuse_codes(path: Path, plain: Any, field: str = "") -> None:
 def _toml(value: Any) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", escaped) + '"'
+        return '"' + ESCAPED_IN_TOML.sub(lambda found: f"\\u{ord(found.group()):04x}", escaped) + '"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return repr(value)
@@ -203,8 +203,8 @@ def check_garment(garment: Garment, where: object) -> None:
     names = garment.point_names
     if twice_used := [name for name, times in Counter(names).items() if times > 1]:
         refuse(f"points: the name {shortened(twice_used[0])!r} is used twice")
-    if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS:
-        refuse(f"a name has {longest} letters, at most {MOST_LETTERS} can be used")
+    if (longest := max(len(name) for name in (garment.name, *names))) > MOST_LETTERS_OF_A_NAME:
+        refuse(f"a name has {longest} letters, at most {MOST_LETTERS_OF_A_NAME} can be used")
     places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)
     if (outside := distances_outside(places, outline) > ON_OUTLINE).any():
         refuse(f"points: {shortened(garment.points[int(outside.argmax())].name)!r} lies outside the outline")

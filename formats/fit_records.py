@@ -65,6 +65,9 @@ class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     held_out_after: ErrorFigure | None = None
 
 
+TRIVIAL_NAMES = {"vertical": "a rigid sheet that hangs straight", "pendulum": "a rigid sheet that swings as a pendulum"}
+
+
 class TrivialFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Errors of a rigid sheet beside a fit: `vertical` hangs straight down, `pendulum` swings about the held edge."""
 

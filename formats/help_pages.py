@@ -30,7 +30,7 @@ HEADINGS = {
 }
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
 # Placeholders of values by type; an option that takes no value has none.
-WORDS = {bool: "", int: "N", float: "NUMBER", str: "NAME"}
+VALUE_WORDS = {bool: "", int: "N", float: "NUMBER", str: "NAME"}
 NUMERIC = {float: "number", int: "whole number", "float": "number", "integer": "whole number"}  # by type or its name
 # Commands that report nothing at their end: services, and commands that run until they are stopped.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
@@ -62,7 +62,7 @@ class Page(TyperCommand):
     """A command's help page, with options under the headings of their panels."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the command line; an error describes the value by a word of `WORDS`."""
+        """Parse the command line; an error describes the value by a word of `VALUE_WORDS`."""
         try:
             return super().parse_args(ctx, args)
         except Exception as error:
@@ -168,14 +168,14 @@ def _common_options() -> dict[str, Any]:
 
 
 def _worded(parameter: Any) -> Any:
-    """Return a parameter whose help names its value by a word of `WORDS` instead of a Python type."""
+    """Return a parameter whose help names its value by a word of `VALUE_WORDS` instead of a Python type."""
     described = getattr(parameter, "type_descriptor", None)  # of Typer from 0.27 on; before, it showed TEXT
     if described is None:
         return parameter
     if parameter.param_type_name == "argument":
         parameter.display_type_rich = lambda ctx: ""  # its name says what to give
     elif parameter.metavar is None and not described.is_choice:
-        parameter.metavar = WORDS.get(described.annotation)
+        parameter.metavar = VALUE_WORDS.get(described.annotation)
     return parameter
 
 

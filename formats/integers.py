@@ -27,7 +27,7 @@ LONG = 4096  # rows: longer tables, such as scans, decode faster column by colum
 FEW = 16  # numbers in a row of all blocks: narrower tables also decode faster column by column
 HALF = 1 << 63
 CODE_BYTES = 5  # of a column: its code and its first value
-MOST_BYTES = 16  # of a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
+MOST_BYTES_A_NUMBER = 16  # of a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
 
 
 def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
@@ -143,7 +143,7 @@ def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple
     columns.
     """
     beyond = np.array([len(raw) for raw in coded]) - (CODE_BYTES * columns + 4)
-    sound = (beyond >= 0) & (beyond <= MOST_BYTES * columns * rows) & (rows > 0)
+    sound = (beyond >= 0) & (beyond <= MOST_BYTES_A_NUMBER * columns * rows) & (rows > 0)
     while True:
         kept = [raw for raw, good in zip(coded, sound, strict=True) if good]
         if not kept:

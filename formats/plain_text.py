@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 LONGEST_TEXT = 2000  # characters of one text
-LONGEST_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
+NAME_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
 MOST_LISTED = 3  # items of one kind that a sentence lists, stated by us
 ENDS_SHOWN = 60  # characters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
@@ -41,7 +41,7 @@ def plain(text: object) -> str:
 
 def shortened(name: str) -> str:
     """Return a name for a sentence; of a name longer than a file name may be, only the beginning and the end."""
-    return name if len(name) <= LONGEST_SHOWN else f"{name[:ENDS_SHOWN]} ... {name[-ENDS_SHOWN:]}"
+    return name if len(name) <= NAME_SHOWN else f"{name[:ENDS_SHOWN]} ... {name[-ENDS_SHOWN:]}"
 
 
 def lines_of(text: str) -> str:

@@ -9,10 +9,10 @@ from collections.abc import Container, Iterable, Sequence
 
 from formats.plain_text import plain, without_codes
 
-SIGNS = "-=+@\uff1d\uff0b\uff0d\uff20"  # that begin a formula; spreadsheets read full-width ones alike
-FORMULA = re.compile(f"(^|;)(?=[{SIGNS}\t\r])")
-GUARDED = re.compile(f"(^|;)'(?=[{SIGNS}\t\r])")
-NUMBER = re.compile(r"[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+FORMULA_SIGNS = "-=+@\uff1d\uff0b\uff0d\uff20"  # that begin a formula; spreadsheets read full-width ones alike
+FORMULA = re.compile(f"(^|;)(?=[{FORMULA_SIGNS}\t\r])")
+GUARDED = re.compile(f"(^|;)'(?=[{FORMULA_SIGNS}\t\r])")
+SIGNED_NUMBER = re.compile(r"[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -32,7 +32,7 @@ def spreadsheet_cell(cell: object) -> object:
 
     Source: OWASP, "CSV Injection".
     """
-    if not isinstance(cell, str) or NUMBER.fullmatch(cell):
+    if not isinstance(cell, str) or SIGNED_NUMBER.fullmatch(cell):
         return cell
     shown = without_codes(FORMULA.sub(r"\1'", cell))
     return shown.replace("\n", "\\n").replace("\t", "\\t")

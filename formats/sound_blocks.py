@@ -9,7 +9,7 @@ import numpy as np
 from formats import version_1
 from formats.blocks import FARTHEST_PLACE, LATEST, MOST_ROWS, PLACE_STEPS, Columns, decode_blocks, widths
 from formats.surface import SurfaceScan, decode_scan, places_of
-from formats.table_memory import AT_ONCE, TableMemory
+from formats.table_memory import NUMBERS_AT_ONCE, TableMemory
 from formats.take_messages import Message
 
 SCAN_NUMBERS = 7  # of a scan's position: four in the table, and three after decoding
@@ -60,7 +60,7 @@ def decoded(
     columns: Columns = {}
     kept: list[Message] = []
     rows = 0
-    for batch in _batches(fitting, AT_ONCE // width if version > 1 else 0):
+    for batch in _batches(fitting, NUMBERS_AT_ONCE // width if version > 1 else 0):
         part, good = decode_blocks(batch, points) if version > 1 else _of_version_1(batch[0], points)
         part, sound = _within_reach(part, [block for block, holds in zip(batch, good, strict=True) if holds])
         kept += sound

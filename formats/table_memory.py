@@ -11,7 +11,7 @@ STILL_TABLE, MEMORY = 1 << 17, 64
 # second, 81 unseen markers take this memory in 1.6 hours, 500 in 2.6 minutes, 2000 in 36 seconds.
 FREE_MEMORY = 1 << 27
 
-AT_ONCE = 1 << 20  # numbers decoded together: each takes 70 bytes meanwhile
+NUMBERS_AT_ONCE = 1 << 20  # numbers decoded together: each takes 70 bytes meanwhile
 
 
 @dataclass
@@ -29,7 +29,7 @@ class TableMemory:
         may_rest: whether the table may hold a second without motion, which has extra memory
         """
         beyond = max(CELL_BYTES * numbers - STILL_TABLE * may_rest - MEMORY * own, 0)
-        if beyond > (0 if numbers > AT_ONCE else self.left):
+        if beyond > (0 if numbers > NUMBERS_AT_ONCE else self.left):
             self.left_out += beyond <= FREE_MEMORY
             return False
         self.left -= beyond

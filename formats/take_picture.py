@@ -15,14 +15,14 @@ from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
 from formats.take import Take
 
-COLUMNS, LINES = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
+LETTERS_ACROSS, LETTERS_DOWN = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
 WIDTH, HEIGHT, MARGIN = 960, 540, 56  # px
 COLOURS = (
     "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f", "#e377c2", "#bcbd22",
     "#000000", "#00441b",
 )  # fmt: skip
-MOST_LINES = len(COLOURS)  # that are drawn: the held edge and eleven tracked points
+MOST_DRAWN = len(COLOURS)  # that are drawn: the held edge and eleven tracked points
 ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
@@ -54,16 +54,16 @@ def draw_in_letters(take: Take) -> str:
     shown = paths[:, [0, lowest]]
     reach = float(np.nanmax(np.abs(shown), initial=0.0)) or 1e-3
     span = float(take.time[-1] - take.time[0]) or 1.0
-    across = ((take.time - take.time[0]) / span * (2 * COLUMNS - 1)).astype(int)
-    dots = np.zeros((LINES, COLUMNS), int)
+    across = ((take.time - take.time[0]) / span * (2 * LETTERS_ACROSS - 1)).astype(int)
+    dots = np.zeros((LETTERS_DOWN, LETTERS_ACROSS), int)
     for path in shown.T:
         seen = np.isfinite(path)
-        down = ((1 - path[seen] / reach) / 2 * (4 * LINES - 1)).round().astype(int)
+        down = ((1 - path[seen] / reach) / 2 * (4 * LETTERS_DOWN - 1)).round().astype(int)
         column = across[seen]
         np.bitwise_or.at(dots, (down // 4, column // 2), DOTS[down % 4, column % 2])
     lines = ["".join(chr(0x2800 + int(dot)) for dot in row) for row in dots]
     top, bottom = f"{1e3 * reach:+.0f} mm", f"{-1e3 * reach:+.0f} mm"
-    labels = [top, *[""] * (LINES - 2), bottom]
+    labels = [top, *[""] * (LETTERS_DOWN - 2), bottom]
     drawn = [f"{label:>9} {line}" for label, line in zip(labels, lines, strict=True)]
     caption = f"{way} over {span:.1f} s: the held edge and the lowest tracked point"
     return "\n".join([*drawn, f"{'':>9} {caption}"])
@@ -81,7 +81,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     from PIL import ImageDraw
 
     way, names, paths = paths_of(take)
-    chosen = [0, *(1 + k for k in well_spread(np.array([p.at_m for p in take.garment.points]), MOST_LINES - 1))]
+    chosen = [0, *(1 + k for k in well_spread(np.array([p.at_m for p in take.garment.points]), MOST_DRAWN - 1))]
     paths = paths[:, chosen]
     most = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
     step = round_step(most / 2)

@@ -14,7 +14,7 @@ KINDS = {
     "str": "text", "bool": "true or false", "int": "a whole number", "float": "a number", "array": "a list",
     "object": "a table", "null": "nothing", "datetime": "a date", "date": "a date", "time": "a time",
 }  # fmt: skip
-EXPECTED = re.compile(r"Expected `([^`]+)`(?: (matching regex|of length|>=|<=|>|<) ?(.*?))?(?:, got (.*))?$")
+WRONG_VALUE = re.compile(r"Expected `([^`]+)`(?: (matching regex|of length|>=|<=|>|<) ?(.*?))?(?:, got (.*))?$")
 BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 
 
@@ -39,7 +39,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object 
     if invalid := re.match(r"Invalid enum value (.+)", words):
         choices = _choices(field, parts)
         return f"{field} must be one of {choices} (got {invalid.group(1)})"
-    if expected := EXPECTED.match(words):
+    if expected := WRONG_VALUE.match(words):
         return f"{field or 'the file'} must be {_wanted(*expected.groups())}{_meant(expected[1], field, held)}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"

@@ -14,7 +14,7 @@ from formats.meant_units import meant
 from formats.wrong_fields import wrong_field
 
 OUT_OF_RANGE = re.compile(r"(\w+)\.(\w+) must be a (?:whole )?number (?:at most|at least) \S+$")
-UNITS = {
+OTHER_UNITS = {
     "_s": (("milliseconds", 1e-3), ("minutes", 60.0)),
     "_mb": (("bytes", 1e-6), ("kB", 1e-3), ("GB", 1e3)),
     "_hz": (("frames a minute", 1 / 60),),
@@ -139,5 +139,5 @@ def wrong_in_tables(error: msgspec.ValidationError, plain: Any) -> str:
     kind = next(field.type for field in table.fields if field.name == found[2])
     of_key = getattr(kind, "type", kind)  # within its description
     least, most = (-math.inf if of_key.ge is None else of_key.ge, math.inf if of_key.le is None else of_key.le)
-    units = next((units for ending, units in UNITS.items() if found[2].endswith(ending)), ())
+    units = next((units for ending, units in OTHER_UNITS.items() if found[2].endswith(ending)), ())
     return f"{words} (got {value:g}){meant(value, least, most, units)}"

@@ -20,7 +20,7 @@ from formats.errors import HangtimeError
 from formats.rig import Rig
 
 RETRY = 2.0  # s between two attempts to open the sensor: a USB reset takes about as long
-REST = 0.4  # s between frames while no more are needed
+RESTING_PERIOD = 0.4  # s between frames while no more are needed
 SILENT_AFTER = 0.9  # s without a frame after which the sensor is reported as silent: within a second of the last frame
 
 
@@ -78,7 +78,7 @@ class SensorKeeper:
         """Read frames at the resting rate, or every frame."""
         if self._queue is not None and is_resting is not self._is_resting:
             self._is_resting = is_resting
-            self._queue.rest(REST if is_resting else 0.0)
+            self._queue.rest(RESTING_PERIOD if is_resting else 0.0)
 
     def close(self) -> None:
         """Close the sensor."""

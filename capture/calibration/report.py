@@ -8,7 +8,7 @@ from capture.calibration.session import Measured
 from formats.rig import Rig
 
 DOUBTFUL = 3.0  # standard deviations from the expected value: a probability of 1 in 370
-TURNED = 5.0  # degrees between the rig's gravity and the measured one that cause a warning
+GRAVITY_TURNED = 5.0  # degrees between the rig's gravity and the measured one that cause a warning
 
 
 def lines(measured: Measured, before: Rig) -> list[str]:
@@ -32,7 +32,7 @@ def _gravity(measured: Measured, before: Rig) -> str:
     source = calibration.gravity_from if calibration else ""
     text = f"{_numbers(measured.gravity.value, '.4f')} +- {np.degrees(float(measured.gravity.sd)):.2f} degrees, from "
     text += f"the {source}; {turned:.1f} degrees from what the rig said"
-    if turned > TURNED:
+    if turned > GRAVITY_TURNED:
         text += ": is the plumb line's first marker the upper one?" if turned > 90.0 else ", is the sensor that tilted?"
     return text
 

@@ -16,7 +16,7 @@ from capture.garment.silhouette import Silhouette
 from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
-FARTHEST, MORE = 0.25, 0.03  # m: bound on the missing cloth that is searched for, and its tolerance
+FARTHEST_MISSING, MORE = 0.25, 0.03  # m: bound on the missing cloth that is searched for, and its tolerance
 DEEPER = 1.5  # times the search radius, in depth: a fold may lie elsewhere
 LEAST_AROUND, MOST_AROUND = 6, 90  # px
 BELOW = 0.04  # m below the held edge: above are bar, plates and hand
@@ -37,7 +37,7 @@ def peeking_area(
     """
     u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
     z = _depth_around(silhouette, u, v, float(held[:, 2].mean()))
-    reach = min(missing, FARTHEST) + MORE
+    reach = min(missing, FARTHEST_MISSING) + MORE
     far = int(np.clip(reach * sensor.fx / z, LEAST_AROUND, MOST_AROUND))
     around = slice(max(0, v - far), max(0, v + far + 1)), slice(max(0, u - far), max(0, u + far + 1))
     raw = silhouette.raw[around]

@@ -17,7 +17,7 @@ from formats.rig import Hanger, Rig, Sensor
 OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate rotated by 20 degrees is 6 % narrower
 NEAREST_DEPTH = 0.3  # m: smaller values of a sensor are not distances
 SATURATED = 65_000  # of 65535, the largest depth value
-UNITS = {"metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1}  # mm of each
+DEPTH_UNITS = {"metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1}  # mm of each
 UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; units differ by 10 times
 ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
@@ -58,7 +58,7 @@ def wrong_unit(colour: Bytes, depth: Unsigned, rig: Rig) -> str:
         return (
             f"depth at the markers is {away:.0f}, the end of its 16 bits and no distance; record depth in millimetres"
         )
-    for name, count in UNITS.items() if abs(by_distance / by_size - 1) <= UNIT_WITHIN else ():
+    for name, count in DEPTH_UNITS.items() if abs(by_distance / by_size - 1) <= UNIT_WITHIN else ():
         if abs(by_size / count - away) <= max(UNIT_WITHIN * away, 0.5):
             return f"{shown}: depth is probably in {name}; record it in millimetres"
     return ""

@@ -15,10 +15,10 @@ from fit.errors import FitError
 from formats.errors import HangtimeError, of_system
 
 # Options of the command line and the equivalent arguments, if their names differ in more than hyphens.
-RENAMED = {
+ARGUMENT_OF_OPTION = {
     "anyway": "anyway=True", "effect": "effects", "out": "checkpoint", "overwrite": "overwrite=True",
 }  # fmt: skip
-SAME = {
+SAME_AS_OPTION = {
     "add", "bounds", "by", "checkpoint", "engine", "fabric", "fit", "gamma", "held-out", "held-out-motion",
     "iterations", "method", "model", "search", "seed", "spacing", "take", "thickness", "to", "without",
 }  # fmt: skip
@@ -175,8 +175,8 @@ def as_argument(text: str) -> str:
 
     def renamed(found: re.Match[str]) -> str:
         option = found[1]
-        if option in SAME:
+        if option in SAME_AS_OPTION:
             return option.replace("-", "_")
-        return RENAMED.get(option, found[0]) if option else found[0]
+        return ARGUMENT_OF_OPTION.get(option, found[0]) if option else found[0]
 
     return OPTION.sub(renamed, text)

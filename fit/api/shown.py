@@ -9,7 +9,7 @@ from __future__ import annotations
 from fit.api.tables import Table
 from formats.diagnosis_records import Diagnosis, EffectFinding
 from formats.figures import head_of, short, span_of, with_unit
-from formats.fit_records import Combination, ErrorFigure, FitParameter, FitResult, verdict_on
+from formats.fit_records import TRIVIAL_NAMES, Combination, ErrorFigure, FitParameter, FitResult, verdict_on
 
 IF_IT_HOLDS = "90 % interval, if the model holds"
 # The coverage is measured on takes of the fit's own solver and mesh (`benchmarks/search.py`).
@@ -19,8 +19,6 @@ COVERED = (
     "`hangtime diagnose` finds missing physics; its interval for an effect's size covers mesh, solver and the effect's "
     "other laws as well.",
 )
-
-TRIVIAL_NAMES = {"vertical": "a rigid sheet that hangs straight", "pendulum": "a rigid sheet that swings as a pendulum"}
 
 
 def fit_tables(result: FitResult) -> list[Table]:

@@ -5,7 +5,7 @@ A diagnosis fits to some motions and judges on another one of the same garment. 
 - Of a kind of motion (`formats.motion`) at three strengths or more, the middle strength is judged on. A fit to one
   strength cannot tell drag, which grows with the square of speed, from linear damping. So both ends are fitted to.
 - Else the takes need two kinds. The one that shows least of the cloth is judged on. A kind counts by its seconds, times
-  the share of the error that a fit to this kind removes (`SHOWN`).
+  the share of the error that a fit to this kind removes (`ERROR_REMOVED`).
 
 Takes whose hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
 """
@@ -30,7 +30,7 @@ from formats.motion import kind_of, reach_of
 # Fits of the skirt remove this share of the mean error on motion of each kind. Source: `benchmarks/skirt.py`, with
 # 72 to 85 % on swings, 60 % on mixed motion, and 10 to 40 % on twists. The two other kinds were not measured; they bend
 # cloth as little as twists. Of kinds that count alike, the first one is judged on.
-SHOWN = {"sideways": 0.25, "up-and-down": 0.25, "twist": 0.25, "mixed": 0.6, "face-on": 0.8}
+ERROR_REMOVED = {"sideways": 0.25, "up-and-down": 0.25, "twist": 0.25, "mixed": 0.6, "face-on": 0.8}
 STRONGER = 1.3  # ratio of amplitudes from which two motions differ in strength; hands repeat a swing within a fifth
 FEWEST_STRENGTHS = 3  # strengths of one kind: a middle one to judge on, and one on either side to fit to
 OTHER_MOTION = (
@@ -89,7 +89,7 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
         count = f"its {len(moving)} takes all move" if len(moving) > 1 else "its only take moves"
         lack = f"{count} {kind}, and none is left to judge on; {OTHER_MOTION}"
         return Wardrobe(name=name, takes=every, missing=_with_damage(lack, calibrated))
-    judged = min(kinds, key=lambda kind: (SHOWN[kind] * kinds[kind], list(SHOWN).index(kind)))
+    judged = min(kinds, key=lambda kind: (ERROR_REMOVED[kind] * kinds[kind], list(ERROR_REMOVED).index(kind)))
     held_out = middle or [take for take in moving if take.kind == judged]
     return Wardrobe(
         name=name, takes=every, training=tuple(take for take in moving if take not in held_out),
@@ -104,7 +104,7 @@ def _with_damage(lack: str, takes: Sequence[Seen]) -> str:
 
 def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
     """Return the takes of middle strength, of the most informative kind of motion with enough strengths."""
-    for kind in sorted({take.kind for take in takes}, key=list(SHOWN).index, reverse=True):
+    for kind in sorted({take.kind for take in takes}, key=list(ERROR_REMOVED).index, reverse=True):
         strengths: list[list[Seen]] = []
         for take in sorted((take for take in takes if take.kind == kind), key=lambda take: take.reach):
             if not strengths or take.reach > STRONGER * strengths[-1][0].reach:

@@ -23,7 +23,7 @@ from formats.nature import GRAVITY
 TRAINING = ("chirp", "sideways", "twist")  # motions of the fitted takes
 HELD_OUT = ("ellipse", "oblique")  # motions of the held-out takes
 ANGLES = (12.0, 26.0)  # degrees
-STOPPED = 0.75  # of that angle for a bar that stops abruptly, as limp cloth flutters after a stop
+SHARE_WHERE_STOPPED = 0.75  # of that angle for a bar that stops abruptly, as limp cloth flutters after a stop
 MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays taut and its motion predictable
 
 
@@ -63,7 +63,7 @@ def move(rng: np.random.Generator, kind: str, duration: float, width: float, hei
     x, y, z, yaw = _shape(rng, kind, time, start, stop)
     tremor = window[:, None] * np.stack([course(rng, samples, (0.4, 1.2)) for _ in range(5)], 1)
     y = y * (window if kind not in {"twist", "oblique"} else 1.0)
-    angle = np.radians(rng.uniform(*ANGLES)) * (STOPPED if kind in {"twist", "oblique"} else 1.0)
+    angle = np.radians(rng.uniform(*ANGLES)) * (SHARE_WHERE_STOPPED if kind in {"twist", "oblique"} else 1.0)
     y = y * np.tan(angle) / max(np.tan(swing_angle(y, height, damping)), 1e-6)
     place = np.stack([x * window, y, z * window], 1)
     for axis in range(3):

@@ -38,8 +38,9 @@ NUMBER_NAMES = (
     "magnet", "magnet_reach",
 )  # fmt: skip
 (
-    GX, GY, GZ, DAMPING, MU, LAM, WARP, WEFT, STIFFENING, STRETCH_TIME, VISCOSITY, FRICTION, DRAG, LIFT, WX, WY, WZ,
-    GUST, WAKE, WAKE_TIME, ADDED, BOB, BOB_LENGTH, BOB_NODE, THREAD, THREAD_NODE, THREAD_LENGTH, MAGNET, REACH,
+    GX, GY, GZ, DAMPING, MU, LAM, WARP, WEFT, FIBRE_STIFFENING, STRETCH_TIME, BEND_VISCOSITY, FRICTION, DRAG, LIFT,
+    WX, WY, WZ, GUST, WAKE, WAKE_TIME, ADDED, BOB, BOB_LENGTH, BOB_NODE, THREAD, THREAD_NODE, THREAD_LENGTH, MAGNET,
+    REACH,
 ) = range(len(NUMBER_NAMES))  # fmt: skip
 TIED, POLE = 0, 3  # rows of `poles` [m], per take: fixed end of a thread, position of a magnet
 FIRST_YIELD, SECOND_YIELD = 4.0, 16.0  # 1/m of hinge curvature at which the two friction elements slide
@@ -126,7 +127,7 @@ def on_triangles(home, first, now, dt, x: ti.template(), v: ti.template(), f: ti
                  p: ti.template()):  # fmt: skip
     """Add the membrane's and the air's forces of every triangle; first: the group's first triangle."""
     mu, lam, warp, weft = p[MU], p[LAM], p[WARP], p[WEFT]
-    stiffening, time, drag = p[STIFFENING], p[STRETCH_TIME], p[DRAG]
+    stiffening, time, drag = p[FIBRE_STIFFENING], p[STRETCH_TIME], p[DRAG]
     has_air = drag > 0 or p[LIFT] > 0 or p[WAKE] > 0
     gust = 1.0 + 0.15 * ti.sin(1.9 * now + p[GUST])
     wind = [gust * p[WX], gust * p[WY], gust * p[WZ]]
@@ -193,7 +194,7 @@ def on_hinges(home, first, x: ti.template(), v: ti.template(), f: ti.template(),
               hinges: ti.template(), cotangents: ti.template(), hinge_area: ti.template(), bending: ti.template(),
               curl: ti.template(), p: ti.template()):  # fmt: skip
     """Add the bending forces of every hinge; first: the group's first hinge."""
-    viscosity, friction = p[VISCOSITY], p[FRICTION]
+    viscosity, friction = p[BEND_VISCOSITY], p[FRICTION]
     for h in range(hinge_area.shape[0]):
         g = 4 * h
         i, j, k, m = home + hinges[g], home + hinges[g + 1], home + hinges[g + 2], home + hinges[g + 3]

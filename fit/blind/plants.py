@@ -26,9 +26,9 @@ import numpy as np
 from fit.blind.engine import Cloth
 from fit.errors import FitError
 
-SMALLEST, LARGEST = 0.5, 3.0  # times the typical size
+SMALLEST_PLANT, LARGEST_PLANT = 0.5, 3.0  # times the typical size
 
-BOTTOM = ("bottom left", "bottom centre", "bottom right")
+BOTTOM_PLACES = ("bottom left", "bottom centre", "bottom right")
 
 
 class Planted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -65,7 +65,7 @@ class Plant:
 
     def draw(self, rng: np.random.Generator, cloth: Cloth) -> Planted:
         """Draw an amplitude and a direction for this cloth."""
-        least, most = SMALLEST * self.typical, min(LARGEST * self.typical, self.most)
+        least, most = SMALLEST_PLANT * self.typical, min(LARGEST_PLANT * self.typical, self.most)
         amplitude = float(np.exp(rng.uniform(np.log(least), np.log(most))))
         turn, sign, axis = rng.normal(size=len(self.components)), rng.choice([-1.0, 1.0]), rng.integers(8)
         seed = int(rng.integers(2**31))
@@ -136,7 +136,7 @@ def _at_corner(name: str) -> Callable[[Cloth, Planted], Cloth]:
 PLANTS: tuple[Plant, ...] = (
     Plant("bending_hysteresis", "cloth", "N", 2e-4, 1e-3, on_cloth=_field("friction")),
     Plant("rest_curvature", "cloth", "1/m", 5.0, 40.0, ("horizontal", "vertical"), "axis", _pair("curl")),
-    Plant("hem", "cloth", "kg/m", 0.01, 0.05, on_cloth=_hem, place=BOTTOM),
+    Plant("hem", "cloth", "kg/m", 0.01, 0.05, on_cloth=_hem, place=BOTTOM_PLACES),
     Plant("anisotropy", "cloth", "1", 0.7, 2.0, ("stretch", "bending"), "equal",
           _field("stretch_ratio", "bending_ratio")),
     Plant("strain_stiffening", "cloth", "1", 40.0, 120.0, on_cloth=_field("stiffening")),

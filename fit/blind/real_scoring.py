@@ -34,7 +34,7 @@ from formats.results import load_diagnosis
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
 RIGHT_SIZE = 0.5  # of the planted amplitude
-RENAMED = {("corner_erosion", ""): "corners"}  # components with another name in the library
+COMPONENT_IN_LIBRARY = {("corner_erosion", ""): "corners"}  # components with another name in the library
 
 
 class RealJudged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -169,7 +169,7 @@ def _parts(finding: EffectFinding) -> dict[str, float]:
 
 def _vectors(plant: Planted, first: EffectFinding, second: EffectFinding) -> tuple[Floats, Floats, Floats]:
     """Return the planted amount and both estimates as vectors of common components."""
-    wanted = {RENAMED.get((plant.id, name), name): value for name, value in plant.components.items()}
+    wanted = {COMPONENT_IN_LIBRARY.get((plant.id, name), name): value for name, value in plant.components.items()}
     was, now = _parts(first), _parts(second)
     names = sorted({*wanted, *was, *now})
     rows = [[part.get(name, 0.0) for name in names] for part in (wanted, was, now)]

@@ -26,7 +26,7 @@ from fit.blind.seal import sha256_of
 from fit.errors import FitError
 from formats.whole_files import write_whole
 
-ANSWERS_HASHES, SCORE, LOOKS = "answers.sha256", "score.json", "looks.jsonl"
+ANSWERS_HASHES, SCORE, LOOKS_FILE = "answers.sha256", "score.json", "looks.jsonl"
 HEADLINE_BIN = "2 to 4"
 SCORE_FORMAT = "hangtime-blind-score/1"
 ORACLE_LEAST = 0.05  # of the gap: below this closure, a ratio of closures is undefined
@@ -125,7 +125,7 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
         raise FitError("the public files are not those that were made", where=folder, advice="make the set again")
     hashed, answered = hash_answers(folder, answers, some=some)
     labels = open_labels(folder)
-    looks = folder / LOOKS
+    looks = folder / LOOKS_FILE
     before = looks.read_text() if looks.exists() else ""
     look = 1 + len(before.splitlines())
     score: Score | RealScore

@@ -28,7 +28,7 @@ from fit.errors import FitError
 from formats.whole_files import write_whole
 
 STRUCK, STRUCK_FORMAT = "struck.json", "hangtime-blind-struck/1"
-LEAST = 2.0  # times the minimum detectable amplitude
+LEAST_STRUCK = 2.0  # times the minimum detectable amplitude
 Said = Literal["unknown", "twin", "other", "nothing"]
 
 
@@ -70,7 +70,7 @@ class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def strike_set(
-    folder: Path, answers: Path, out: Path, *, least: float = LEAST, command: Sequence[str] = (),
+    folder: Path, answers: Path, out: Path, *, least: float = LEAST_STRUCK, command: Sequence[str] = (),
     options: Sequence[str] = (), again: bool = False, limit: float = LIMIT, workers: int = 1,
     progress: Progress = lambda done, total, failed: None,
 ) -> Struck:  # fmt: skip

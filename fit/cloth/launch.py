@@ -36,7 +36,7 @@ Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 Progress = Callable[[float], None]
-PIECES = 100  # parts of a simulation that reports its progress and can be interrupted between them
+PIECES_REPORTED = 100  # parts of a simulation that reports its progress and can be interrupted between them
 NUMBERS_A_PIECE = 5e7  # coordinates times steps of one part, about a second of one core: Ctrl-C waits for its end
 
 
@@ -49,7 +49,7 @@ def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | Non
             if progress is not None:
                 progress((number + share) / len(calls))
 
-        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 0, report)
+        _call(tasks, lanes, observer_hz, PIECES_REPORTED if progress is not None else 0, report)
 
 
 def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progress: Progress) -> None:
@@ -84,7 +84,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progre
 
 def pieces_for(steps: int, numbers: int) -> int:
     """Return in how many calls a simulation of some steps and coordinates runs, so that Ctrl-C is soon obeyed."""
-    return min(PIECES, 1 + int(steps * numbers / NUMBERS_A_PIECE))
+    return min(PIECES_REPORTED, 1 + int(steps * numbers / NUMBERS_A_PIECE))
 
 
 def _pieces(clock: Clock, pieces: int) -> Iterator[float]:

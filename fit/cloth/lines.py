@@ -23,7 +23,7 @@ from formats.arrays import Indices, Singles
 
 IN_LINES = 0  # instead of a number of nodes: samples or bends are evaluated by lines
 LINE_ENTRIES = 5  # entries of a line in the arrays of weights and nodes; the last node entry is unused
-SAME = 1e-6  # of the largest weight: tolerance of rounding errors
+SAME_WITHIN = 1e-6  # of the largest weight: tolerance of rounding errors
 
 D, B = (of(spectral.gauss(spectral.POLYNOMIAL_ORDER)[0]) for of in (spectral.slopes, spectral.values))
 C = spectral.curvatures(spectral.LOBATTO_NODES[1:3])
@@ -44,7 +44,7 @@ def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Indices, Singles]:
         lines = nodes.reshape(-1, spectral.POLYNOMIAL_ORDER, count)
         slopes = weights.reshape(lines.shape)
         scale = slopes[:, :1, :1] / D[0, 0]
-        if (lines == lines[:, :1]).all() and (np.abs(slopes - scale * D) < SAME * np.abs(scale)).all():
+        if (lines == lines[:, :1]).all() and (np.abs(slopes - scale * D) < SAME_WITHIN * np.abs(scale)).all():
             filled = np.concatenate([lines[:, 0], lines[:, 0, :1]], axis=1)
             return IN_LINES, filled.ravel(), (scale[:, 0] * np.array(UNIT_SLOPES)).astype(np.float32).ravel()
     return count, nodes.ravel(), weights.astype(np.float32).ravel()
@@ -72,7 +72,7 @@ def bends_by_line(mesh: ClothMesh) -> tuple[tuple[int, ...], Singles]:
         )
         curved = weights[pairs].reshape(nodes.shape)
         scale = curved[:, :, :1] / C[:, :1]
-        fits = (np.abs(curved - scale * C) < SAME * np.abs(scale)).all()
+        fits = (np.abs(curved - scale * C) < SAME_WITHIN * np.abs(scale)).all()
         if fits and (nodes[:, 0] == nodes[:, 1]).all() and (kind[:, 0] == kind[:, 1]).all():
             curved[:, :, :1] = scale
             weights[pairs] = curved.ravel()

@@ -37,7 +37,7 @@ PAIR_DISTANCE = 0.005  # m beyond contact; the pair list is rebuilt when a sampl
 MOVED = 2.5  # times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it, see `beside`
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
-CARRIED, FRICTION, CLEARANCE_AT, INSTANT, THICKNESS_AT = range(5)  # of the numbers behind those of the quads
+CARRIED_AT, FRICTION_AT, CLEARANCE_AT, INSTANT, THICKNESS_AT = range(5)  # of the numbers behind those of the quads
 WAY_NOW, WAY_CHOSEN, WAY_WATCHED, WAYS = range(4)  # of a group's ways; how many
 POSE = 12  # numbers of a pose
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
@@ -45,7 +45,7 @@ MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARK
 LIST_COUNTS = 6  # how many of them
 HEADER_SIZES = 6  # sizes at the front of `whole`
 WORD = 32  # bits
-TINY = 1e-20  # m^4 or m: added against division by zero
+TINY_DIVISOR = 1e-20  # m^4 or m: added against division by zero
 
 
 @ti.func
@@ -178,9 +178,9 @@ def body_distance(p0, p1, p2, body, alone: ti.template()):
     # Outside, the direction points away from the nearest surface point; inside, towards the nearest side.
     zero = 0.0 * p0
     one = zero + 1.0
-    g0 = ti.select(deepest < zero, ti.select(q0 >= deepest, one, zero), o0 / (outside + TINY))
-    g1 = ti.select(deepest < zero, ti.select(q1 >= deepest, one, zero), o1 / (outside + TINY))
-    g2 = ti.select(deepest < zero, ti.select(q2 >= deepest, one, zero), o2 / (outside + TINY))
+    g0 = ti.select(deepest < zero, ti.select(q0 >= deepest, one, zero), o0 / (outside + TINY_DIVISOR))
+    g1 = ti.select(deepest < zero, ti.select(q1 >= deepest, one, zero), o1 / (outside + TINY_DIVISOR))
+    g2 = ti.select(deepest < zero, ti.select(q2 >= deepest, one, zero), o2 / (outside + TINY_DIVISOR))
     g0, g1 = ti.select(p0 < zero, zero - g0, g0), ti.select(p1 < zero, zero - g1, g1)
     g2 = ti.select(p2 < zero, zero - g2, g2)
     taper, half = alone[body + TAPER], alone[body + 14]
@@ -310,7 +310,7 @@ def face_quad(q, first, at, samples, whole: ti.template(), memory: ti.template()
     p0, p1, p2 = memory[at + FIRST], memory[at + FIRST + 1], memory[at + FIRST + 2]
     r0, r1, r2 = memory[at + SECOND], memory[at + SECOND + 1], memory[at + SECOND + 2]
     n0, n1, n2 = p1 * r2 - p2 * r1, p2 * r0 - p0 * r2, p0 * r1 - p1 * r0
-    square = n0 * n0 + n1 * n1 + n2 * n2 + TINY
+    square = n0 * n0 + n1 * n1 + n2 * n2 + TINY_DIVISOR
     # t^1 = t_2 x N / N.N and t^2 = N x t_1 / N.N with N = t_1 x t_2.
     memory[at + FIRST] = (r1 * n2 - r2 * n1) / square
     memory[at + FIRST + 1] = (r2 * n0 - r0 * n2) / square
@@ -332,7 +332,7 @@ def find_pairs(
     """Rebuild the lists if an unlisted pair may have come near since their last update."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
-    carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE_AT]
+    carried, clearance = alone[numbers + CARRIED_AT], alone[numbers + CLEARANCE_AT]
     thickness = alone[numbers + THICKNESS_AT + b]
     before, watched = then + 3 * nodes * groups, LIST_COUNTS + 2 * (samples + count) + most
     margin = PAIR_DISTANCE

@@ -15,7 +15,7 @@ from fit.cloth.nearby import (
     BODY,
     CLEARANCE_AT,
     FORCE,
-    FRICTION,
+    FRICTION_AT,
     HEADER_SIZES,
     LIST_COUNTS,
     NORMAL,
@@ -153,7 +153,7 @@ def touching(
         drive(b, groups, time, moving, whole, alone)
     find_pairs(b, mine, home, nodes, first, front, then, gauge, x, whole, memory, alone, groups, lanes)
     numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
-    friction, clearance = alone[numbers + FRICTION], alone[numbers + CLEARANCE_AT]
+    friction, clearance = alone[numbers + FRICTION_AT], alone[numbers + CLEARANCE_AT]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     stiffness, viscosity = 0.5 * CONTACT_OMEGA * CONTACT_OMEGA * density, CONTACT_DAMPING * CONTACT_OMEGA * density
     for n in range(whole[mine + SPOTS]):

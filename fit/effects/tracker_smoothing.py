@@ -25,7 +25,7 @@ from fit.cloth.effect import Effect
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-ACROSS = 0.7  # cosine of 45 degrees: a pair of neighbours further from another pair crosses that pair
+ACROSS_BELOW = 0.7  # cosine of 45 degrees: a pair of neighbours further from another pair crosses that pair
 FARTHEST_PAIR = 2.0  # times as far as the nearest pair, within which one across it is a neighbour
 
 
@@ -75,7 +75,9 @@ def opposite_neighbours(places: Floats) -> Floats:
         chosen = other & (reach <= 1.01 * reach[other].min())
         along = (places[q] - places[p]) / np.maximum(reach, tolerance)[:, None]
         across = (
-            other & (np.abs(along @ along[chosen].T).max(1) < ACROSS) & (reach < FARTHEST_PAIR * reach[chosen].min())
+            other
+            & (np.abs(along @ along[chosen].T).max(1) < ACROSS_BELOW)
+            & (reach < FARTHEST_PAIR * reach[chosen].min())
         )
         if across.any():
             chosen |= across & (reach <= 1.01 * reach[across].min())

@@ -34,12 +34,12 @@ from formats.arrays import Floats
 # a frame at every frame rate of the scene (24 to 60 tried). So no other rate keeps time. Measured with 5.0.1, tested
 # with 5.2.3.
 BLENDER_FPS = 30
-LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
+APPROACH, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
 SHEAR_OF_TENSION = 0.1  # 1, as in `fit.methods.kinect_skirt`
 MOST_AIR = 10.0  # Blender's largest air_damping
 AIR_RATE = 0.01  # N s/m per vertex and unit of air_damping
 FRAMES_PER_SECOND_OF_VELOCITY = 25.0  # 1/s: the method's Velocity is a share kept per frame of 1/25 s
-NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
+PARAMETERS_NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
 
 
 def check_blender(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
@@ -54,7 +54,7 @@ def check_blender(method: Parameterisation, effects: tuple[Effect, ...]) -> None
 
 
 def _check_fit(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
-    if tuple(p.name for p in method.parameters) != NEEDED:
+    if tuple(p.name for p in method.parameters) != PARAMETERS_NEEDED:
         raise FitError(
             f"Blender has no {method.name} parameters", where="--engine", advice="use --method kinect-skirt with it"
         )
@@ -97,7 +97,7 @@ class BlenderEngine:
             settings=blender_settings(vectors),
         )["nodes"].astype(float)  # fmt: skip
         points = np.einsum("pw,cfpwx->cfpx", self.grid.point_weights, nodes[:, :, self.grid.point_nodes])
-        instants = (self._recording.time + LEAD + SETTLE) * BLENDER_FPS
+        instants = (self._recording.time + APPROACH + SETTLE) * BLENDER_FPS
         before = np.minimum(instants.astype(int), points.shape[1] - 2)
         share = (instants - before)[:, None, None]
         return np.asarray((1 - share) * points[:, before] + share * points[:, before + 1])
@@ -114,8 +114,8 @@ def blender_settings(vectors: Floats) -> Floats:
 
 def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     """Return node positions [m], (frames, nodes, 3): flat first; in later frames only the held nodes count."""
-    frames = int(np.ceil((recording.duration + LEAD + SETTLE) * BLENDER_FPS)) + 2
-    instants = np.arange(frames) / BLENDER_FPS - LEAD - SETTLE
+    frames = int(np.ceil((recording.duration + APPROACH + SETTLE) * BLENDER_FPS)) + 2
+    instants = np.arange(frames) / BLENDER_FPS - APPROACH - SETTLE
     ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)
     share = grid.held_fraction[None, :, None]
     held = (1 - share) * ends[:, None, 0] + share * ends[:, None, 1]
@@ -124,6 +124,6 @@ def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     local = grid.rest - 0.5 * (grid.rest[grid.held_nodes[0]] + grid.rest[grid.held_nodes[-1]])
     flat = ends[0].mean(0) + local[:, :1] * along + local[:, 1:] * np.array([0.0, 0.0, 1.0])
     path = np.repeat(flat[None], frames, 0)
-    lead = np.clip((instants + LEAD + SETTLE) / LEAD, 0.0, 1.0)[:, None, None]
+    lead = np.clip((instants + APPROACH + SETTLE) / APPROACH, 0.0, 1.0)[:, None, None]
     path[:, grid.held_nodes] = (1 - lead) * flat[None, grid.held_nodes] + lead * held
     return path

@@ -27,10 +27,10 @@ from formats.take import Take
 
 FILMS = (*CODECS, ".gif")
 SUFFIXES = (*FILMS, ".usdc", ".glb")
-LIBRARIES = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
-SMALLEST, LARGEST = 64, 4096  # px
+LIBRARIES_OF_FILMS = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
+SMALLEST_SIDE, LARGEST_SIDE = 64, 4096  # px
 
-SIMULATED = 0.6  # of the time of a film: approximate share of its simulation
+SIMULATED_SHARE = 0.6  # of the time of a film: approximate share of its simulation
 Show = Callable[[float, str], None]
 
 
@@ -113,15 +113,15 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
         raise FitError(
             f"{suffix or 'no ending'} is no format for motion", where=path, advice=f"use {', '.join(SUFFIXES)}"
         )
-    if not all(SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
+    if not all(SMALLEST_SIDE <= n <= LARGEST_SIDE and n % 2 == 0 for n in size):
         raise FitError(
             f"no film is {size[0]} x {size[1]} pixels large", where="--size",
-            advice=f"give even numbers from {SMALLEST} to {LARGEST}, as in 960x720",
+            advice=f"give even numbers from {SMALLEST_SIDE} to {LARGEST_SIDE}, as in 960x720",
         )  # fmt: skip
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)
-    for library in LIBRARIES.get(suffix, ()):
+    for library in LIBRARIES_OF_FILMS.get(suffix, ()):
         if find_spec(library) is None:
             raise ModuleNotFoundError(f"No module named {library!r}", name=library)
 
@@ -145,7 +145,7 @@ def animate(
 def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, overwrite: bool) -> Animated:
     suffix = path.suffix.lower()
     is_film = suffix in FILMS
-    moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
+    moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED_SHARE if is_film else 1.0))
     moving = dataclasses.replace(moving, remarks=(*remarks_on_take(scene.result, scene.take), *moving.remarks))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":
@@ -153,7 +153,7 @@ def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, ov
     elif suffix == ".glb":
         raw = caches.gltf(scene.result, fabric, moving)
     else:
-        drawn = _part(show, "drawing", SIMULATED, 1.0)
+        drawn = _part(show, "drawing", SIMULATED_SHARE, 1.0)
         words = " ".join([*caches.words(scene.result, fabric), *moving.remarks])
         raw = film(moving, suffix, words, size, lambda done, total: drawn(done / total))
     write_bytes(path, raw, overwrite=overwrite)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.engines.blender import AIR_RATE, BLENDER_FPS, NEEDED, blender_settings
+from fit.engines.blender import AIR_RATE, BLENDER_FPS, PARAMETERS_NEEDED, blender_settings
 from fit.errors import FitError
 from fit.export.about import caution_lines, origin_lines
 from fit.export.fabric import Fabric, why_no_fabric
@@ -57,8 +57,8 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
 def _six(result: FitResult, fabric: Fabric | None) -> Any:
     """Return the method's six parameters, (6,): those of the fit, or the fabric's by the inverse map."""
     found = {p.name: p.fitted for p in result.parameters}
-    if set(NEEDED) <= found.keys():
-        return np.array([found[name] for name in NEEDED])
+    if set(PARAMETERS_NEEDED) <= found.keys():
+        return np.array([found[name] for name in PARAMETERS_NEEDED])
     if fabric is None:
         raise FitError(
             why_no_fabric(result),

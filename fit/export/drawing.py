@@ -22,24 +22,25 @@ from formats.arrays import Floats, Integers
 from formats.plain_text import in_one_line
 
 BESIDE, ABOVE = np.radians(52.0), np.radians(10.0)  # rad, where the camera stands: swings and strides show there
-LEFT = np.radians(-46.0)  # rad by which the light of a figure is turned about the vertical
+LIGHT_TURN = np.radians(-46.0)  # rad by which the light of a figure is turned about the vertical
 CAMERA_DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
 OUTSIDE_FIRST = 0.01  # m: depth offset of the outside of cloth, as layers in contact may overlap by this much
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
 AMBIENT = 0.42  # share of the light that comes from everywhere
 TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
-FRONT, BACK = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
+FRONT_COLOUR, BACK_COLOUR = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
 SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])
-BAR, WORDS = (70, 74, 80), (60, 64, 70)
+BAR_COLOUR, WORDS = (70, 74, 80), (60, 64, 70)
 LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px: legible at arm's length
 TITLE_LINES = 3.0  # times the letters' size: space for text at the top
 LEAST_TITLED = 200  # px: below this height the cloth fills the picture without text
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
-PIECES = 24  # of a line on the floor
-FLOOR_LINES, SMALL_LINES, SMALL = 0.5, 0.2, 1.2  # m: between lines; the same below motion of a smaller extent than this
+PIECES_OF_A_LINE = 24  # of a line on the floor
+FLOOR_LINES, SMALL_LINES = 0.5, 0.2  # m between lines: of large motion, and of small motion
+SMALL_EXTENT = 1.2  # m: motion of a smaller extent is small
 LINE_SHARE, FLOOR_SPANS = 0.024, 6  # width of a line over the distance of lines, and these distances from end to end
 BELOW_CLOTH = 0.15  # times the height of hanging cloth, from its lowest place down to the floor
 Seen = Callable[[Floats], Floats]
@@ -88,14 +89,14 @@ class Stage:
         every = np.concatenate([every, every * [1.0, 1.0, 0.0] + [0.0, 0.0, self._floor_at]])  # with their shadows
         self._middle = 0.5 * (low + high)
         extent = float(np.linalg.norm(high - low))
-        self._apart = FLOOR_LINES if extent > SMALL else SMALL_LINES
+        self._apart = FLOOR_LINES if extent > SMALL_EXTENT else SMALL_LINES
         self._distance = CAMERA_DISTANCE * extent
         reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
         self._letter = max(LETTER_SHARE * size[1], SMALLEST_LETTER)
         self._title = round(TITLE_LINES * self._letter) if size[1] >= LEAST_TITLED else 0
         free = np.array([size[0], size[1] - self._title])
         self._scale = FILLED * float(np.min(0.5 * free / reach))
-        turn = 0.0 if moving.figure is None else LEFT
+        turn = 0.0 if moving.figure is None else LIGHT_TURN
         cos, sin = np.cos(turn), np.sin(turn)
         light = np.array(
             [
@@ -132,7 +133,7 @@ class Stage:
         p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         is_front = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] < 0
         corners[..., 2] -= OUTSIDE_FIRST * is_front[:, None]
-        faces = [_faces(corners, _corner_normals(places, triangles), FRONT, BACK)]
+        faces = [_faces(corners, _corner_normals(places, triangles), FRONT_COLOUR, BACK_COLOUR)]
         if moving.figure is not None:
             body, parts = moving.figure.places(float(moving.time[frame])), moving.figure.triangles
             faces.append(_faces(seen(body)[parts], _corner_normals(body, parts), SKIN, SKIN))
@@ -160,7 +161,7 @@ class Stage:
         rim = END_SIZE * FINER * np.stack([np.cos(turns), np.sin(turns)], 1)
         discs = [np.array([end, end + rim[k], end + rim[k + 1]]) for end in ends[:, :2] for k in range(12)]
         flat = np.concatenate([quad[[[0, 1, 2], [0, 2, 3]]], discs])
-        return _flat(np.concatenate([flat, np.full((len(flat), 3, 1), 1e-2)], 2), np.array(BAR))
+        return _flat(np.concatenate([flat, np.full((len(flat), 3, 1), 1e-2)], 2), np.array(BAR_COLOUR))
 
     def _shadow(self, seen: Seen, corners: Floats) -> Faces:
         """Return triangles, (n, 3, 3), projected vertically onto the floor."""
@@ -179,9 +180,11 @@ class Stage:
             middle = apart * np.round(followed[axis] / apart)
             for k in range(-count, count + 1):
                 at, low = middle + k * apart, followed[1 - axis] - half
-                quad = np.full((PIECES, 4, 3), self._floor_at)
+                quad = np.full((PIECES_OF_A_LINE, 4, 3), self._floor_at)
                 quad[..., axis] = at + LINE_SHARE * apart * np.array([-0.5, 0.5, 0.5, -0.5])
-                quad[..., 1 - axis] = low + 2 * half / PIECES * (np.arange(PIECES)[:, None] + np.array([0, 0, 1, 1]))
+                quad[..., 1 - axis] = low + 2 * half / PIECES_OF_A_LINE * (
+                    np.arange(PIECES_OF_A_LINE)[:, None] + np.array([0, 0, 1, 1])
+                )
                 quads.append(quad)
         corners = np.concatenate(quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
         return _flat(seen(corners) + np.array([0.0, 0.0, 2 * BEHIND]), LINE)

@@ -24,8 +24,8 @@ NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
 RAMP, REST = 0.6, 1.0  # s
 SHORTEST, LONGEST = 2.0, 60.0  # s
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
-TURN = np.radians(40.0)  # of a twist
-RATE = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
+TWIST_TURN = np.radians(40.0)  # of a twist
+RATES = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
 MOTION_FPS = 30.0  # frames a second of a new motion
 HUNG_SIDE = 0.4  # m: side of a swatch without a take
 
@@ -41,9 +41,9 @@ def displaced(ends: Floats, way: str, instants: Floats, seconds: float) -> Float
     size = _smooth(instants / RAMP) * _smooth((seconds - REST - instants) / RAMP)
     shift, turn = np.zeros((len(instants), 3)), np.zeros(len(instants))
     for one in ways:
-        wave = share * size * np.sin(2 * np.pi * RATE[one] * instants)
+        wave = share * size * np.sin(2 * np.pi * RATES[one] * instants)
         if one == "twist":
-            turn += TURN * wave
+            turn += TWIST_TURN * wave
         else:
             shift += AMPLITUDE[one] * wave[:, None] * axes[one]
     cos, sin = np.cos(turn), np.sin(turn)

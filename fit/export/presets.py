@@ -58,7 +58,7 @@ SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0
 EDGE_SHARE = 4 / 3  # of B: every edge of an even grid, K_s = K_d
 ONE_NUMBER_SHARE = 2 / (3 - np.sqrt(2))  # of B: K_s where K_d = sqrt(2) K_s
 FLEX_SHARE = 6 / 5  # of B: where K_d = 2 K_s
-FEWEST_STEPS = 4.0  # steps per period of the fastest node, for MuJoCo's semi-implicit Euler
+FEWEST_STEPS_A_PERIOD = 4.0  # steps per period of the fastest node, for MuJoCo's semi-implicit Euler
 BY_EDGE = (
     "edge_ke is right for bends along the grid, and a quarter too stiff along its diagonals. edge_ke_by_edge, set in "
     "ModelBuilder.edge_bending_properties, is right along both."
@@ -180,4 +180,4 @@ def _timestep(fabric: Fabric, sheet: Sheet) -> float:
     density = fabric["areal_density"].value
     wave = np.sqrt(4 * fabric.mean_of_ways("stretch") / density) / shortest
     bend = np.sqrt(16 * fabric.mean_of_ways("bending") / density) / shortest**2
-    return float(min(2e-3, 1 / (FEWEST_STEPS / 2 * np.hypot(wave, bend))))
+    return float(min(2e-3, 1 / (FEWEST_STEPS_A_PERIOD / 2 * np.hypot(wave, bend))))

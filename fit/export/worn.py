@@ -25,7 +25,7 @@ from fit.export.new_motion import MOTION_FPS, SHORTEST, hung_still
 from fit.export.solids import Solids
 from fit.figure.bvh import read_bvh
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
-from fit.figure.gait import ARM_OUT, NORMAL, check_speed, walk
+from fit.figure.gait import ARM_OUT, NORMAL_SPEED, check_speed, walk
 from fit.figure.parts import figure_in, figure_in_shirt
 from fit.figure.shirt import arms_out, plain_shirt, sewn_shirt
 from fit.figure.skeleton import STANDARD_HEIGHT, SkeletonMotion
@@ -56,7 +56,7 @@ class FigureOrder:
     kind: str = "walk"
     wear: str = "skirt"
     bvh: Path | None = None
-    speed: float = NORMAL  # m/s
+    speed: float = NORMAL_SPEED  # m/s
     height: float = STANDARD_HEIGHT  # m
 
     def check(self, seconds: float) -> None:

@@ -27,7 +27,7 @@ from formats.whole_files import check_ends
 
 LEAD = 2.0  # s
 ON_FLOOR = 0.2  # share of the frames in which the lower foot may be below the floor, because captured feet tremble
-LARGEST = 50_000_000  # bytes
+LARGEST_BVH = 50_000_000  # bytes
 SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
 LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
 FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
@@ -49,7 +49,7 @@ SUGGESTED = {
     "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
 }  # fmt: skip
 BONES = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-NEEDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+JOINTS_NEEDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 
 
 @dataclass
@@ -91,7 +91,7 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
     """Return the joints of a file, its times [s], and the joints' positions in its units, (frames, joints, 3)."""
     try:
         check_ends(path)
-        if path.stat().st_size > LARGEST:
+        if path.stat().st_size > LARGEST_BVH:
             raise FitError("the file is too large for a BVH file", where=path, advice="give a shorter motion")
         raw = path.read_bytes()
         text = raw.decode(encoding_of(raw[:4]), errors="replace")
@@ -214,7 +214,7 @@ def _named(path: Path, joints: list[_Joint]) -> dict[str, int]:
             match = next((plain.index(w) for w in wanted if w in plain), None)
             if match is not None:
                 index[f"{side}_{part}"] = match
-            elif part in NEEDED:
+            elif part in JOINTS_NEEDED:
                 raise FitError(
                     f"has no joint that is a {side} {part}", where=path,
                     advice=f"name it {side.capitalize()}{SUGGESTED[part]}; it has {', '.join(_few(joints))}",

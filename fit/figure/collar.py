@@ -21,7 +21,7 @@ from formats.garment import Garment
 APART, HEIGHT = 0.012, 0.034  # m from the neck, nearer in front by the tilt; of the height, above the shoulders' joints
 TILT = np.radians(12.0)  # rad, lower in front: with DIP the neck is as high behind as on the shoulders
 DIP = 0.018  # m: depth of its middle in front and behind
-PIECES = 64  # of a quarter
+PIECES_OF_A_QUARTER = 64  # of a quarter
 
 
 def half_side(garment: Garment, radius: float) -> float:
@@ -59,5 +59,5 @@ def collar_places(way: Floats, is_back: Booleans, radius: float, half: float) ->
 
 def _quarter(radius: float) -> Floats:
     """Return the curved quarter of the collar from its right end to its middle [m], (pieces + 1, 3)."""
-    turn = np.linspace(0, np.pi / 2, PIECES + 1)
+    turn = np.linspace(0, np.pi / 2, PIECES_OF_A_QUARTER + 1)
     return np.stack([-radius * np.cos(turn), radius * np.sin(turn), -DIP * np.sin(turn) ** 2], 1)

@@ -26,10 +26,10 @@ from formats.arrays import Booleans, Floats, Indices
 
 GROWING, GROWN = 120, 150  # steps of the body's growth, and of the cloth's relaxation after it
 SIDE_ROUNDS = 6  # of the sides in each step
-THREAD = 0.02  # of a body's size, at first
+FIRST_SIZE = 0.02  # of a body's size, at first
 HALF_APART = 0.004  # m of either layer from the middle, at first
 SINKING = 1e-5  # m per round: sinking, so that loose hems fall instead of folding
-SMALL = 1e-5  # m: step of the finite differences of a gradient
+SMALL_STEP = 1e-5  # m: step of the finite differences of a gradient
 PUSH = 1.2  # of the mean correction: over-relaxation
 
 
@@ -58,7 +58,7 @@ def dressed(
     front_most, back_most = origin[1] - HALF_APART, origin[1] + HALF_APART
     touched = np.maximum(np.bincount(sides.ravel(), minlength=len(places)), 1)[:, None]
     begun = places[held].copy()
-    for size in np.concatenate([np.linspace(THREAD, 1.0, GROWING), np.ones(GROWN)]):
+    for size in np.concatenate([np.linspace(FIRST_SIZE, 1.0, GROWING), np.ones(GROWN)]):
         grown = [_sized(body, float(size)) for body in bodies]
         for _ in range(SIDE_ROUNDS):
             way = places[sides[:, 0]] - places[sides[:, 1]]
@@ -104,7 +104,7 @@ def _push_out(places: Floats, body: Body, gap: float) -> None:
     near, distance = near[distance < gap], distance[distance < gap]
     if not len(near):
         return
-    ahead, behind = body.distance(places[near] + SMALL * np.concatenate([np.eye(3), -np.eye(3)])[:, None]).reshape(
+    ahead, behind = body.distance(places[near] + SMALL_STEP * np.concatenate([np.eye(3), -np.eye(3)])[:, None]).reshape(
         2, 3, -1
     )
     slope = (ahead - behind).T

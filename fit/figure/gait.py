@@ -8,7 +8,7 @@ the start of the walk.
 Step length over cadence is constant, W = 0.006 m min: a speed v [m/s] has steps of sqrt(60 v W). The pelvis goes
 steadily. It rises twice a stride, and moves over the leg that stands. It turns with the leg that goes ahead, and drops
 on the side of the leg that swings. All of these, and the arms' swing, shrink with the step. The figure stands first,
-and its steps grow within RAMP.
+and its steps grow within STEPS_RAMP.
 
 Sources:
 
@@ -51,7 +51,7 @@ from fit.figure.skeleton import (
 from formats.arrays import Floats
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
-SLOWEST, NORMAL, FASTEST = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
+SLOWEST, NORMAL_SPEED, FASTEST = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
 WALK_RATIO = 0.006  # m min, step length over steps a minute
 STANCE = 0.62  # of a stride: stance of a foot
 NORMAL_STEP = 0.75  # m, of a man's normal walk, at which the pelvis moves as its source says
@@ -67,7 +67,7 @@ SMOOTHED = 0.015  # of a stride, standard deviation of the smoothing of a piecew
 FOOT_OUT = 0.8  # times the hips' offset: distance of the ankles from the middle
 CLEARED = 0.03  # m: lift of a foot in its swing, in addition to the lift by its rotation
 LONGEST_LEG = 0.999  # of thigh and shank: largest length of a leg, as no knee is fully straight
-RAMP = 1.6  # s
+STEPS_RAMP = 1.6  # s
 
 
 def step_length(speed: float) -> float:
@@ -86,7 +86,7 @@ def check_speed(speed: float) -> None:
 
 
 def walk(
-    seconds: float, speed: float = NORMAL, height: float = STANDARD_HEIGHT, arms_out: float = ARM_OUT
+    seconds: float, speed: float = NORMAL_SPEED, height: float = STANDARD_HEIGHT, arms_out: float = ARM_OUT
 ) -> SkeletonMotion:
     """Return a figure of a height [m] that stands, and then walks towards -y at a speed [m/s].
 
@@ -98,7 +98,7 @@ def walk(
     check_speed(speed)
     time: Floats = np.asarray(np.arange(int(np.ceil(seconds / BETWEEN_INSTANTS)) + 2) * BETWEEN_INSTANTS, float)
     step = step_length(speed)
-    share = np.clip(time / RAMP, 0.0, 1.0)
+    share = np.clip(time / STEPS_RAMP, 0.0, 1.0)
     share = np.asarray(share**3 * (10 - 15 * share + 6 * share**2))
     phase = {"left": time * speed / (2 * step), "right": time * speed / (2 * step) + 0.5}
     ahead = np.concatenate([[0.0], np.cumsum(speed * 0.5 * (share[1:] + share[:-1]) * BETWEEN_INSTANTS)])
@@ -218,5 +218,5 @@ def _upper(middle: Floats, size: Floats, gone: Floats, height: float, aside: Flo
 
 def standing(height: float, arms_out: float = ARM_OUT) -> dict[str, Floats]:
     """Return the joints of a standing figure [m], (3,) each; arms_out [rad]: angle of its arms from the vertical."""
-    motion = walk(BETWEEN_INSTANTS, NORMAL, height, arms_out)
+    motion = walk(BETWEEN_INSTANTS, NORMAL_SPEED, height, arms_out)
     return {name: places[0] for name, places in motion.joints.items()}

@@ -31,7 +31,7 @@ Progress = Callable[[str, float], None]
 FIRST_FREQUENCY = 1.0  # Hz: fits from any start agree, and the residual still depends on the stiffnesses
 FIRST_LOOKS, LOOKS = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
 CARRIED = 12  # best places, simulated under both pulls
-APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
+STARTS_APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
 STARTS, MOST_STARTS = 2, 4  # base fits, and at most while the best two disagree: stated by us
 COARSER = 1.5  # spacing of the mesh for the first search of starts
 COARSEST_LOOKED_AT = 0.06  # m, unless the mesh itself is coarser
@@ -147,7 +147,7 @@ def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
     """Return at least STARTS places, (parameters,) each: the first, and each later one far from those chosen before."""
     units, chosen = Problem(observer).space.to_unit(places), [0]
     for n, unit in enumerate(units):
-        if np.abs(units[chosen] - unit).max(1).min() > APART:
+        if np.abs(units[chosen] - unit).max(1).min() > STARTS_APART:
             chosen.append(n)
     near = [n for n in range(len(units)) if n not in chosen]
     return [places[n] for n in (chosen + near[: max(STARTS - len(chosen), 0)])[:MOST_STARTS]]

@@ -39,7 +39,7 @@ from formats.arrays import Floats, Integers
 INTERVAL_REPLICAS = 1000  # draws of blocks, stated by us: a share of them has a deviation of 0.016 at most
 SIGNIFICANT_GAP = 1.2  # squared ratio of base error to floor, stated by us: below, no gap exists
 SMALLEST_GAP = 0.05  # of the squared floor, stated by us; below, closure is not defined
-TINY = 1e-6  # share of the gap that must remain without any one block: stated by us
+LEAST_REMAINDER = 1e-6  # share of the gap that must remain without any one block: stated by us
 LEAST_BLOCKS = 3.0  # independent blocks at least: two degrees of freedom, since the spread of fewer is unknown
 
 
@@ -143,7 +143,7 @@ def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
     whole, blocks, weights = float(gaps.sum()), len(gaps), np.maximum(gaps, 0.0)
     alike = max(effective_count(np.eye(blocks), weights), 1.0)
     effective = max(effective_count(before.between_blocks, weights), LEAST_BLOCKS)
-    rest = np.maximum(whole - weights, TINY * whole)
+    rest = np.maximum(whole - weights, LEAST_REMAINDER * whole)
     squares = float((((gains - value * gaps) / rest) ** 2).sum()) * max(blocks - 1, 1) / blocks
     return Share(value, float(np.sqrt(squares * max(alike / effective, 1.0))), effective - 1)
 

@@ -41,7 +41,7 @@ from scipy.special import j0, jn_zeros
 
 from fit.gap.correlation import Ringing, ringing_of
 from fit.gap.edge_fit import SLOW
-from fit.observer.edge import NUMBERS
+from fit.observer.edge import NUMBERS_A_FRAME
 from fit.observer.residuals import Layout, Observer
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
@@ -260,11 +260,11 @@ def _series_of_edges(layout: Layout, recordings: list[Recording]) -> list[_Serie
         moving, still = mine[layout.frame[mine] >= 0], mine[layout.frame[mine] < 0]
         if not len(moving):
             continue
-        frames = layout.frame[moving].reshape(-1, NUMBERS)[:, 0]
-        index = np.full((len(recording.time), NUMBERS, 1), -1)
-        index[frames, :, 0] = moving.reshape(-1, NUMBERS)
-        sd = np.sqrt(SLOW) * layout.sd[moving].reshape(-1, NUMBERS)
-        unit = np.ones((len(recording.time), NUMBERS))
+        frames = layout.frame[moving].reshape(-1, NUMBERS_A_FRAME)[:, 0]
+        index = np.full((len(recording.time), NUMBERS_A_FRAME, 1), -1)
+        index[frames, :, 0] = moving.reshape(-1, NUMBERS_A_FRAME)
+        sd = np.sqrt(SLOW) * layout.sd[moving].reshape(-1, NUMBERS_A_FRAME)
+        unit = np.ones((len(recording.time), NUMBERS_A_FRAME))
         unit[frames] = sd
         of_noise = (sd**2).sum(0) / SLOW / len(sd) ** 2
         offset = np.sqrt(np.maximum(layout.sd[still] ** 2 - of_noise, 0.0))
@@ -272,7 +272,7 @@ def _series_of_edges(layout: Layout, recordings: list[Recording]) -> list[_Serie
         found.append(
             _Series(
                 number, index, still[:, None], np.full(unit.shape, 1 / np.sqrt(SLOW)), layout.sd[still] / unit, unit,
-                phi, gain, deviation, first + np.arange(NUMBERS), offset, None,
+                phi, gain, deviation, first + np.arange(NUMBERS_A_FRAME), offset, None,
             )
         )  # fmt: skip
     return found

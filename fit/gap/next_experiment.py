@@ -28,7 +28,7 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import NextExperiment
 
-SECONDS, RATE = 4.0, 30.0  # s; frames per second of a proposed recording: stated by us
+SECONDS, FRAME_RATE = 4.0, 30.0  # s; frames per second of a proposed recording: stated by us
 JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
 MOST_ALIVE = 4  # explanations that are compared: stated by us
 WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording
@@ -139,7 +139,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
 
 def imagine(like: Recording, motion: Motion) -> Recording:
     """Return a simulated recording of a motion of the menu, with the same garment, hanger and sensor."""
-    time = np.asarray(np.arange(0, SECONDS, 1 / RATE))
+    time = np.asarray(np.arange(0, SECONDS, 1 / FRAME_RATE))
     ends = like.held(np.zeros(1))[0].reshape(2, 3)
     middle, arm = ends.mean(0), (ends[1] - ends[0]) / 2
     across = np.array([arm[0], arm[1], 0.0])

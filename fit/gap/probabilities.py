@@ -2,7 +2,7 @@
 
 A draw picks blocks of the held-out takes, an error of mesh and solver (`fit.gap.closure.solver_draws`), and a limit.
 The limit is the share of the gap that a true cause may leave unexplained beyond noise, mesh and solver. A true cause
-leaves such a share because the library's laws are not nature's. The limit is logistic about LEFT with a width of
+leaves such a share because the library's laws are not nature's. The limit is logistic about SHARE_LEFT with a width of
 LEFT_WIDTH. It was chosen on cases of known truth (`docs/reference/blind-check.md`). There nearly every effect that left
 less than a tenth was the cause, and about half of those that left a fifth to three fifths. Sound laws of an effect
 leave some of the gap too, which is a second limit (`Evidence.most_by_law`).
@@ -33,7 +33,7 @@ from fit.gap.evidence import (
 )
 from fit.gap.hypotheses import Hypothesis
 
-LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave: chosen on cases of known truth, as above
+SHARE_LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave: chosen on cases of known truth, as above
 ODDS = 4.0  # on development cases, seven of seven with S between 0.3 and 0.65 had their cause in the library
 
 
@@ -43,7 +43,7 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[str, f
     teams = [several, *(h for others in twins for h in others.values())] if several else []
     base, drawn, joint = evidence.drawn(*teams)
     noise = evidence.floor_mm**2
-    limit = np.maximum(np.random.default_rng(1).logistic(LEFT, LEFT_WIDTH, len(base)), 0.0)
+    limit = np.maximum(np.random.default_rng(1).logistic(SHARE_LEFT, LEFT_WIDTH, len(base)), 0.0)
     most = noise + evidence.numerics_mm**2 + limit * (base - noise)
     together, winner = np.zeros(len(base), bool), np.zeros(len(base), int)
     if teams:

@@ -64,7 +64,7 @@ FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "
     "equally well, and rounding may decide which."
 )
-STOPPED = (
+STOPPED_AT_BOUND = (
     "At its bound: {names}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
     "--bounds only narrows the range. A missing effect may drive it there: hangtime diagnose looks for one."
 )
@@ -355,7 +355,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
     if free := [p.name for p in described if not (p.is_identified or p.is_at_bound)]:
         notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
     if stopped := [p.name for p in described if p.is_at_bound]:
-        notes.append(STOPPED.format(names=", ".join(stopped)))
+        notes.append(STOPPED_AT_BOUND.format(names=", ".join(stopped)))
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     errors = FitErrors(

@@ -32,7 +32,7 @@ from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
 HANGS_ON = 0.9  # of the ranges' own variance of a combination's logarithm, that one parameter supplies
-LEAST = 1e-12  # in a combination's unit, far below any cloth's value: the logarithm of a damping of 0 is undefined
+LEAST_COMBINATION = 1e-12  # in its unit, far below any cloth's value: the logarithm of a damping of 0 is undefined
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -61,7 +61,9 @@ def describe_combinations(
     """
     reach = space.slope(fitted)
     step = np.diag(NEARBY * reach)
-    ahead, behind = (np.log(np.maximum(combine(materials(fitted + sign * step)), LEAST)) for sign in (1, -1))
+    ahead, behind = (
+        np.log(np.maximum(combine(materials(fitted + sign * step)), LEAST_COMBINATION)) for sign in (1, -1)
+    )
     slopes = (ahead - behind) / (2 * NEARBY)  # of the logarithms, by shares of the box
     covariance, way = intervals.covariance / np.outer(reach, reach), intervals.way / reach
     before, after = combine(materials(np.stack([initial, fitted])))

@@ -35,7 +35,7 @@ from fit.search.steps import Step
 from formats.arrays import Floats
 
 RIPPLE_TIME = 2.0  # s: duration of the ripples in which descents end
-STARTS = 4  # descents under each pull without looks, the first from the start itself: stated by us
+STARTS_A_PULL = 4  # descents under each pull without looks, the first from the start itself: stated by us
 LOOKS_ACROSS = 3  # at most: looks across the valleys about an end
 WORTH = 0.005  # of the cost: least gain for a further look across, and largest difference between two trials that agree
 NEXT_SEED = 7919  # added to the seed of each further trial, far from seeds that a user would choose in turn
@@ -68,7 +68,7 @@ class ObservedSettings:
     def steps(self) -> int:
         """Return the largest possible number of looks and descents."""
         if not self.looks:
-            return STARTS * len(self.pulls)
+            return STARTS_A_PULL * len(self.pulls)
         proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
         return self.trials * (1 + proposed + len(self.pulls) + LOOKS_ACROSS * (1 + valleys.HOPPED)) + 1
 
@@ -255,7 +255,7 @@ class Run:
         space = self.search.space
         if self.settings.looks:
             return [space.from_unit(self.units[self.first + int(np.argmin(self.costs[self.first :]))])]
-        return [self.start, *space.from_unit(looking.scatter(self.unit, self.settings.seed)[1:STARTS])]
+        return [self.start, *space.from_unit(looking.scatter(self.unit, self.settings.seed)[1:STARTS_A_PULL])]
 
     def _descend(
         self, pull: float, start: Floats, manner: LeastSquaresSettings | None = None

@@ -25,7 +25,7 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats, Integers
 
 FEWEST = 4  # points of an outline
-FRONT = [0, 2]  # axes of the world frame in a view from the front
+FRONT_AXES = [0, 2]  # axes of the world frame in a view from the front
 AT_ONCE = 2_000_000  # distances computed in one batch
 
 
@@ -50,12 +50,12 @@ class OutlineDistance:
                 f"{len(self._edge)} tracked points are on the garment's edge, and in {len(self._frames)} frames all of "
                 "them are seen", where=recording.take_id, advice="fit to the points: --method si",
             )  # fmt: skip
-        self._seen = seen[self._frames][..., FRONT]
+        self._seen = seen[self._frames][..., FRONT_AXES]
         self.remark = ""
 
     def terms(self, simulated: Floats) -> Floats:
         """Return O [m], (candidates, 1)."""
-        edge = simulated[:, self._frames][:, :, self._edge][..., FRONT]
+        edge = simulated[:, self._frames][:, :, self._edge][..., FRONT_AXES]
         return np.array([[self._between(one)] for one in edge])
 
     def _between(self, edge: Floats) -> float:

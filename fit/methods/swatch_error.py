@@ -42,7 +42,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.errors import FitError
-from fit.recordings.recording import FEWEST_PLACES, Recording
+from fit.recordings.recording import FEWEST_SIGHTINGS, Recording
 from fit.recordings.smoothing import CUT_OFF, low_pass
 from formats.arrays import Booleans, Floats, Integers
 from formats.plain_text import shortened
@@ -80,10 +80,10 @@ class SwatchError:
         wanted, _ = recording.targets(recording.time)
         self._seen = recording.valid
         counts = self._seen.sum(0)
-        if counts.min() < FEWEST_PLACES:
+        if counts.min() < FEWEST_SIGHTINGS:
             absent = recording.garment.points[int(np.argmin(counts))].name
             raise FitError(
-                f"the marker {absent!r} was seen in {counts.min()} frames, at least {FEWEST_PLACES} are needed",
+                f"the marker {absent!r} was seen in {counts.min()} frames, at least {FEWEST_SIGHTINGS} are needed",
                 where=recording.take_id,
                 advice="leave it out of the garment",
             )

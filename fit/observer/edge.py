@@ -44,7 +44,7 @@ from formats.arrays import Floats, Integers
 KEPT_NOISE = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FROM_ROW = 1e-3  # m: error of a held edge that is taken from its row at rest, some 30 frames with 3 mm
 FEWEST_STRETCH_POINTS = 2  # for one stretch
-NUMBERS = 4  # of a frame: three of the middle, one of the stretch
+NUMBERS_A_FRAME = 4  # of a frame: three of the middle, one of the stretch
 MOVING_CERTAIN, RESTING_CERTAIN = (
     60.0,
     25.0,
@@ -77,7 +77,7 @@ class EdgeErrors:
     def beyond_noise(self) -> float:
         """The part of the error that exceeds the noise, in multiples of an error beyond all noise."""
         moving = max(self.moving - MOVING_NOISE * self.count, 0.0)
-        return moving / MOVING_CERTAIN + max(self.resting - NUMBERS, 0.0) / RESTING_CERTAIN
+        return moving / MOVING_CERTAIN + max(self.resting - NUMBERS_A_FRAME, 0.0) / RESTING_CERTAIN
 
 
 def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
@@ -109,7 +109,7 @@ def edge_errors(take: Integers, frame: Integers, whitened: Floats, sd: Floats) -
     apart = whitened * sd
     squares, frames = 0.0, 0
     for k in takes:
-        moving = apart[(take == k) & ~still].reshape(-1, NUMBERS)
+        moving = apart[(take == k) & ~still].reshape(-1, NUMBERS_A_FRAME)
         squares += float(((moving + apart[(take == k) & still]) ** 2).sum())
         frames += len(moving)
     return EdgeErrors(
@@ -122,8 +122,8 @@ class EdgeResiduals:
     """Residuals of one recording's held edge; empty if the edge is not tracked or its points are judged as cloth.
 
     - `frame`, (frames,): indices of the frames that count
-    - `sd` [m], (frames, NUMBERS): of the numbers
-    - `static_sd` [m]: of their means, (NUMBERS,), or (0,) if no frame counts
+    - `sd` [m], (frames, NUMBERS_A_FRAME): of the numbers
+    - `static_sd` [m]: of their means, (NUMBERS_A_FRAME,), or (0,) if no frame counts
     """
 
     def __init__(self, recording: Recording) -> None:

@@ -30,7 +30,7 @@ from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator, run_together
 from fit.errors import FitError
 from fit.methods import Parameterisation
-from fit.observer.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
+from fit.observer.edge import NUMBERS_A_FRAME, EdgeErrors, EdgeResiduals, edge_errors
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
 
@@ -289,7 +289,7 @@ def _edge_rows(
     number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
 ) -> tuple[list[Integers], Floats]:
     """Return the origin of one held edge's numbers, in the order of `Layout`, and their deviations [m]."""
-    frame = np.repeat(edge.frame, NUMBERS)
+    frame = np.repeat(edge.frame, NUMBERS_A_FRAME)
     means = len(edge.static_sd)
     last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK_SECONDS)
     block = np.minimum((recording.time[frame] / BLOCK_SECONDS).astype(np.int64) + first_block, last)

@@ -23,7 +23,7 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.sights import on_held_edge
 from formats.take import Take
 
-MOST_POINTS = 12  # points compared at most: more cost time and add little
+MOST_COMPARED = 12  # points compared at most: more cost time and add little
 MOST_STEP = 10  # frames between shared frames at most: a copy may keep one frame in ten
 FEWEST_SHARED = 10  # shared frames in order at least: fewer hardly affect the held-out error
 MOST_SHARED = 0.2  # of the informative frames: chance leaves none in order, and a copied part more
@@ -94,8 +94,8 @@ def _best_seen_in(one: Track, other: Track) -> Integers:
 
 
 def _best_seen(free: Integers, counts: Integers) -> Integers:
-    """Return the most frequently observed free points, at most `MOST_POINTS`."""
-    best = free[np.argsort(counts[free], kind="stable")[::-1][:MOST_POINTS]]
+    """Return the most frequently observed free points, at most `MOST_COMPARED`."""
+    best = free[np.argsort(counts[free], kind="stable")[::-1][:MOST_COMPARED]]
     return np.asarray(best[counts[best] > 0])
 
 

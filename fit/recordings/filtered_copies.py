@@ -53,7 +53,7 @@ LEAST_TIME = 2.0  # s in common in which the cloth has moved
 LEAST_COMMON_SHARE = 0.2  # of the shorter take in common
 FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_NOISE_LEFT` in 1e-10 of fits
 NUMBERS_A_PLACE = 0.6  # independent numbers of a position's three, as neighbouring smoothed positions are correlated
-REACH = 4.0  # tau: corners farther away contribute 1e-5 of those nearby to the Gaussian smoothing
+SMOOTHING_REACH = 4.0  # tau: corners farther away contribute 1e-5 of those nearby to the Gaussian smoothing
 SMOOTHING = 2.0  # frames of the slower take: between frames, resampling changes the noise
 RUNGS = 4  # smoothing times per octave: takes of nearly equal rates share one smoothing time
 READS = 2  # samples per tau: with one, copies of fast motion with clocks half a step apart are not detected
@@ -68,7 +68,7 @@ LAGS = 3  # lags that are tried, as swings are similar one period apart
 LONGEST_INTERVAL = 0.036
 FRAMES_OF_STEP = 2000  # frames whose numbers show the step to which they are rounded
 LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: smallest and largest rounding step of marker files
-NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
+MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
 SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps
 WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # of sixth differences
 
@@ -153,7 +153,7 @@ class _Near:
 
     def __init__(self, time: Floats, read: Floats, tau: float) -> None:
         """Prepare the smoothing: rising frame times [s], (frames,), rising output times [s], (steps,), tau [s]."""
-        begin, end = (np.searchsorted(time, read + side * REACH * tau) for side in (-1, 1))
+        begin, end = (np.searchsorted(time, read + side * SMOOTHING_REACH * tau) for side in (-1, 1))
         ends = np.concatenate([[0], np.cumsum(end - begin)])
         at = np.arange(ends[-1]) - np.repeat(ends[:-1] - begin, end - begin)
         away = np.abs(np.repeat(read, end - begin) - time[at]) / tau
@@ -195,7 +195,7 @@ def _noise_in(positions: Floats) -> float:
     """Return the variance of sixth differences of positions, (n, 3), NaN where not seen, summed over the axes."""
     sixth = np.abs(np.diff(positions, 6, axis=0))
     sixth = sixth[np.isfinite(sixth).all(1)]
-    return float(((np.median(sixth, 0) / NORMAL) ** 2).sum()) if len(sixth) else 0.0
+    return float(((np.median(sixth, 0) / MEDIAN_OF_NORMAL) ** 2).sum()) if len(sixth) else 0.0
 
 
 def noise_left(one: Motion, other: Motion, points: Integers) -> float:

@@ -24,7 +24,7 @@ from fit.recordings.robust_line import FEWEST_BLOCKS_ON_A_LINE, interval_of, rob
 from formats.arrays import Floats
 
 LEAST_SWING = 0.02  # standard deviation of the lean [1], a swing of 2 degrees, from which a slope is estimated
-FEWEST_STEPS = 12  # least share of the grid that a frame shows
+FEWEST_SEGMENTS = 12  # between neighbours down the grid, that a frame must show
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def lean_of(points: Floats, ends: Floats, grid: Grid) -> Floats:
     with np.errstate(invalid="ignore"):
         down = down / np.linalg.norm(down, axis=3, keepdims=True)
     along = np.einsum("frcx,fx->frc", down, level_normal(ends)).reshape(len(points), -1)
-    known = np.isfinite(along).sum(1) >= FEWEST_STEPS
+    known = np.isfinite(along).sum(1) >= FEWEST_SEGMENTS
     lean = np.full(len(points), np.nan)
     lean[known] = np.nanmean(along[known], axis=1)
     return lean

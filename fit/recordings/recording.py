@@ -47,7 +47,7 @@ from formats.two_clocks import shows_points
 
 Curve = Callable[[Floats], Floats]
 
-FEWEST_PLACES = 8  # observations of a point, below which it has no curve
+FEWEST_SIGHTINGS = 8  # observations of a point, below which it has no curve
 # The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
 # the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
 # part").
@@ -162,7 +162,7 @@ class Recording:
     @property
     def has_curve(self) -> Booleans:
         """Which points are seen often enough for `target_curves`, (points,)."""
-        return np.asarray(self.valid.sum(0) >= FEWEST_PLACES)
+        return np.asarray(self.valid.sum(0) >= FEWEST_SIGHTINGS)
 
     @property
     def duration(self) -> float:
@@ -365,7 +365,7 @@ def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve
 
     curves: list[Curve] = [lambda instants: np.zeros((len(instants), 6))] * points.shape[1]
     patterns: dict[bytes, list[int]] = {}
-    for k in np.flatnonzero(valid.sum(0) >= FEWEST_PLACES).tolist():
+    for k in np.flatnonzero(valid.sum(0) >= FEWEST_SIGHTINGS).tolist():
         patterns.setdefault(valid[:, k].tobytes(), []).append(k)
     for alike in patterns.values():
         frames = valid[:, alike[0]]

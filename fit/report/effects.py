@@ -33,22 +33,22 @@ class Shown:
 
 def sketch_of(effect: str) -> Markup:
     """Return the sketch of an effect as inline SVG; nothing for an effect that has none."""
-    known = SHOWN.get(effect)
+    known = SHOWN_EFFECTS.get(effect)
     return piece("effects.html", "sketch", known.sentence, SKETCHES[effect]) if known is not None else NOTHING
 
 
 def sentence_of(effect: str) -> str:
     """Return the sentence of an effect, empty for one that has none."""
-    return SHOWN[effect].sentence if effect in SHOWN else ""
+    return SHOWN_EFFECTS[effect].sentence if effect in SHOWN_EFFECTS else ""
 
 
 def meaning_of(effect: str, amplitude: float | None) -> str:
     """Return the meaning of an effect's amplitude, empty for an effect without one; None: unknown amplitude."""
     is_number = amplitude is None or math.isfinite(amplitude)
-    return SHOWN[effect].meaning(amplitude) if effect in SHOWN and is_number else ""
+    return SHOWN_EFFECTS[effect].meaning(amplitude) if effect in SHOWN_EFFECTS and is_number else ""
 
 
-SHOWN: dict[str, Shown] = {
+SHOWN_EFFECTS: dict[str, Shown] = {
     "shear_stiffness": Shown(
         "The cloth resists a change of the angle between its threads.", "force per width and angle"
     ),

@@ -22,7 +22,7 @@ from formats.whole_files import check_ends, write_whole
 
 FORMAT = "hangtime-report-motion/1"
 STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
-NOT_SEEN, LARGEST = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
+NOT_SEEN, FARTHEST_KEPT = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
 FAULT = "is no motion of a report"
 MOST_UNPACKED = 1 << 28  # bytes: hundreds of times the motion of a page of 1.5 MB
 
@@ -130,5 +130,5 @@ def _motion(number: int, take: dict[str, Any], arrays: Any) -> ReportMotion:
 def _rounded(track: Floats) -> Indices:
     """Return positions [m], (frames, n, 3), as differences of whole steps from frame to frame, modulo 2^32."""
     known = np.isfinite(track)
-    steps = np.clip(np.round(np.where(known, track, 0.0) / STEP), -LARGEST, LARGEST).astype(np.int32)
+    steps = np.clip(np.round(np.where(known, track, 0.0) / STEP), -FARTHEST_KEPT, FARTHEST_KEPT).astype(np.int32)
     return np.diff(np.where(known, steps, np.int32(NOT_SEEN)), axis=0, prepend=np.int32(0))

@@ -11,7 +11,7 @@ from fit.report.charts import Curve, error_chart
 from fit.report.tables import Row, row_of, table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, interval, number, percent, unit_of
-from formats.fit_records import Combination, FitResult, ObjectiveFigure, verdict_on
+from formats.fit_records import TRIVIAL_NAMES, Combination, FitResult, ObjectiveFigure, verdict_on
 
 PAPER_MEASURE = (
     "The measure of the published method: in each frame the mean distance of all points, held ones included. All other "
@@ -48,7 +48,7 @@ def _error_table(fit: FitResult) -> Markup:
             rows.append(_error_row(f"mean, {name}", before.mean_m, after.mean_m))
     for one in fit.trivial:
         error, on = (one.held_out, "held-out takes") if one.held_out else (one.train, "takes used to fit")
-        rows.append(row_of(f"mean of {TRIVIAL_NAMES[one.name]}, {on}", ("", number(1e3 * error.mean_m), "")))
+        rows.append(row_of(f"mean of {TRIVIAL_NAMES[one.name]}, instead, {on}", ("", number(1e3 * error.mean_m), "")))
     heads = ("mean distance of all points, over the frames", "before, mm", "after, mm", "down by")
     body = piece("parts.html", "note", PAPER_MEASURE)
     body += table("Errors before and after", heads, rows, range(1, 4))
@@ -56,12 +56,6 @@ def _error_table(fit: FitResult) -> Markup:
         flatters = "No held-out take was given: errors on the takes fitted to flatter."
         body += piece("parts.html", "note", flatters)
     return headed("Errors before and after", body)
-
-
-TRIVIAL_NAMES = {
-    "vertical": "a rigid sheet that hangs straight, instead",
-    "pendulum": "a rigid sheet that swings as a pendulum, instead",
-}
 
 
 def _error_row(name: str, before: float, after: float) -> Row:

@@ -16,7 +16,7 @@ from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
 from formats.take_picture import round_step
 
-WIDTH, PANEL, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
+WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
 
 
@@ -36,10 +36,10 @@ def draw_plot(
 
     if not motions:
         raise FitError("holds no motion to draw", where=path, advice="fit or diagnose the takes again")
-    picture, font = Image.new("RGB", (WIDTH, PANEL * len(motions)), "white"), ImageFont.load_default(15)
-    top, bottom = TOP, PANEL - BOTTOM
+    picture, font = Image.new("RGB", (WIDTH, PANEL_HEIGHT * len(motions)), "white"), ImageFont.load_default(15)
+    top, bottom = TOP, PANEL_HEIGHT - BOTTOM
     for number, motion in enumerate(motions):
-        lines = SoftLines(WIDTH, PANEL)
+        lines = SoftLines(WIDTH, PANEL_HEIGHT)
         shown = {run: 1e3 * motion.rms(run) for run in motion.shown}
         most = max((float(np.nanmax(values, initial=0.0)) for values in shown.values()), default=0.0)
         reach, steps = axis_top(most)
@@ -70,7 +70,7 @@ def draw_plot(
             words = in_one_line(words)
             pen.text((across, top - 34), words, fill=COLOURS[run], font=font)
             across += pen.textlength(words, font=font) + 28
-        picture.paste(panel, (0, PANEL * number))
+        picture.paste(panel, (0, PANEL_HEIGHT * number))
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue(), overwrite=overwrite)

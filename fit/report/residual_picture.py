@@ -27,7 +27,7 @@ from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
 
 INSTANTS = 6
-ROW, CHART, MARGIN = 210, 190, 44  # px
+ROW_HEIGHT, CHART, MARGIN = 210, 190, 44  # px
 FRAME, GREY, LINK, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
 DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
 
@@ -79,7 +79,7 @@ def draw_residuals(
     from PIL import Image, ImageDraw
 
     views = views_of(recording, simulated)
-    picture = Image.new("RGB", (WIDTH, MARGIN + 3 * ROW + CHART + MARGIN), "white")
+    picture = Image.new("RGB", (WIDTH, MARGIN + 3 * ROW_HEIGHT + CHART + MARGIN), "white")
     pen = ImageDraw.Draw(picture)
     total = float(np.sqrt(np.nanmean((views.along[views.counted] ** 2).sum(-1)))) if views.counted.any() else 0.0
     pen.text((MARGIN, 12), _plain(f"{title or recording.take_id}: {1e3 * total:.1f} mm rms"), fill="black")
@@ -87,11 +87,11 @@ def draw_residuals(
     frames = _instants(views)
     width = (WIDTH - MARGIN) // INSTANTS
     _draw_row(pen, views, frames, (0, 1), MARGIN, width, "front")
-    _draw_row(pen, views, frames, (2, 1), MARGIN + ROW, width, "side")
+    _draw_row(pen, views, frames, (2, 1), MARGIN + ROW_HEIGHT, width, "side")
     places = np.array([point.at_m for point in recording.garment.points])
     flat = np.stack([places[:, 0], places[:, 1].max() - places[:, 1]], 1)
-    _draw_flat(pen, views, frames, flat, MARGIN + 2 * ROW, width)
-    _draw_chart(pen, views, MARGIN + 3 * ROW + 8)
+    _draw_flat(pen, views, frames, flat, MARGIN + 2 * ROW_HEIGHT, width)
+    _draw_chart(pen, views, MARGIN + 3 * ROW_HEIGHT + 8)
     stream = io.BytesIO()
     picture.save(stream, "PNG", optimize=True)
     write_bytes(path, stream.getvalue(), overwrite=overwrite)
@@ -117,7 +117,7 @@ def _draw_row(
 ) -> None:  # fmt: skip
     both = np.concatenate([views.simulated[frames].reshape(-1, 3), views.seen[frames].reshape(-1, 3)])[:, axes]
     low, high = np.nanmin(both, axis=0), np.nanmax(both, axis=0)
-    scale = min((width - 20) / max(high[0] - low[0], 1e-3), (ROW - 40) / max(high[1] - low[1], 1e-3))
+    scale = min((width - 20) / max(high[0] - low[0], 1e-3), (ROW_HEIGHT - 40) / max(high[1] - low[1], 1e-3))
     for k, frame in enumerate(frames):
         left = MARGIN + k * width
         _frame(pen, left, top, width, f"{name}, {views.time[frame]:.1f} s")
@@ -132,7 +132,7 @@ def _draw_row(
 
 def _draw_flat(pen: Any, views: Views, frames: list[int], flat: Floats, top: int, width: int) -> None:
     size = np.maximum(np.ptp(flat, axis=0), 1e-3)
-    scale = min((width - 40) / size[0], (ROW - 56) / size[1])
+    scale = min((width - 40) / size[0], (ROW_HEIGHT - 56) / size[1])
     for k, frame in enumerate(frames):
         left = MARGIN + k * width
         _frame(pen, left, top, width, f"in plane, {views.time[frame]:.1f} s")
@@ -166,7 +166,7 @@ def _draw_chart(pen: Any, views: Views, top: int) -> None:
 
 
 def _frame(pen: Any, left: int, top: int, width: int, name: str) -> None:
-    pen.rectangle([left, top, left + width - 6, top + ROW - 6], outline=GREY)
+    pen.rectangle([left, top, left + width - 6, top + ROW_HEIGHT - 6], outline=GREY)
     pen.text((left + 6, top + 4), name, fill="black")
 
 

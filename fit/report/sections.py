@@ -36,7 +36,7 @@ OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So th
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
 # The instruction of a failed check follows the last colon of its sentence.
 POINTS_SHOWN = 6  # worst points, which get a curve each
-MOST_POINTS = 400  # vertices of a point's curve: more are finer than a screen's pixels
+MOST_VERTICES = 400  # vertices of a point's curve: more are finer than a screen's pixels
 
 
 def gap(diagnosis: Diagnosis | None) -> Markup:
@@ -115,7 +115,7 @@ def _by_point(motion: ReportMotion, index: int, names: dict[str, str]) -> Markup
         np.sqrt(np.nanmean(np.where(motion.counted, motion.errors(motion.shown[0]) ** 2, 0.0), axis=0))
     )
     worst = [int(k) for k in np.argsort(-size)[:POINTS_SHOWN] if motion.counted[:, k].any()]
-    every = max(1, math.ceil(len(motion.time) / MOST_POINTS))
+    every = max(1, math.ceil(len(motion.time) / MOST_VERTICES))
     charts = []
     for k in worst:
         curves = []

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 
-HEAD = 5.0  # units: length of an arrow's head
+ARROW_HEAD = 5.0  # units: length of an arrow's head
 
 Stroke = tuple[str, str]
 
 
 def _arrow(x: float, y: float, to_x: float, to_y: float) -> Stroke:
     along, side = math.atan2(to_y - y, to_x - x), 0.5
-    ends = [(to_x - HEAD * math.cos(along + s), to_y - HEAD * math.sin(along + s)) for s in (side, -side)]
+    ends = [(to_x - ARROW_HEAD * math.cos(along + s), to_y - ARROW_HEAD * math.sin(along + s)) for s in (side, -side)]
     (a, b), (c, d) = ends
     return "hot", f"M{x:g} {y:g}L{to_x:g} {to_y:g}M{a:.1f} {b:.1f}L{to_x:g} {to_y:g}L{c:.1f} {d:.1f}"
 
@@ -31,7 +31,7 @@ def _ticks(style: str, y: float, *places: float) -> Stroke:
 
 BAR: Stroke = ("bar", "M12 9H68")
 HUNG: Stroke = ("bar", "M33 7H47")  # a hanger seen from the side
-FLAT: Stroke = ("cloth", "M20 9H60V47H20Z")
+FLAT_CLOTH: Stroke = ("cloth", "M20 9H60V47H20Z")
 WAS_FLAT: Stroke = ("was", "M20 9H60V47H20Z")
 AXES: Stroke = ("thin", "M14 6V50H70")
 PLUMB: Stroke = ("was", "M40 7V51")
@@ -45,9 +45,9 @@ SKETCHES: dict[str, tuple[Stroke, ...]] = {
         _arrow(48, 34, 38, 40),
     ),
     "rest_curvature": (PLUMB, ("cloth", "M40 7V32C40 48 58 50 60 39C61 33 53 31 51 36"), HUNG),
-    "hem": (FLAT, BAR, ("thick", "M20 46H60"), _arrow(30, 33, 30, 42), _arrow(50, 33, 50, 42)),
+    "hem": (FLAT_CLOTH, BAR, ("thick", "M20 46H60"), _arrow(30, 33, 30, 42), _arrow(50, 33, 50, 42)),
     "anisotropy": (
-        FLAT,
+        FLAT_CLOTH,
         BAR,
         ("hot", "M26 14V42M33 14V42M40 14V42M47 14V42M54 14V42"),
         ("thin", "M20 20H60M20 28H60M20 36H60"),
@@ -62,7 +62,7 @@ SKETCHES: dict[str, tuple[Stroke, ...]] = {
         ("hot", "M58 12V26M52 26H64M50 22V36H66V22M58 36V44"),
     ),
     "mass_distribution": (
-        FLAT,
+        FLAT_CLOTH,
         BAR,
         *(_dots("dot", *((x, y) for x in (28, 40, 52)), radius=r) for y, r in ((16, 1.2), (27, 2.2), (39, 3.6))),
     ),

@@ -23,7 +23,7 @@ from fit.search.record import RecordedSearch
 from formats.arrays import Floats
 
 FIRST_SIGMA = 0.25  # share of the box: a quarter reaches every bound from most starts
-FLAT = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise is no difference
+FLAT_BELOW = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise is no difference
 NARROW = 1e-4  # share of the box: below what finite differences of a simulation resolve
 WORST = 1e6  # m, worse than any simulation
 
@@ -63,5 +63,5 @@ class Evolution(RecordedSearch):
         values = np.array([d for _, d in self._generation])
         spread = np.ptp(np.stack([unit for unit, _ in self._generation]), axis=0).max()
         self._generation = []
-        if self._run.should_stop() or float(np.ptp(values)) < FLAT or spread < NARROW:
+        if self._run.should_stop() or float(np.ptp(values)) < FLAT_BELOW or spread < NARROW:
             self._begin(self._generator.random(len(self.start)), 2 * self.populations[-1])

@@ -23,9 +23,10 @@ Span = tuple[float, float] | None  # a 90 % interval, where one is known
 
 HYSTERESIS = "bending_hysteresis"  # the effect that brings friction into bending
 LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # for layers that slide
-WAYS = ("warp", "weft")
+GRAIN_WAYS = ("warp", "weft")
 OF_A_WAY = ("first_slope", "extension", "tensile_energy", "linearity", "bending")
-NUMBERS = ("weight", "shear", *(f"{way}.{name}" for way in WAYS for name in OF_A_WAY))  # numbers from the material
+# Numbers from the material.
+SHEET_NUMBERS = ("weight", "shear", *(f"{way}.{name}" for way in GRAIN_WAYS for name in OF_A_WAY))
 
 
 def tests_of(result: FitResult) -> Sheet:
@@ -62,7 +63,7 @@ def unidentified_of(result: FitResult) -> dict[str, Span]:
     tests_of(result)  # refuses
     rows = FittedRows(result)
     found: dict[str, Span] = {}
-    for place in NUMBERS:
+    for place in SHEET_NUMBERS:
 
         def read(row: Floats, place: str = place) -> float:
             return number_of(_tests(dict(zip(MATERIAL_NAMES, row.tolist(), strict=True)), result.layers), place)
@@ -74,13 +75,13 @@ def unidentified_of(result: FitResult) -> dict[str, Span]:
     if friction is not None:
         ends = friction.interval_low, friction.interval_high
         sheets = [_tests(result.material, result.layers, end) for end in ends if end is not None]
-        for place in (f"{way}.bending_hysteresis" for way in WAYS):
+        for place in (f"{way}.bending_hysteresis" for way in GRAIN_WAYS):
             found[place] = (number_of(sheets[0], place), number_of(sheets[1], place)) if len(sheets) == 2 else None
     return found
 
 
 def number_of(sheet: Sheet, place: str) -> float:
-    """Return one number of a sheet by its path `place`, one of `NUMBERS` or a hysteresis."""
+    """Return one number of a sheet by its path `place`, one of `SHEET_NUMBERS` or a hysteresis."""
     return float(operator.attrgetter(place)(sheet))
 
 
@@ -112,7 +113,9 @@ def sheet_of(result: FitResult) -> str:
     row("LT *", "1", ways("linearity"))
     row("G, shear 0.5 to 5 degrees", "gf/(cm deg)", ("shear",), "shear")
     shares = [
-        f"{way} {share(f'bending {way}', f'{way}.bending')}" for way in WAYS if f"{way}.bending" not in unidentified
+        f"{way} {share(f'bending {way}', f'{way}.bending')}"
+        for way in GRAIN_WAYS
+        if f"{way}.bending" not in unidentified
     ]
     many = ", ".join(shares) or NOT_IDENTIFIED
     row("B, bending 0.5 to 1.5 1/cm", "gf cm2/cm", ways("bending"), "bending", many)

@@ -13,7 +13,9 @@ from pathlib import Path
 from formats.errors import OutputError
 from formats.system_causes import step_to_write
 
-BLOCK = bytes(1 << 16)  # more than is left in the last block of a full disk (4 KiB, 64 KiB at most: `man 5 ext4`)
+MORE_THAN_A_BLOCK = bytes(
+    1 << 16
+)  # more than is left in the last block of a full disk (4 KiB, 64 KiB at most: `man 5 ext4`)
 
 
 def bytes_by_library(write: Callable[[Path], object], name: str, *, least: int = 1) -> bytes:
@@ -59,4 +61,4 @@ def _ask_the_system(path: Path) -> None:
         OSError: the system refuses the block, as it refused the library.
     """
     with path.open("ab") as file:
-        file.write(BLOCK)
+        file.write(MORE_THAN_A_BLOCK)

@@ -40,7 +40,7 @@ LETTERS = 10
 TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth motion falls faster
 STRETCH = 50  # positions: half a swing at 100 frames a second
 CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it
-MOST_LETTERS = 6  # digits that a cut removes before a point: no position is 1000 km away
+MOST_DIGITS_CUT = 6  # digits that a cut removes before a point: no position is 1000 km away
 PROOFS = 4  # positions, stated by us
 NEAR = 2e-3  # m, stated by us: so near its path a position is accurate enough even with digits missing
 
@@ -159,7 +159,9 @@ def _may_begin(cell: str, low: float, high: float, writing: Writing) -> bool:
     goes_on = list[tuple[float, float]]()
     if not sign:
         goes_on += [(first, last)] if digits < writing.most else []
-        goes_on += [(first * 10.0**k, (first + 1) * 10.0**k) for k in range(1, MOST_LETTERS)] if not has_point else []
+        goes_on += (
+            [(first * 10.0**k, (first + 1) * 10.0**k) for k in range(1, MOST_DIGITS_CUT)] if not has_point else []
+        )
     if sign or 1 <= begin < 10:  # as programs write numbers with a power
         tens = [10.0 ** int(whole) for whole in writing.powers if whole.startswith(power) and whole != power]
         goes_on += [(first * ten, last * ten) for ten in tens]

@@ -32,7 +32,7 @@ from formats.importers.missing_values import (
     warning_of_incomplete,
     warning_of_zeros,
 )
-from formats.importers.number_cells import LONGEST_SHOWN
+from formats.importers.number_cells import CELL_SHOWN
 from formats.importers.units import metres_of
 from formats.plain_text import first_few, sized
 from formats.plausible import RATES
@@ -121,7 +121,7 @@ def _warning_of_names(points: int, without_path: tuple[str, ...]) -> str:
     if not without_path:
         return ""
     count = len(without_path)
-    named = first_few([repr(label[:LONGEST_SHOWN]) for label in without_path], count)
+    named = first_few([repr(label[:CELL_SHOWN]) for label in without_path], count)
     return (
         f"the file names {points + count} markers and has the paths of {points}; {named} "
         f"{'has' if count == 1 else 'have'} none"
@@ -149,7 +149,7 @@ def _refuse_infinity(infinite: Booleans, labels: list[str], path: Path) -> None:
         frame, point = np.argwhere(infinite)[0].tolist()
         more = f", the first of {infinite.sum()} such positions" if infinite.sum() > 1 else ""
         raise TakeError(
-            f"frame {frame + 1} holds inf, which is no number, for {labels[point][:LONGEST_SHOWN]}{more}", where=path,
+            f"frame {frame + 1} holds inf, which is no number, for {labels[point][:CELL_SHOWN]}{more}", where=path,
             advice="export it again, with markers that were not seen as NaN or with a negative residual",
         )  # fmt: skip
 

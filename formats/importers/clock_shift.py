@@ -45,7 +45,7 @@ Path = Callable[[Floats], Floats]
 FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s, limit and step of the grid; a step is 10 mm at 0.5 m/s
 SEEN_AT_ALL = 0.5  # share of positions for which the shifted trajectory must be known
 MOST_LOOKED_AT = 2000  # pictures
-AT_ONCE = 50_000  # pictures times shifts: 2 MB of positions
+POSITIONS_AT_ONCE = 50_000  # pictures times shifts: 2 MB of positions
 WORTH_REFINING = 2.0  # times the least median distance
 SURELY = 3.5  # standard errors: exceeded by chance once in 300, with 15 degrees of freedom
 LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves determines no offset
@@ -98,7 +98,7 @@ def find_clock_shift(time: Floats, seen: Floats, path: Path) -> ClockShift | Non
         return None
     count = round(FARTHEST_SHIFT / SHIFT_STEP)
     shifts = np.asarray(SHIFT_STEP * np.arange(-count, count + 1), float)
-    at_once = max(AT_ONCE // len(time), 1)
+    at_once = max(POSITIONS_AT_ONCE // len(time), 1)
     pieces = [shifts[k : k + at_once] for k in range(0, len(shifts), at_once)]
     apart = np.concatenate([_apart(time, seen, path, piece, max(SEEN_AT_ALL * known, 1)) for piece in pieces])
     inner = apart[1:-1]

@@ -21,7 +21,7 @@ from formats.importers.number_formats import Writing, written_as
 
 LINES_AROUND = 32  # on either side of a line; they show repeated numbers and the usual number of cells
 DECIMAL_SIGNS = ".,"  # a number may end in one
-SIGNS = "+-"  # of a plane's zeros as well
+PLUS_OR_MINUS = "+-"  # of a plane's zeros as well
 
 
 class Ending(Enum):
@@ -78,10 +78,10 @@ def _is_full(cell: str, writing: Writing) -> bool:
 
 def _is_repeated(cell: str, lines: Sequence[list[str]], column: int) -> bool:
     """Return whether a cell's text recurs in its column where the marker was seen, as in a plane of markers."""
-    text = cell.lstrip(SIGNS)
+    text = cell.lstrip(PLUS_OR_MINUS)
     return any(
         len(line) > column
-        and line[column].strip().lstrip(SIGNS) == text
+        and line[column].strip().lstrip(PLUS_OR_MINUS) == text
         and any(map(is_seen, line[column - 2 : column]))
         for line in lines
     )

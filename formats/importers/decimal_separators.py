@@ -25,7 +25,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.blocks import FARTHEST_PLACE
-from formats.importers.number_cells import LONGEST_SHOWN, is_number
+from formats.importers.number_cells import CELL_SHOWN, is_number
 from formats.importers.path_outliers import LARGEST_OUTLIER_SHARE, are_jumps
 from formats.plausible import SLOWEST
 
@@ -94,7 +94,7 @@ class DecimalSeparators:
 
 
 def _first_with(sign: str, cells: list[str]) -> str:
-    return next((cell.strip()[:LONGEST_SHOWN] for cell in cells if sign in cell and is_number(cell)), "")
+    return next((cell.strip()[:CELL_SHOWN] for cell in cells if sign in cell and is_number(cell)), "")
 
 
 def fewer_jump(time: Floats, positions: Floats, large: Floats) -> bool:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import overload
 
 from formats.errors import TakeError
-from formats.importers.number_cells import DECIMALS, LONGEST_SHOWN, with_point
+from formats.importers.number_cells import CELL_SHOWN, DECIMALS, with_point
 from formats.importers.text_lines import TextLines, read_text_lines
 from formats.plain_text import sized
 from formats.system_causes import step_to_read
@@ -27,10 +27,10 @@ CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung c
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header
 MOST_OF_DEVICES = 500_000  # lines above Vicon Nexus' trajectories: 4 minutes of device data at 2000 samples a second
-HEADER = re.compile(
+HEADER_LINE = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
-BEHIND_INDEX = re.compile(  # the time is the second column, behind an index; tried where no line matches HEADER
+BEHIND_INDEX = re.compile(  # the time is the second column, behind an index; tried where no line matches HEADER_LINE
     r"""[^,;\t]*[,;\t][\s"']*(time_s)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )
 TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGNORECASE)
@@ -111,7 +111,7 @@ class Rows(Sequence[list[str]]):
             return cells
         found = [with_point(cell, self.decimal) for cell in cells]
         if self._are_frames and None in found:
-            wrong = cells[found.index(None)].strip()[:LONGEST_SHOWN]
+            wrong = cells[found.index(None)].strip()[:CELL_SHOWN]
             word = next(word for word, sign in DECIMALS.items() if sign == self.decimal)
             raise TakeError(
                 f"line {number} holds {wrong!r}, which is no number with a decimal {word}", where=self._path,
@@ -193,7 +193,7 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
 
 def _header(lines: TextLines) -> tuple[int, str, str]:
     """Return the header's line index, its lowercase first word, and the cell delimiter of the lines below it."""
-    for pattern, most in ((HEADER, MOST_TITLES), (BEHIND_INDEX, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
+    for pattern, most in ((HEADER_LINE, MOST_TITLES), (BEHIND_INDEX, MOST_TITLES), (TRAJECTORIES, MOST_OF_DEVICES)):
         found = next(((k, match) for k, line in enumerate(lines[:most]) if (match := pattern.match(line))), None)
         if found is not None:
             begin, match = found

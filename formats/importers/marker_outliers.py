@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
-from formats.importers.number_cells import LONGEST_SHOWN
+from formats.importers.number_cells import CELL_SHOWN
 from formats.importers.path_outliers import straight_lines
 from formats.motion import HARDEST_PULL
 from formats.plain_text import MOST_LISTED, first_few
@@ -43,7 +43,7 @@ from formats.plain_text import MOST_LISTED, first_few
 SMALLEST_JUMP = 0.05  # m, stated by us: two diameters of a marker; lost bytes leave most positions farther off
 AT_ENDS = 2.0  # noise of an extrapolation over noise of an interpolation; also the margin over f
 BENDS = 20.0  # times q, which is 0.5 standard deviations of normal noise; 2 of 300 undamaged files had one beyond
-FEWEST_PLACES = 20  # positions of a marker, stated by us: fewer do not show its usual curvature
+FEWEST_POSITIONS = 20  # positions of a marker, stated by us: fewer do not show its usual curvature
 MOST_JUMPS = 0.05  # of a marker's positions: more jumps have another cause, which other checks report
 
 
@@ -53,7 +53,7 @@ def remove_jumps(time: Floats, positions: Floats, labels: Sequence[str], where: 
     - `time` [s], (frames,); `positions` [m], (frames, markers, 3), NaN where not seen
     - `labels`: the markers' names; `where`: returns the name of a frame's line or number in the file
     """
-    if len(time) < FEWEST_PLACES or not (np.diff(time) > 0).all():
+    if len(time) < FEWEST_POSITIONS or not (np.diff(time) > 0).all():
         return ""
     found = list[_Jump]()
     for marker in range(positions.shape[1]):
@@ -63,7 +63,7 @@ def remove_jumps(time: Floats, positions: Floats, labels: Sequence[str], where: 
     if not found:
         return ""
     found.sort(key=lambda jump: (jump.frame, jump.marker))
-    named = [f"{labels[jump.marker].strip()[:LONGEST_SHOWN]}" for jump in found[:MOST_LISTED]]
+    named = [f"{labels[jump.marker].strip()[:CELL_SHOWN]}" for jump in found[:MOST_LISTED]]
     if len(found) == 1:
         and_back = " and back" * found[0].comes_back
         return (
@@ -93,7 +93,7 @@ def _jumps_of(time: Floats, path: Floats) -> list[_Jump]:
     seen = np.flatnonzero(np.isfinite(path).all(1))
     instants, positions, step = time[seen], path[seen], float(np.median(np.diff(time)))
     # Most markers never move so far in one frame.
-    if len(seen) < FEWEST_PLACES or np.abs(np.diff(positions, axis=0)).max() < SMALLEST_JUMP / 2:
+    if len(seen) < FEWEST_POSITIONS or np.abs(np.diff(positions, axis=0)).max() < SMALLEST_JUMP / 2:
         return []
     off, reach = _beside_lines(instants, positions)
     noise = float(np.median(off.min(0)))
@@ -121,7 +121,7 @@ def _jumps_at_ends(time: Floats, positions: Floats, noise: float, step: float) -
 
     `time` [s], (n,); `positions` [m], (n, 3), without other outliers
     """
-    if len(time) < FEWEST_PLACES:
+    if len(time) < FEWEST_POSITIONS:
         return []
     lead, reach = straight_lines(time, positions)
     ahead = (np.linalg.norm(positions - lead, axis=2) / np.maximum(1.0, reach / (2 * step**2)))[1:]

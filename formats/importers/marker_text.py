@@ -15,7 +15,7 @@ from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ, LINES_OF_VICON_HEAD, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import ALL, EXPORT_MEASURED, MarkerTracks, Wanted
-from formats.importers.number_cells import LONGEST_SHOWN, is_number
+from formats.importers.number_cells import CELL_SHOWN, is_number
 from formats.importers.own_text import read_own
 from formats.importers.qualisys_text import read_qualisys
 from formats.importers.stated_values import (
@@ -29,7 +29,7 @@ from formats.importers.stated_values import (
 from formats.importers.units import metres_of
 from formats.plain_text import counted
 
-EXPECTED = ("rigid body marker", "bone marker")  # types of Motive's columns
+EXPECTED_TYPES = ("rigid body marker", "bone marker")  # types of Motive's columns
 
 
 def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
@@ -93,12 +93,12 @@ def _vicon(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTr
     body, behind = section[:count], next(iter(section[count : count + 1]), None)
     if behind and _has_numbers(behind, has_sub_frames=has_sub_frames):
         raise TakeError(  # this is a frame, and no title of the next section
-            f"line {section.numbers[count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
+            f"line {section.numbers[count]} holds {behind[0].strip()[:CELL_SHOWN]!r}, which is no number",
             where=path, advice="mend that line",
         )  # fmt: skip
     if behind and _goes_on(section[count + 1 : count + 1 + LINES_OF_VICON_HEAD], has_sub_frames=has_sub_frames):
         raise TakeError(
-            f"line {section.numbers[count]} begins with {behind[0].strip()[:LONGEST_SHOWN]!r}, and frames follow it",
+            f"line {section.numbers[count]} begins with {behind[0].strip()[:CELL_SHOWN]!r}, and frames follow it",
             where=path,
             advice="mend its number or take it out; where it begins another section, put its frame rate below it",
         )  # fmt: skip
@@ -153,11 +153,11 @@ def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerT
     ]  # fmt: skip
     at = [k for k in placed if cell_at(kinds, k) == "marker"]
     # Motive computes these from the pose of a body or a bone.
-    expected = tuple(cell_at(names, k, as_is=True) for k in placed if cell_at(kinds, k) in EXPECTED)
+    expected = tuple(cell_at(names, k, as_is=True) for k in placed if cell_at(kinds, k) in EXPECTED_TYPES)
     if expected and not at:
         raise TakeError(
             f"has no Marker, and {counted(len(expected), 'marker')} that Motive expects by the pose of a body, "
-            f"first {expected[0][:LONGEST_SHOWN]!r}", where=path, advice=EXPORT_MEASURED,
+            f"first {expected[0][:CELL_SHOWN]!r}", where=path, advice=EXPORT_MEASURED,
         )  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")

@@ -24,7 +24,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.importers.number_cells import LONGEST_SHOWN
+from formats.importers.number_cells import CELL_SHOWN
 from formats.plain_text import MOST_LISTED, counted, first_few
 
 FARTHER_THAN_OTHERS = 2.0  # a code that lies far out: times the largest other coordinate
@@ -75,7 +75,7 @@ def warning_of_zeros(zeros: Booleans, positions: Floats, labels: Sequence[str], 
         if len(steps) >= FEWEST_STEPS and len(beside) and beside.min() <= steps.max():
             times = counted(int(zeros[:, marker].sum()), "time")
             near = f"{1e3 * beside.min():.2g} mm"
-            name = labels[marker].strip()[:LONGEST_SHOWN]
+            name = labels[marker].strip()[:CELL_SHOWN]
             found.append(f"{name} {times}, with a position {near} from there in a neighbouring frame")
             first = min(first, int(np.argmax(zeros[:, marker])))
     if not found:
@@ -101,7 +101,7 @@ def warning_of_incomplete(lacking: Booleans, time: Floats, labels: Sequence[str]
     if not lacking.any():
         return ""
     count, some = int(lacking.sum()), np.argwhere(lacking)[:MOST_LISTED].tolist()
-    names = [labels[marker].strip()[:LONGEST_SHOWN] for _, marker in some]
+    names = [labels[marker].strip()[:CELL_SHOWN] for _, marker in some]
     if count == 1:
         frame = some[0][0]
         return f"{where(frame)}: {names[0]} lacks a coordinate at {time[frame]:.2f} s, so it counts as not seen there"

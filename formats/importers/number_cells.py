@@ -13,7 +13,7 @@ WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | 
 DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in --decimal
 # A space of any width or an apostrophe as the thousands separator, as in 1 500,25 and 1'500.25.
 GROUPED = re.compile(r"[+-]?\d{1,3}([ \u00a0\u2009\u202f'\u2019]\d{3})+([.,]\d*)?", re.ASCII)
-LONGEST_SHOWN = 40  # characters of a cell in a message
+CELL_SHOWN = 40  # characters of a cell in a message
 # Missing values of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
 GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "nan(snan)"}
 # The older C library pads `1.#QNAN` with zeros, or rounds its letters: to two decimals 1.#R, to three 1.#QO.
@@ -43,7 +43,7 @@ def number_of(cell: str) -> float:
         return number
     if word in GAP_WORDS or word.lstrip("+-") in GAP_WORDS or OLD_WINDOWS_GAP.fullmatch(plain):
         return np.nan
-    raise ValueError(f"{cell.strip()[:LONGEST_SHOWN]!r}, which is no number")
+    raise ValueError(f"{cell.strip()[:CELL_SHOWN]!r}, which is no number")
 
 
 def with_point(cell: str, decimal: str) -> str | None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.importers.marker_lines import Rows
-from formats.importers.number_cells import LONGEST_SHOWN, Form, form_of, is_seen, magnitude_of
+from formats.importers.number_cells import CELL_SHOWN, Form, form_of, is_seen, magnitude_of
 from formats.plain_text import first_few
 
 LINES_LOOKED_AT, MOST_COLUMNS = 200, 300  # sample of a file, from which its number format is learnt
@@ -126,7 +126,7 @@ def remove_odd_numbers(
         positions[at, markers[k]] = np.nan
     if not odd:
         return ""
-    each = [f"{text[:LONGEST_SHOWN]!r} of {labels[markers[k]].strip()[:LONGEST_SHOWN]}" for _, k, text in odd]
+    each = [f"{text[:CELL_SHOWN]!r} of {labels[markers[k]].strip()[:CELL_SHOWN]}" for _, k, text in odd]
     if len(odd) == 1:
         what = f"{form.digits} digits behind a point" + " and the power" * bool(form.power)
         return f"{line(odd[0][0])}: {each[0]} lacks the {what} of its column, so it counts as not seen there"

@@ -16,7 +16,7 @@ from formats.errors import TakeError
 from formats.importers.marker_lines import COMMENT, LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
-from formats.importers.number_cells import LONGEST_SHOWN, is_number, number_of
+from formats.importers.number_cells import CELL_SHOWN, is_number, number_of
 from formats.importers.stated_values import names_of
 from formats.importers.units import metres_of
 from formats.rows import named_in_cell
@@ -44,7 +44,7 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
     words = [word.strip(f"{COMMENT} ").lower() for word in head[:2]]
     if TIME not in words:
         raise TakeError(
-            f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
+            f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,
             advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
     begin, body = words.index(TIME), rows[1:]
@@ -76,7 +76,7 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
         name = COLUMN.fullmatch(head[k])
         if name is None:
             raise TakeError(
-                f"column {k + 1} of line {line} is {head[k][:LONGEST_SHOWN]!r}, no x of a marker", where=path,
+                f"column {k + 1} of line {line} is {head[k][:CELL_SHOWN]!r}, no x of a marker", where=path,
                 advice=f"that line must be {COLUMNS}",
             )  # fmt: skip
         labels.append(name[1])
@@ -85,9 +85,9 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
         for at, axis in enumerate(axes, k):
             wanted = f"{name[1]}_{axis}" + f"_{stated}" * bool(stated)
             if at >= len(head) or head[at].lower() != wanted.lower() or not head[at].startswith(name[1]):
-                there = f"is {head[at][:LONGEST_SHOWN]!r}" if at < len(head) else "is missing"
+                there = f"is {head[at][:CELL_SHOWN]!r}" if at < len(head) else "is missing"
                 raise TakeError(
-                    f"column {at + 1} of line {line} {there}, not {wanted[:LONGEST_SHOWN]!r}", where=path,
+                    f"column {at + 1} of line {line} {there}, not {wanted[:CELL_SHOWN]!r}", where=path,
                     advice=f"that line must be {COLUMNS}",
                 )  # fmt: skip
     return labels, stated
@@ -97,7 +97,7 @@ def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None
     """Refuse a column before the time, unless the column is unnamed and numbers the lines."""
     if not UNNAMED.fullmatch(name):
         raise TakeError(
-            f"column 1 of line {line} is {name[:LONGEST_SHOWN]!r}, and {TIME} is column 2", where=path,
+            f"column 1 of line {line} is {name[:CELL_SHOWN]!r}, and {TIME} is column 2", where=path,
             advice=WITHOUT_IT,
         )  # fmt: skip
     if not _count_up([row[0] for row in _whole_lines(body)]):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.number_cells import LONGEST_SHOWN, number_of
+from formats.importers.number_cells import CELL_SHOWN, number_of
 from formats.plain_text import counted
 from formats.plausible import RATES
 
@@ -52,7 +52,7 @@ def frame_rate(cell: str, path: Path) -> float:
     except ValueError:
         rate = np.nan
     if not 0 < rate < 1e4:
-        shown = repr(cell.strip()[:LONGEST_SHOWN]) + f"; {RATES}" * bool(rate > 0)
+        shown = repr(cell.strip()[:CELL_SHOWN]) + f"; {RATES}" * bool(rate > 0)
         raise TakeError(f"its frame rate is {shown}", where=path, advice="export it with its frame rate")
     return rate
 

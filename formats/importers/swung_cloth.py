@@ -35,7 +35,7 @@ from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
 
-MOST_BYTES = 1 << 27  # of all arrays: two hours of 64 points at 9 frames a second
+MOST_BYTES_OF_ARRAYS = 1 << 27  # of all arrays: two hours of 64 points at 9 frames a second
 FRAMES, POINTS = -1, -2  # sizes: the number of times, and of positions on the flat cloth
 SHAPES: dict[str, tuple[int, ...]] = {
     "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),
@@ -260,7 +260,7 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
             f"{ends}, which is no kind of file that can be imported", where=path,
             advice=OTHER_DOORS.get(path.suffix.lower(), WHAT_TO_GIVE),
         )  # fmt: skip
-    data = load_arrays(path, SHAPES, most_bytes=MOST_BYTES, advice=WHAT_TO_GIVE)
+    data = load_arrays(path, SHAPES, most_bytes=MOST_BYTES_OF_ARRAYS, advice=WHAT_TO_GIVE)
     _check_arrays(data, path)
     return data
 

@@ -16,11 +16,11 @@ from formats.errors import TakeError
 from formats.plain_text import encoding_of
 
 PIECE_BYTES = 1 << 20  # bytes of a file that are decoded at once
-MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
+MOST_LINES_OF_A_FILE = 5_000_000  # 80 minutes at 1000 frames a second
 CTRL_Z, MOST_CTRL_Z = b"\x1a", 4096  # the end mark of DOS text files; bytes of marks that are skipped
 LOOKED_AT_BYTES = 200  # in which a zero byte shows UTF-16
-WORDS = re.compile(rb"[^\0\r\n\t ]")  # bytes of visible characters
-CONTROL = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that no Windows text contains
+VISIBLE_BYTES = re.compile(rb"[^\0\r\n\t ]")  # bytes of visible characters
+NEVER_IN_TEXT = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that no Windows text contains
 
 
 class TextLines(Sequence[str]):
@@ -70,11 +70,11 @@ def read_text_lines(path: Path) -> TextLines:
     Text that is not UTF-8 is read as Windows-1252, in which µ and ä are single bytes.
 
     Raises:
-        TakeError: the file has more than `MOST_LINES` lines.
+        TakeError: the file has more than `MOST_LINES_OF_A_FILE` lines.
         OSError, UnicodeDecodeError: the file cannot be read, or is not text.
     """
     with path.open("rb") as file:
-        if not _holds(WORDS, file):
+        if not _holds(VISIBLE_BYTES, file):
             return TextLines([], [0], [])
         file.seek(0)
         head = file.read(LOOKED_AT_BYTES)
@@ -82,7 +82,7 @@ def read_text_lines(path: Path) -> TextLines:
         try:
             return _lines(_pieces(file, encoding), path)
         except UnicodeDecodeError:
-            if encoding != "utf-8" or _holds(CONTROL, file):
+            if encoding != "utf-8" or _holds(NEVER_IN_TEXT, file):
                 raise
             return _lines(_pieces(file, "cp1252"), path)
 
@@ -93,9 +93,9 @@ def _lines(pieces: Iterator[str], path: Path) -> TextLines:
         lines = piece.splitlines(keepends=True)
         first.append(first[-1] + len(lines))
         is_cut = lines[-1].splitlines() == lines[-1:]
-        if first[-1] <= MOST_LINES:
+        if first[-1] <= MOST_LINES_OF_A_FILE:
             kept.append(piece)
-    if first[-1] > MOST_LINES:
+    if first[-1] > MOST_LINES_OF_A_FILE:
         raise TakeError(f"has {first[-1]} lines", where=path, advice="export fewer frames at once")
     return TextLines(kept, first, range(first[-1]), is_cut=is_cut)
 

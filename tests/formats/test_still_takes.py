@@ -11,7 +11,7 @@ import pytest
 from formats.archive import read_with_report, write_take
 from formats.blocks import most_rows
 from formats.garment import TrackedPoint
-from formats.table_memory import AT_ONCE, FREE_MEMORY, TableMemory
+from formats.table_memory import FREE_MEMORY, NUMBERS_AT_ONCE, TableMemory
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 
@@ -99,11 +99,11 @@ def test_one_table_that_no_file_has_memory_for_costs_itself_alone():
 def test_a_table_that_is_decoded_alone_needs_the_bytes_of_its_numbers_and_a_scan_has_none_free():
     """Of 2^20 numbers and one, decoding takes 73 MB beyond the table: it needs a byte of the file for eight."""
     memory = TableMemory()
-    assert not memory.fits(AT_ONCE + 1, 1000)
+    assert not memory.fits(NUMBERS_AT_ONCE + 1, 1000)
     assert (memory.left, memory.left_out) == (FREE_MEMORY, 1)
-    assert memory.fits(AT_ONCE + 1, AT_ONCE // 8 + 1)
-    assert memory.fits(AT_ONCE, 1000)
-    assert memory.left == FREE_MEMORY - 8 * AT_ONCE + 64 * 1000 + (1 << 17)
+    assert memory.fits(NUMBERS_AT_ONCE + 1, NUMBERS_AT_ONCE // 8 + 1)
+    assert memory.fits(NUMBERS_AT_ONCE, 1000)
+    assert memory.left == FREE_MEMORY - 8 * NUMBERS_AT_ONCE + 64 * 1000 + (1 << 17)
     memory = TableMemory()
     assert memory.fits(64 * 64 * 4, 100, may_rest=False)
     assert memory.left == FREE_MEMORY - 8 * 64 * 64 * 4 + 64 * 100

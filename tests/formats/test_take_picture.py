@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formats.motion import axes_of
-from formats.take_picture import COLOURS, MOST_LINES, draw_in_letters, draw_png, paths_of, round_step, well_spread
+from formats.take_picture import COLOURS, MOST_DRAWN, draw_in_letters, draw_png, paths_of, round_step, well_spread
 from tests.formats.test_archive import a_take
 from tests.formats.test_motion import TIME, moved, turned
 
@@ -102,7 +102,7 @@ def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
         assert "+1 mm" in draw_in_letters(take)
     assert "over 1.0 s" in draw_in_letters(take)
     many = moved([1, 0, 0.3])
-    wanted = min(1 + many.points.shape[1], MOST_LINES)
+    wanted = min(1 + many.points.shape[1], MOST_DRAWN)
     draw_png(many, tmp_path / "many.png")
     with image.open(tmp_path / "many.png") as file:
         beside = np.asarray(file)[:, RIGHT + 12 :].astype(int)
@@ -126,7 +126,7 @@ def test_the_steps_of_an_axis_are_round():
 
 
 def test_every_line_has_a_colour_of_its_own():
-    assert len(set(COLOURS)) == MOST_LINES == 12
+    assert len(set(COLOURS)) == MOST_DRAWN == 12
 
 
 def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_path):

@@ -13,7 +13,7 @@ import pytest
 
 from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.diagnosing import run_diagnosis
-from fit.batch.garments import SHOWN, Seen, diagnoses_of, wardrobe_of, wardrobes
+from fit.batch.garments import ERROR_REMOVED, Seen, diagnoses_of, wardrobe_of, wardrobes
 from fit.batch.jobs import Outcome, diagnosis_name, failure_name, report_name, unfinished_diagnosis
 from fit.batch.morning import as_html, as_text, morning_of
 from fit.batch.runner import Survey
@@ -106,7 +106,7 @@ def test_of_three_strengths_of_one_kind_the_middle_one_is_judged_on(takes, judge
 
 
 def test_every_kind_of_motion_has_a_place_in_that_order():
-    assert sorted(SHOWN) == sorted(set(MOTION_KINDS) - {"still"})
+    assert sorted(ERROR_REMOVED) == sorted(set(MOTION_KINDS) - {"still"})
 
 
 def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_nor_judged_on():

@@ -16,7 +16,7 @@ from fit.blind.making import open_labels, read_manifest
 from fit.blind.page import check_page_name, figure, write_page
 from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
-from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, rates_of, score_set, summarise
+from fit.blind.scoring import ANSWERS_HASHES, LOOKS_FILE, SCORE, rates_of, score_set, summarise
 from fit.errors import FitError
 from formats.diagnosis_records import Cost
 from formats.results import save_diagnosis
@@ -67,7 +67,7 @@ def test_what_the_sensor_gives_has_steps():
 
 def test_every_opening_of_the_seal_is_recorded(a_set, tmp_path):
     answer_rightly(a_set, tmp_path)
-    looks = a_set / LOOKS
+    looks = a_set / LOOKS_FILE
     before = len(looks.read_text().splitlines()) if looks.exists() else 0
     first, second = score_set(a_set, tmp_path), score_set(a_set, tmp_path)
     lines = [json.loads(line) for line in looks.read_text().splitlines()][before:]
@@ -95,7 +95,7 @@ def test_the_answered_cases_can_be_counted_alone_and_the_score_says_so(a_set, tm
     assert len(score.cases) == 4
     assert len((tmp_path / ANSWERS_HASHES).read_text().splitlines()) == 4
     assert "1 of 5 cases have no answer and count nowhere." in score.notes
-    assert json.loads((a_set / LOOKS).read_text().splitlines()[-1])["cases"] == 4
+    assert json.loads((a_set / LOOKS_FILE).read_text().splitlines()[-1])["cases"] == 4
 
 
 def truth_of(a_set, kind):

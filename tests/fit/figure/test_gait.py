@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.figure.gait import NORMAL, walk
+from fit.figure.gait import NORMAL_SPEED, walk
 from fit.figure.skeleton import ANKLE_HEIGHT, FOOT_RADIUS, SHANK, THIGH
 
 HEIGHT = 1.70
-STRIDE = 2 * np.sqrt(60 * NORMAL * 0.006)  # m
+STRIDE = 2 * np.sqrt(60 * NORMAL_SPEED * 0.006)  # m
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def motion():
 def phase(motion, *, begin=0.0, end=1.0, strides=3):
     """The instants of the left leg's phase from begin to end, in the stride that follows the third one."""
     time = np.arange(len(motion.pelvis)) * motion.spacing
-    at = time * NORMAL / STRIDE - strides
+    at = time * NORMAL_SPEED / STRIDE - strides
     return (at >= begin) & (at < end)
 
 

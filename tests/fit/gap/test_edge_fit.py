@@ -18,7 +18,7 @@ from fit.gap.fitting import Fitted, Pinned, Problem, Task, fit
 from fit.gap.hypotheses import polishing, refits
 from fit.gap.screening import screen
 from fit.methods import SI
-from fit.observer.edge import MOVING_CERTAIN, NUMBERS, RESTING_CERTAIN, EdgeErrors, edge_errors, is_seen_on_edge
+from fit.observer.edge import MOVING_CERTAIN, NUMBERS_A_FRAME, RESTING_CERTAIN, EdgeErrors, edge_errors, is_seen_on_edge
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from tests.fit.gap.verdict_scene import EFFECTS, KINDS, signature
@@ -30,9 +30,11 @@ FRAMES = 5
 
 def an_observer(takes=3):
     """Ten numbers of the cloth and an edge of five frames a take, whatever is simulated."""
-    edge = takes * NUMBERS * (FRAMES + 1)
-    take = np.append(np.zeros(10, int), np.repeat(np.arange(takes), NUMBERS * (FRAMES + 1)))
-    frame = np.append(np.zeros(10, int), np.tile(np.append(np.repeat(np.arange(FRAMES), NUMBERS), [-1] * 4), takes))
+    edge = takes * NUMBERS_A_FRAME * (FRAMES + 1)
+    take = np.append(np.zeros(10, int), np.repeat(np.arange(takes), NUMBERS_A_FRAME * (FRAMES + 1)))
+    frame = np.append(
+        np.zeros(10, int), np.tile(np.append(np.repeat(np.arange(FRAMES), NUMBERS_A_FRAME), [-1] * 4), takes)
+    )
     layout = SimpleNamespace(
         take=take, frame=frame, sd=np.full(10 + edge, 1e-3), is_judged=np.arange(10 + edge) < 10,
         is_edge=np.arange(10 + edge) >= 10, block=np.zeros(10 + edge, int),
@@ -55,7 +57,7 @@ def test_what_is_off_constantly_counts_once_however_many_takes_show_it():
     for takes in (1, 3):
         observer = an_observer(takes)
         found = observer.edge_errors(stretched(observer, 6.0))
-        assert (found.moving, found.count) == (0.0, takes * FRAMES * NUMBERS)
+        assert (found.moving, found.count) == (0.0, takes * FRAMES * NUMBERS_A_FRAME)
         assert found.resting == pytest.approx(36.0)
         assert found.mm == pytest.approx(6.0)
     assert edge_errors(*(np.zeros(0, int),) * 2, *(np.zeros(0),) * 2) == EdgeErrors()

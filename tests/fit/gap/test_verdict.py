@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
-from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
+from fit.gap.probabilities import LEFT_WIDTH, ODDS, SHARE_LEFT, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks
 from formats.diagnosis_records import in_percent
@@ -195,10 +195,13 @@ def probability_of(name, evidence, several=None):
 
 
 def test_an_effect_that_leaves_much_is_less_probable():
-    """With d mm it leaves (d^2 - 26) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH)), odds times ODDS."""
+    """With d mm it leaves (d^2 - 26) / 119 of the gap.
+
+    The probability is 1 / (1 + exp((left - SHARE_LEFT) / LEFT_WIDTH)), its odds times ODDS.
+    """
     for mm in (5.0, 8.0, 8.6, 9.2):
         left = (mm**2 - 26) / 119
-        share = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
+        share = 1 / (1 + np.exp((left - SHARE_LEFT) / LEFT_WIDTH))
         expected = ODDS * share / (1 - share + ODDS * share)
         assert probability_of("air_lift", evidence_of({"air_lift": mm})) == pytest.approx(expected, abs=0.08)
 
@@ -227,7 +230,7 @@ def test_a_named_cause_has_its_probability_in_its_sentence(likely, words):
 def test_effects_that_together_leave_much_are_less_probable_too():
     """Lift alone leaves 85 of 119 mm^2, with a draught 49, or 40 % beyond mesh and solver: as one effect would."""
     evidence = evidence_of({"air_lift": 10.5}, joint=[(("air_lift", "draught"), 8.6)])
-    share = 1 / (1 + np.exp((48 / 119 - LEFT) / LEFT_WIDTH))
+    share = 1 / (1 + np.exp((48 / 119 - SHARE_LEFT) / LEFT_WIDTH))
     expected = ODDS * share / (1 - share + ODDS * share)
     assert probability_of("draught", evidence, evidence.joint[0][0]) == pytest.approx(expected, abs=0.1)
 

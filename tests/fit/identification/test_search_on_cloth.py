@@ -84,7 +84,7 @@ def test_between_short_windows_a_pull_catches_the_cloth_and_nothing_counts(swung
 
 @pytest.mark.slow
 def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung, monkeypatch):
-    monkeypatch.setattr(trials, "STARTS", 1)
+    monkeypatch.setattr(trials, "STARTS_A_PULL", 1)
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
     found = search.run(SI.initial, ObservedSettings(pulls=(1.0, 0.0)))

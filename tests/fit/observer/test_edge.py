@@ -16,7 +16,7 @@ from fit.gap.gates import predictability_gate
 from fit.methods import SI
 from fit.observer.edge import (
     KEPT_NOISE,
-    NUMBERS,
+    NUMBERS_A_FRAME,
     EdgeErrors,
     EdgeResiduals,
     edge_errors,
@@ -47,7 +47,7 @@ def a_recording(grid=5, *, change=None, noise=NOISE, held_noise=0.0, seed=0):
 
 def numbers_of(recording, points):
     dynamic, static = EdgeResiduals(recording).of(points[None])
-    return dynamic[0].reshape(-1, NUMBERS), static[0]
+    return dynamic[0].reshape(-1, NUMBERS_A_FRAME), static[0]
 
 
 def test_a_steady_spline_keeps_the_share_of_white_noise_that_the_edge_counts_on():
@@ -157,16 +157,18 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     observers = [Observer([recording], SI, effects, frequency=0.0) for effects in ((), LIBRARY)]
     alone, beside = (o.residuals(SI.initial[None], o.off[None])[0] for o in observers)
     count = len(alone)
-    assert len(beside) == count + NUMBERS * (len(TIME) + 1)
+    assert len(beside) == count + NUMBERS_A_FRAME * (len(TIME) + 1)
     assert beside[:count] == pytest.approx(alone)
     aside = beside.copy()
     aside[count:] += 100.0
     assert observers[1].in_mm(aside) == observers[1].in_mm(beside) == pytest.approx(observers[0].in_mm(alone))
     layout = observers[1].layout
-    assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK_SECONDS).astype(int), NUMBERS)).all()
-    assert layout.block[-NUMBERS:].min() > layout.block[:-NUMBERS].max()
+    assert (
+        layout.block[count:-NUMBERS_A_FRAME] == np.repeat((TIME / BLOCK_SECONDS).astype(int), NUMBERS_A_FRAME)
+    ).all()
+    assert layout.block[-NUMBERS_A_FRAME:].min() > layout.block[:-NUMBERS_A_FRAME].max()
     errors = block_errors(observers[1], beside)
-    moving, still = beside[count:-NUMBERS], beside[-NUMBERS:]
+    moving, still = beside[count:-NUMBERS_A_FRAME], beside[-NUMBERS_A_FRAME:]
     assert (errors.edge.moving, errors.edge.count) == (pytest.approx((moving**2).sum()), len(moving))
     assert errors.edge.resting == pytest.approx((still**2).sum())
     limits = [predictability_gate(o, SI.initial, o.off).limit for o in observers]

@@ -100,7 +100,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     for at in (*(place for place, _ in times), right):
         lines.draw([(round(at), top), (round(at), bottom)], "#dddddd")
     for number in range(len(chosen)):
-        for start, stop in _stretches(np.isfinite(paths[:, number])):
+        for start, stop in stretches(np.isfinite(paths[:, number])):
             lines.draw(list(zip(x[start:stop], y[start:stop, number], strict=True)), COLOURS[number], 2)
     picture = lines.picture()
     pen = ImageDraw.Draw(picture)
@@ -138,7 +138,7 @@ def well_spread(places: Floats, count: int) -> list[int]:
     return sorted(chosen)
 
 
-def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
-    """Return begin and end of each run of at least two frames in which a point was seen."""
+def stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
+    """Return begin and end of each run of at least two frames with a value: what a line can be drawn through."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]

@@ -22,15 +22,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from fit.blind.judging import NAMING, bin_of
+from fit.blind.judging import answer_of, bin_of, named_by
 from fit.blind.plants import Planted
 from fit.blind.rates import Rate, median, rate_of
 from fit.blind.real import RealTruth
-from fit.blind.running import DIAGNOSIS
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, EffectFinding
-from formats.errors import ResultError
-from formats.results import load_diagnosis
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
 RIGHT_SIZE = 0.5  # of the planted amplitude
@@ -86,7 +83,7 @@ class RealScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 def score_real(truths: tuple[RealTruth, ...], answers: Path) -> RealScore:
     """Compare every planted case with its untouched takes; a case without both diagnoses counts in no rate."""
-    said = {truth.id: _answer(answers, truth.id) for truth in truths}
+    said = {truth.id: answer_of(answers, truth.id) for truth in truths}
     judged = tuple(
         judge_real(truth, said[truth.reference], said[truth.id]) for truth in truths if truth.kind == "single"
     )
@@ -117,11 +114,11 @@ def judge_real(truth: RealTruth, untouched: Diagnosis | None, planted: Diagnosis
     before, after = _findings(untouched), _findings(planted)
     first, second = before.get(plant.id), after.get(plant.id)
     ratio = plant.amplitude / first.minimum_detectable if first and first.minimum_detectable else None
-    named = _named(planted)
+    named = named_by(planted)
     judged = RealJudged(
         id=truth.id, reference=truth.reference, planted=plant.id, amplitude=plant.amplitude, ratio=ratio,
         bin=bin_of(ratio), untouched_verdict=_verdict(untouched), verdict=_verdict(planted), named=named,
-        newly_named=None if plant.id in _named(untouched) else plant.id in named, moved_most=None, is_moved_most=None,
+        newly_named=None if plant.id in named_by(untouched) else plant.id in named, moved_most=None, is_moved_most=None,
         untouched={}, with_plant={}, error=None, is_right_size=None, is_covered=None, gap_mm=None,
     )  # fmt: skip
     if untouched is None or planted is None or first is None or second is None or not (first.tested and second.tested):
@@ -139,13 +136,6 @@ def judge_real(truth: RealTruth, untouched: Diagnosis | None, planted: Diagnosis
     )  # fmt: skip
 
 
-def _answer(answers: Path, case: str) -> Diagnosis | None:
-    try:
-        return load_diagnosis(answers / case / DIAGNOSIS)
-    except ResultError:
-        return None
-
-
 def _findings(said: Diagnosis | None) -> dict[str, EffectFinding]:
     return {finding.id: finding for finding in said.effects} if said else {}
 
@@ -154,12 +144,8 @@ def _verdict(said: Diagnosis | None) -> str:
     return said.verdict if said else "inconclusive"
 
 
-def _named(said: Diagnosis | None) -> tuple[str, ...]:
-    return tuple(said.named) if said and said.verdict in NAMING else ()
-
-
 def _sentence(said: Diagnosis | None) -> str:
-    return ": ".join([_verdict(said), ", ".join(_named(said))]) if _named(said) else _verdict(said)
+    return ": ".join([_verdict(said), ", ".join(named)]) if (named := named_by(said)) else _verdict(said)
 
 
 def _parts(finding: EffectFinding) -> dict[str, float]:

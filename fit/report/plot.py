@@ -14,7 +14,7 @@ from fit.report.motion import ReportMotion, rms_of
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
-from formats.take_picture import round_step
+from formats.take_picture import round_step, stretches
 
 WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
@@ -50,7 +50,7 @@ def draw_plot(
             lines.draw([(LEFT, level), (WIDTH - RIGHT, level)], "#dddddd")
         for run, values in shown.items():
             y = bottom - values / reach * (bottom - top)
-            for start, stop in _stretches(np.isfinite(values)):
+            for start, stop in stretches(np.isfinite(values)):
                 lines.draw(list(zip(x[start:stop], y[start:stop], strict=True)), COLOURS[run], 3)
         panel = lines.picture()
         pen = ImageDraw.Draw(panel)
@@ -74,9 +74,3 @@ def draw_plot(
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue(), overwrite=overwrite)
-
-
-def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
-    """Return begin and end of each sequence of two or more frames with values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]

@@ -13,7 +13,7 @@ from formats.importers.swatch_mocap import DOWN, facing
 from formats.importers.swung_cloth import _is_crossed, _line, _names
 from formats.summary import _rate, describe, summarise
 from formats.take import FrameState
-from formats.take_picture import _stretches, draw_in_letters, draw_png, paths_of
+from formats.take_picture import draw_in_letters, draw_png, paths_of, stretches
 from formats.two_clocks import _nearest, at_times, shows_hanger, shows_points, with_hanger
 from tests.formats.test_archive import a_take
 from tests.formats.test_motion import moved
@@ -171,8 +171,8 @@ def test_held_corners_are_crossed_where_they_lie_nearer_to_the_other_ends_when_a
 
 def test_stretches_of_two_frames_or_more_are_drawn():
     seen = np.array([True, True, False, True, False, True, True, True])
-    assert _stretches(seen) == [(0, 2), (5, 8)]
-    assert _stretches(~seen) == []
+    assert stretches(seen) == [(0, 2), (5, 8)]
+    assert stretches(~seen) == []
 
 
 def test_paths_are_about_their_own_means_and_what_was_never_seen_is_nothing():

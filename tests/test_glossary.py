@@ -1,0 +1,58 @@
+"""The glossary: each term once and in order, and every term of the report."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+from fit.report.page import SECTIONS
+from fit.report.sections import OF_A_DIAGNOSIS, OF_PARAMETERS
+from tests.repository import ROOT, tree_of
+
+TERMS = re.findall(r"^(\S.*)\n: ", (ROOT / "docs/reference/glossary.md").read_text(), re.MULTILINE)
+# Titles and names of the report in everyday words alone.
+PLAIN = {
+    "after, mm", "along the cloth's normal", "as published", "as the published method counts", "at which frequency",
+    "before", "before, mm", "by", "camera", "cost", "cost and notes", "diagnosis", "down by", "error over time",
+    "errors before and after", "fit", "fitted", "fitted parameters", "from minimum to maximum",
+    "grows with speed to the power of", "held where its edge was tracked", "how to read this", "in which direction",
+    "initial", "keeps its sign (stores energy, or is constant)", "manual", "manual against optimised", "meaning",
+    "motion", "on the cloth", "optimised", "origin", "parameter", "parameters", "play",
+    "real against simulated motion", "record next", "size", "tells apart", "the cloth as the camera saw it",
+    "the next recording", "the sensor's noise alone", "when in the motion", "where", "where this page comes from",
+}  # fmt: skip
+
+
+def constants_of(*nodes: ast.expr) -> set[str]:
+    return {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def names_of_the_report() -> set[str]:
+    """Titles, heads of tables, names of figures, explained terms and buttons, in small letters."""
+    found = {name for _, *both in SECTIONS for name in both} | set(OF_A_DIAGNOSIS) | set(OF_PARAMETERS)
+    for module in (ROOT / "fit/report").glob("*.py"):
+        for node in ast.walk(tree_of(module)):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "heads":
+                found |= constants_of(*getattr(node.value, "elts", []))
+            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "figures":
+                tuples = [one for one in getattr(node.value, "elts", []) if isinstance(one, ast.Tuple)]
+                found |= constants_of(*(one.elts[0] for one in tuples))
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in {"headed", "where_bars"}:
+                found |= constants_of(node.args[0])
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "figures.append":
+                found |= constants_of(*getattr(node.args[0], "elts", [])[:1])
+    for template in (ROOT / "fit/report/templates").glob("*.html"):
+        found |= set(re.findall(r"<button[^>]*>(\w[^<{]+)<", template.read_text()))
+    return {name.lower() for name in found}
+
+
+def test_each_term_stands_once_and_in_the_order_of_the_alphabet() -> None:
+    assert len(TERMS) > 80
+    assert sorted(set(TERMS), key=lambda term: term.replace("-", " ").lower()) == TERMS
+
+
+def test_every_name_of_the_report_that_is_no_everyday_word_holds_a_term_of_the_glossary() -> None:
+    names = names_of_the_report()
+    assert {"the gap", "worst frame", "p-value", "part of the objective", "base model misses by"} <= names
+    term = re.compile(r"\b(" + "|".join(re.escape(one).replace(r"\-", "[- ]") for one in TERMS) + r")s?\b")
+    assert {name for name in names if not term.search(name)} == PLAIN

@@ -210,7 +210,8 @@ def test_slack_cloth_held_at_two_corners_begins_in_the_folds_that_its_markers_sh
 
     flat = hung(garment, time)[0] * [0.92, 1.0, 1.0]
     stirred = flat + np.outer(0.02 * np.sin(9 * flat[:, 0] + 1) * flat[:, 2], [0.0, 1.0, 0.0])
-    fold = first(first(stirred)) * [1.0, side, 1.0]  # settling once leaves 1.3 mm to go, twice 0.02 mm
+    # Under 4 jitters, settling once leaves 0.6 to 16 mm to go, twice 0.01 to 2.2 mm, three times 0.035 mm at most.
+    fold = first(first(first(stirred))) * [1.0, side, 1.0]
     assert np.linalg.norm(fold - fold * [1.0, -1.0, 1.0], axis=1).mean() > 0.02
     assert np.linalg.norm(first(fold) - fold, axis=1).mean() < 0.002
 

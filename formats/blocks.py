@@ -129,7 +129,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         if (bad := valid & ~finite).any():
             row, place = (int(at[0]) for at in np.nonzero(bad))
             refuse(row, f"{thing} {place} is marked valid but is not a number", "mark it invalid, or give its place")
-        if (endless := np.isinf(values).any(2) & (name == "markers")).any():
+        if name == "markers" and (endless := np.isinf(values).any(2)).any():
             row, place = (int(at[0]) for at in np.nonzero(endless))
             refuse(row, f"{thing} {place} is infinite", "give NaN where it was not seen")
         far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST_PLACE)
@@ -149,11 +149,12 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
             )
     for name, least, most in (("quality", 0.0, 1.0), ("pitch", -MOST_TURN, MOST_TURN), ("state", 0, 65535)):
         outside = (columns[name] < least) | (columns[name] > most)
-        if name == "state":
-            outside |= columns[name] != np.rint(columns[name])
         if outside.any():
             row = int(np.argmax(outside))
             refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}", "give one of these")
+    if (broken := columns["state"] != np.rint(columns["state"])).any():
+        row = int(np.argmax(broken))
+        refuse(row, f"state is {columns['state'][row]:g}, no whole number", "give one between 0 and 65535")
 
 
 def most_rows(points: int) -> int:

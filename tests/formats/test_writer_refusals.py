@@ -49,7 +49,7 @@ def first_set(array, value):
         (lambda take: {"time": 1.0}, "time has shape ()"),
         (lambda take: {"points_valid": take.points_valid * 1.0}, "points_valid is an array of float64, not of true or"),
         (lambda take: {"held_valid": take.held_valid * 1}, "held_valid is an array of int64, not of true or false"),
-        (lambda take: {"state": take.state + 0.5}, "frame 0: state is 0.5, not between 0 and 65535"),
+        (lambda take: {"state": take.state + 0.5}, "frame 0: state is 0.5, no whole number; give one between 0 and"),
         (lambda take: {"quality": ["a"] * 3}, "quality is an array of <U1, not of real numbers"),
         (lambda take: {"pitch": [[1.0], [1.0, 2.0], 3.0]}, "pitch is no array; give an array of real numbers"),
         (lambda take: {"markers": first_set(take.markers, np.inf)}, "marker 0 is infinite; give NaN where it was"),

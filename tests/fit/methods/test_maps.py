@@ -188,3 +188,23 @@ def test_four_fabrics_are_those_of_their_tables():
         "silk": (0.1, 86.0, 1.9e-5, 1340.0), "denim": (0.324, 456.0, 7.8e-5, 1540.0),
         "cotton": (0.197, 1000.0, 1.4e-5, 1540.0), "polyester-rayon": (0.284, 37.0, 3.6e-5, 1425.0),
     }  # fmt: skip
+
+
+def test_table_2_of_the_paper():
+    """Initial, minimum, maximum and interval of the six parameters."""
+    table = {p.name: (p.initial, p.minimum, p.maximum, p.interval) for p in KINECT_SKIRT.parameters}
+    assert table == {
+        "mass": (1.0, 0.15, 10.0, 0.5),
+        "struct": (30.0, 5.0, 80.0, 15.0),
+        "bend": (20.0, 0.1, 150.0, 10.0),
+        "spring": (3.0, 0.0, 25.0, 4.0),
+        "air": (5.0, 1.0, 10.0, 5.0),
+        "velocity": (0.95, 0.9, 1.0, 0.01),
+    }
+
+
+def test_the_kinect_map_by_hand():
+    """Mass 1, Struct 30, Bend 20, Spring 3, Air 5, Velocity 0.95 at 0.2 kg/m^2: 300 N/m, 2e-5 N m, 0.5 + 1.28 /s."""
+    row = find_method("kinect-skirt").to_materials(KINECT_SKIRT.initial[None], 0.2)[0]
+    assert row[:7] == pytest.approx([0.2, 300.0, 30.0, 2e-5, 3e-6, 1.2e-3, 0.5 + 1.28233], rel=1e-4)
+    assert not row[7:].any()  # what effects switch on

@@ -1,6 +1,10 @@
-"""Write numbers for people: a few significant digits, no exponent where none is needed, and the unit behind."""
+"""Write numbers for people: few digits, no exponent where none is needed, the unit behind, round steps of an axis."""
 
 from __future__ import annotations
+
+import math
+
+ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
 def short(value: float, digits: int = 3) -> str:
@@ -25,3 +29,9 @@ def with_unit(text: str, unit: str) -> str:
 def head_of(name: str, unit: str) -> str:
     """Return a name with its unit in brackets; the name alone for a pure number."""
     return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def round_step(least: float) -> float:
+    """Return the least round step of an axis that is no shorter than this, which is above 0."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(round(power * nice, 12) for nice in ROUND if power * nice >= least * (1 - 1e-9))

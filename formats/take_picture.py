@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-import math
 from pathlib import Path
 
 import numpy as np
 
 from formats.arrays import Floats
+from formats.figures import round_step
 from formats.motion import axes_of
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
@@ -23,7 +23,6 @@ COLOURS = (
     "#000000", "#00441b",
 )  # fmt: skip
 MOST_DRAWN = len(COLOURS)  # that are drawn: the held edge and eleven tracked points
-ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
@@ -118,12 +117,6 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue(), overwrite=overwrite)
-
-
-def round_step(least: float) -> float:
-    """Return the least round step of an axis that is no shorter than this, which is above 0."""
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(round(power * nice, 12) for nice in ROUND if power * nice >= least * (1 - 1e-9))
 
 
 def well_spread(places: Floats, count: int) -> list[int]:

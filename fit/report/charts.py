@@ -17,6 +17,7 @@ from fit.report.templating import NOTHING, piece
 from fit.report.text import number, percent, tenths, tenths_interval, words
 from formats.arrays import Floats
 from formats.diagnosis_records import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
+from formats.figures import round_step
 
 MOST_LABELS = 12  # vertices that are labelled with their error; more would overlap
 
@@ -263,9 +264,7 @@ def axis_top(largest: float) -> tuple[float, int]:
     """Return the top of an axis from zero and its number of steps."""
     if not largest > 0:
         return 1.0, 2
-    raw = largest / 4
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(power * nice for nice in (1, 2, 2.5, 5, 10) if power * nice >= raw * (1 - 1e-9))
+    step = round_step(largest / 4)
     steps = math.ceil(largest / step * (1 - 1e-9))
     return step * steps, steps
 

@@ -11,10 +11,11 @@ import numpy as np
 from fit.errors import FitError
 from fit.report.charts import axis_top
 from fit.report.motion import ReportMotion, rms_of
+from formats.figures import round_step
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
-from formats.take_picture import round_step, stretches
+from formats.take_picture import stretches
 
 WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}

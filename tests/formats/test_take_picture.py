@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from formats.figures import round_step
 from formats.motion import axes_of
-from formats.take_picture import COLOURS, MOST_DRAWN, draw_in_letters, draw_png, paths_of, round_step, well_spread
+from formats.take_picture import COLOURS, MOST_DRAWN, draw_in_letters, draw_png, paths_of, well_spread
 from tests.formats.test_archive import a_take
 from tests.formats.test_motion import TIME, moved, turned
 

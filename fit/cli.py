@@ -174,7 +174,7 @@ def fit_command(
     from formats.results import save_fit_result
 
     if plot is not None:
-        may_draw(plot, overwrite=overwrite)
+        may_draw(plot, overwrite=overwrite, takes=[*takes, *held_out], folder=out)
     request = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
@@ -314,9 +314,10 @@ def diagnose_command(
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
-    for picture in (plot, arrows):
+    for picture, other in ((plot, arrows), (arrows, plot)):
         if picture is not None:
-            may_draw(picture, overwrite=overwrite)
+            others = [other] if other is not None else []
+            may_draw(picture, overwrite=overwrite, takes=[*takes, *held_out], folder=out, others=others)
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)

@@ -51,7 +51,7 @@ def report_command(
     if out is not None:
         refuse_to_replace(out, overwrite=overwrite)
     if plot is not None:
-        may_draw(plot, overwrite=overwrite)
+        may_draw(plot, overwrite=overwrite, folder=folder, others=[out] if out is not None else [])
     report, found, motions = write_again(folder, out)
     if found.left_out:
         say(found.left_out)

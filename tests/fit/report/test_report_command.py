@@ -66,6 +66,31 @@ def test_a_folder_without_kept_motion_makes_a_page_that_says_so(folder, tmp_path
     assert hangtime_here("report", "out", "--out", "again.html", folder=tmp_path).returncode == 2  # it is there
 
 
+@pytest.mark.parametrize("name", ["fit.json", "diagnosis.json", "report.html", "report.motion.npz", "link.png"])
+def test_a_picture_replaces_no_file_of_the_results(folder, tmp_path, name):
+    """Not even with --overwrite; a name through a link is the same file."""
+    (folder / "link.png").symlink_to("fit.json")
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    done = hangtime_here("report", "out", "--plot", f"out/{name}", "--overwrite", folder=tmp_path)
+    assert done.returncode == 2
+    assert f"{name}: is a file of the results, and no picture; give another name" in done.stderr
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("command", ["fit", "diagnose"])
+def test_a_picture_replaces_no_take_that_is_read(tmp_path, command):
+    take = write_take(tmp_path / "a.mcap", take_of(sheet(), np.arange(30) / 30, swing(np.arange(30) / 30)))
+    before = take.read_bytes()
+    for option in ["--plot"] if command == "fit" else ["--plot", "--arrows"]:
+        done = hangtime_here(command, "a.mcap", option, "a.mcap", "--overwrite", folder=tmp_path)
+        assert done.returncode == 2
+        assert "a.mcap: would replace the take that is read; give another name" in done.stderr
+        assert take.read_bytes() == before
+    if command == "diagnose":
+        done = hangtime_here(command, "a.mcap", "--plot", "x.png", "--arrows", "x.png", folder=tmp_path)
+        assert (done.returncode, "x.png: is a file of the results" in done.stderr) == (2, True)
+
+
 def a_bomb(file, size):
     """An archive of an array of zeros, a thousandth as large as what it unpacks to."""
     head = b"{'descr': '|u1', 'fortran_order': False, 'shape': (%d,), }" % size

@@ -10,8 +10,8 @@ from collections.abc import Container, Iterable, Sequence
 from formats.plain_text import plain, without_codes
 
 FORMULA_SIGNS = "-=+@\uff1d\uff0b\uff0d\uff20"  # that begin a formula; spreadsheets read full-width ones alike
-FORMULA = re.compile(f"(^|;)(?=[{FORMULA_SIGNS}\t\r])")
-GUARDED = re.compile(f"(^|;)'(?=[{FORMULA_SIGNS}\t\r])")
+FORMULA = re.compile(f"(^|;)(?='*[{FORMULA_SIGNS}\t\r])")
+GUARDED = re.compile(f"(^|;)'(?='*[{FORMULA_SIGNS}\t\r])")
 SIGNED_NUMBER = re.compile(r"[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 

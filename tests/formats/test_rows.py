@@ -12,14 +12,17 @@ from formats.rows import aligned, csv_text, named_in_cell, spreadsheet_cell
     [("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"), ("-swing", "'-swing"), ("-0.5", "-0.5"), ("+1e3", "+1e3"),
      (-0.5, -0.5), ("a=1", "a=1"), ("", ""), ("\uff1d1+1", "'\uff1d1+1"), ("\uff0b1", "'\uff0b1"),
      ("\uff0d\uff11", "'\uff0d\uff11"), ("\uff20SUM(A1)", "'\uff20SUM(A1)"), ("x;=1+1", "x;'=1+1"),
-     ("-a;-5;\uff1db;c; =d;'=e", "'-a;'-5;'\uff1db;c; =d;'=e"), ("-1_0", "'-1_0"), ("+\uff11", "'+\uff11"),
+     ("-a;-5;\uff1db;c; =d;'=e", "'-a;'-5;'\uff1db;c; =d;''=e"),
+     ("'=1", "''=1"), ("-1_0", "'-1_0"), ("+\uff11", "'+\uff11"),
      ("-inf", "'-inf")],
 )  # fmt: skip
 def test_a_spreadsheet_runs_no_text(cell, written):
     assert spreadsheet_cell(cell) == written
 
 
-@pytest.mark.parametrize("name", ["=1+1", "x;=1+1", "\uff1dx;-5", "'x", "a;'b", "-0.5", "x", "'"])
+@pytest.mark.parametrize(
+    "name", ["=1+1", "'=1+1", "''-a", "x;'=1", "x;=1+1", "\uff1dx;-5", "'x", "a;'b", "-0.5", "x", "'"]
+)
 def test_a_name_comes_back_from_its_cell(name):
     assert named_in_cell(spreadsheet_cell(name)) == name
 

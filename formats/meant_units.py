@@ -18,6 +18,8 @@ UNITS_OF = {
 }  # fmt: skip
 NUMBER_WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)[ \t]*([^\W\d_]*|\u00b0)", re.ASCII)
 
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # a thousand, or a decimal comma: nobody can say
+
 
 def number_meant(text: str, field: str) -> str:
     """Return the number that a text such as `0,06` or `35 g` means in the unit of a field, '' if it means none.
@@ -25,7 +27,7 @@ def number_meant(text: str, field: str) -> str:
     The unit of a field is the end of its name: kilograms of `mass_kg`, metres of `points[2].at_m[0]`.
     """
     found = NUMBER_WITH_UNIT.fullmatch(text.strip()[:100])
-    if found is None:
+    if found is None or THOUSANDS.fullmatch(found[1]):
         return ""
     units = UNITS_OF.get(re.sub(r"\[.*", "", field.rpartition(".")[2]).rpartition("_")[2], {})
     size = 1.0 if not found[2] else units.get(found[2])
@@ -53,8 +55,12 @@ def unit_of(value: float, least: float, most: float) -> str:
 def meant(value: float, least: float, most: float, units: Sequence[tuple[str, float]]) -> str:
     """Return a question that names the unit in which a number outside its range would fit, '' without one.
 
+    A number within a factor of `NEAR_A_RANGE` of the range has the right unit, and is only too small or too large.
+
     units: names, and how many of the required unit each is
     """
+    if value <= 0 or least / NEAR_A_RANGE <= value <= NEAR_A_RANGE * most:
+        return ""
     fitting = [name for name, factor in units if least <= value * factor <= most]
     return f"; were {' or '.join(fitting)} meant?" if fitting else ""
 

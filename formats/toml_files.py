@@ -37,7 +37,7 @@ KEY_LINE = re.compile(rf"[ \t]*+{KEY}=")
 
 # A number behind an equals sign, with a comma, with a unit, or with both; or a number with a comma in a list.
 LONE_NUMBER = re.compile(r"([\w.-]*)[ \t]*=[ \t]*([+-]?\d[\d.,]*[ \t]*[^\W\d_]*)[ \t]*(?:[#,}].*)?$")
-LISTED_NUMBER = re.compile(r"(?<![\d.,+-])[+-]?\d+,0\d+(?![\d.,])")
+LISTED_NUMBER = re.compile(r"(?<![\d.,+-])[+-]?\d+,0(?!00(?!\d))\d+(?![\d.,])")
 
 
 class Tables(dict[str, Any]):

@@ -54,7 +54,7 @@ class Range:
             also = "".join(f" or {one:g}" for one in self.also if one is not None)
             also += ", or leave it out" if None in self.also else ""
             question = meant(value, self.least, self.most, self.others) if value else ""
-            given = f"{name} is {value:g}" if value is not None else f"{name} is missing"
+            given = f"{name} is {value:.16g}" if value is not None else f"{name} is missing"
             raise ValueError(f"{given}; give {self.least:.16g} to {self.most:.16g} {self.unit}{also}{question}")
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 
 from firmware_host.errors import RecordingError
 from formats.system_causes import step_to_read
@@ -93,7 +94,8 @@ class Record:
 class OniSummary:
     """The summary of a recording's records: frames per stream, and whether the file was closed properly.
 
-    - `interval_us`: median interval between depth frames of consecutive numbers; None for a single frame
+    - `interval_us`: mean of the middle half of the intervals between depth frames of consecutive numbers; None for
+      a single frame
     - `beyond`: depth frames whose number exceeds the count of depth frames; the player skips them
     - `mirrored`: streams that the recording declares as mirrored
     """
@@ -207,7 +209,7 @@ def summarise(path: Path) -> OniSummary:
     apart = sorted(b[0] - a[0] for a, b in pairwise(stamps) if b[1] == a[1] + 1 and b[0] > a[0])
     return OniSummary(
         counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete,
-        interval_us=float(apart[len(apart) // 2]) if apart else None,
+        interval_us=fmean(apart[len(apart) // 4 : len(apart) - len(apart) // 4]) if apart else None,
         mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
         beyond=sum(number > counts[NodeType.DEPTH] for _, number in stamps),
     )  # fmt: skip

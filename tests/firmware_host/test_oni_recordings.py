@@ -11,7 +11,7 @@ import pytest
 from firmware_host.errors import RecordingError
 from firmware_host.oni_records import RECORD_HEADER, RecordType, read_records, summarise
 from firmware_host.oni_writer import OniWriter
-from tests.firmware_host.scenes import SMALL, payload_of, picture, write_recording
+from tests.firmware_host.scenes import SMALL, payload_of, picture, write_pictures, write_recording
 
 
 def test_six_frames_written_are_six_frames_counted(tmp_path: Path) -> None:
@@ -106,6 +106,17 @@ def test_a_recording_without_depth_is_refused(tmp_path: Path) -> None:
 def test_a_missing_folder_is_refused_when_the_recording_begins(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot be written"):
         OniWriter(tmp_path / "absent" / "a.oni", SMALL)
+
+
+def test_the_rate_of_frames_that_come_in_turn_sooner_and_later_is_their_mean(tmp_path: Path) -> None:
+    """Intervals of 41 and 25 ms in turn are 30 frames a second, with a pause of 0.9 s left out."""
+    with OniWriter(tmp_path / "a.oni", SMALL) as writer:
+        write_pictures(
+            writer, 24, lambda k: 1000 + 33_000 * k + 8000 * (k % 2) + 900_000 * (k > 15),
+            lambda k: 2000 + 33_000 * k + 8000 * (k % 2) + 900_000 * (k > 15),
+        )  # fmt: skip
+    found = summarise(tmp_path / "a.oni").interval_us
+    assert found == pytest.approx(33_000, rel=0.06)  # 13 of 23 intervals: 8 long ones, 5 short ones
 
 
 def test_time_stamps_that_the_player_would_drop_are_refused(tmp_path: Path) -> None:

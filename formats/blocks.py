@@ -81,6 +81,8 @@ def as_arrays(values: Mapping[str, object], take_id: object) -> Columns:
             raise TakeError(f"{name} is no array", where=take_id, advice=f"give an array of {words}") from error
         if kind.kind not in kinds:
             raise TakeError(f"{name} is an array of {kind}, not of {words}", where=take_id, advice=f"give {words}")
+        if kinds == REAL[0] and name != "state" and (kind.itemsize < 4 or kind.kind in "iu" or name == "time"):
+            arrays[name] = arrays[name].astype(np.float64, copy=False)  # products of short numbers would wrap
     return arrays
 
 
@@ -106,7 +108,9 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         "pitch_sd": (), "quality": (),
     }  # fmt: skip
     for name, shape in shapes.items():
-        if columns[name].shape != (len(time), *shape):
+        if columns[name].shape[:1] != time.shape:
+            refuse(0, f"{name} has shape {columns[name].shape} for {len(time)} frames", "give one row a frame")
+        if columns[name].shape[1:] != shape:
             refuse(0, f"{name} have shape {columns[name].shape[1:]}, not {shape}", "give one row a frame in that shape")
     before = np.concatenate([[after], time[:-1]])
     if len(wrong := np.flatnonzero(~(time > before))):

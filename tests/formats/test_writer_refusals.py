@@ -108,3 +108,19 @@ def test_a_frame_of_other_values_is_refused(tmp_path, changes):
     with pytest.raises(TakeError, match=f"{next(iter(changes))} is an array of .*, not of"):
         writer.append(replace(frame_of(take, 0), **changes))
     writer.discard()
+
+
+@pytest.mark.parametrize(
+    ("kind", "scale"), [("f2", 1 / 32), ("f4", 1 / 32), ("i1", 1), ("u1", 1), ("i2", 3000), ("i4", 3000)]
+)
+def test_times_of_short_numbers_come_back_exactly(tmp_path, kind, scale):
+    """Microseconds of these numbers would wrap, or be rounded to 16 bits."""
+    time = (np.arange(5) * scale).astype(kind)
+    write_take(tmp_path / "a.mcap", replace(a_take(frames=5), time=time, quality=np.ones(5, "i1")))
+    assert np.array_equal(read_take(tmp_path / "a.mcap").time, np.arange(5) * scale)
+
+
+def test_a_column_of_more_rows_than_frames_is_refused_with_both_counts(tmp_path):
+    take = a_take(frames=3)
+    with pytest.raises(TakeError, match=r"held_sd has shape \(6, 2, 3\) for 3 frames; give one row a frame"):
+        write_take(tmp_path / "a.mcap", replace(take, held_sd=np.concatenate([take.held_sd, take.held_sd])))

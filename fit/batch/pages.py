@@ -6,7 +6,7 @@ from importlib import resources
 
 from markupsafe import Markup
 
-from fit.templating import environment
+from formats.templating import environment
 
 
 def render_page(template: str, **values: object) -> str:

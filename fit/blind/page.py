@@ -11,8 +11,8 @@ import numpy as np
 from fit.blind.rates import Rate
 from fit.blind.scoring import HEADLINE_BIN, Rates, Score, headline, load_score
 from fit.errors import FitError
-from fit.templating import environment
 from formats.system_causes import step_to_write
+from formats.templating import environment
 from formats.whole_files import write_whole
 
 # Targets for our own generator at 2 to 4 times the minimum detectable amplitude; nulls and unknowns have no amplitude.

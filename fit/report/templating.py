@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from fit.templating import environment
+from formats.templating import environment
 
 
 def render(template: str, **values: object) -> str:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 FIT = Path(__file__).resolve().parents[3] / "fit"
-# What both stand on, none of it about cloth: errors, folders, other Pythons, Taichi's start, pages.
-SHARED = ("errors.py", "folders.py", "foreign/process.py", "runtime.py", "templating.py")
+# What both stand on, none of it about cloth: errors, folders, other Pythons, Taichi's start.
+SHARED = ("errors.py", "folders.py", "foreign/process.py", "runtime.py")
 LIBRARIES = ("cryptography", "formats", "msgspec", "numpy", "scipy", "taichi", "typer")
 STANDARD = (
     "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib",

@@ -9,21 +9,25 @@ import atexit
 import contextlib
 import functools
 import io
+import math
 import os
 import shutil
 import stat
 import struct
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
 from formats.arrays import Floats
+from formats.whole_files import write_whole
 
 JITTER_VARIABLE = "HANGTIME_JITTER"  # environment variable that `jittered` reads
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
@@ -33,6 +37,9 @@ CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
 INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
 INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `sizes_of_kernels` knows
 LARGEST_INDEX = 1 << 26  # bytes: 400,000 kernels
+NOTED = "hangtime-kernels.json"  # this program's own file in Taichi's cache, see `note_kernels`
+HASH = 64  # letters of the SHA-256 with which Taichi ends the file of a kernel
+LARGEST_NOTE = 1 << 26  # bytes, as of the index
 STALE_LOCK = 60.0  # s; Taichi holds its lock for milliseconds, and gives up after 0.2 s
 _started: dict[str, int] = {}
 
@@ -134,6 +141,8 @@ def _other_cache(ti: Any) -> dict[str, str]:
         own.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=own):
             mend_cache(own)
+            note_kernels(own)
+            atexit.register(_note_own_kernels, ti, own, time.time())
             return {}
     except OSError:
         os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
@@ -159,6 +168,7 @@ def mend_cache(folder: Path) -> None:
     Taichi 1.7.4 trusts its index: a damaged one ends the process, or requests more memory than exists. Another kernel's
     file under a kernel's name ends the process, or computes something else. With a stale lock, or without a file of the
     index, every process compiles again. The damaged index becomes `ticache.tcb.damaged`, and Taichi writes all anew.
+    So does an index of which a file differs from what `note_kernels` noted.
 
     Raises:
         OSError: a file cannot be read, renamed or removed.
@@ -175,19 +185,73 @@ def mend_cache(folder: Path) -> None:
             return
         time.sleep(patience)
     with contextlib.suppress(FileNotFoundError):
+        (folder / NOTED).unlink(missing_ok=True)
         index.rename(index.with_name(INDEX + ".damaged"))
 
 
+def note_kernels(folder: Path, since: float = math.inf) -> None:
+    """Note which compiled kernel has which name, so that `mend_cache` finds exchanged files of one size.
+
+    Taichi checks each file by the hash at the end of the file, and never whether the file is that of the name.
+
+    since [s since 1970]: files changed after this time are noted anew; other files only where they are not noted yet
+
+    Raises:
+        OSError: a file cannot be read or written.
+    """
+    if (folder / LOCK).exists() or not (folder / INDEX).is_file():
+        return
+    before, now = _noted(folder), {}
+    for name in sizes_of_kernels((folder / INDEX).read_bytes()) or {}:
+        file = folder / f"{name}.tic"
+        with contextlib.suppress(FileNotFoundError):
+            is_known = name in before and file.stat().st_mtime < since
+            now[name] = before[name] if is_known else _hash_of(file)
+    if now != before:
+        write_whole(folder / NOTED, msgspec.json.encode(now))
+
+
+def _note_own_kernels(ti: Any, folder: Path, since: float) -> None:
+    """Note the kernels of this process at its end; with other threads, which may simulate, the next process does."""
+    if threading.active_count() > 1:
+        return
+    ti.reset()  # it writes the kernels
+    with contextlib.suppress(OSError):
+        note_kernels(folder, since)
+
+
+def _noted(folder: Path) -> dict[str, str]:
+    """Return the noted hashes of kernels by name; a damaged note holds none."""
+    file = folder / NOTED
+    try:
+        if not file.is_file() or file.stat().st_size > LARGEST_NOTE:
+            return {}
+        return msgspec.json.decode(file.read_bytes(), type=dict[str, str])
+    except (msgspec.MsgspecError, FileNotFoundError):
+        return {}
+
+
+def _hash_of(kernel: Path) -> str:
+    with kernel.open("rb") as file:
+        file.seek(-min(HASH, kernel.stat().st_size), os.SEEK_END)
+        return file.read(HASH).decode("latin-1")
+
+
 def _is_sound_cache(index: Path) -> bool:
-    """Return whether an index is undamaged, and the file of each kernel has the size that the index states."""
+    """Return whether an index is undamaged, and the file of each kernel is as long as stated and as noted."""
     state = index.stat()
     if not stat.S_ISREG(state.st_mode) or state.st_size > LARGEST_INDEX:
         return False
     sizes = sizes_of_kernels(index.read_bytes())
     if sizes is None:
         return False
+    noted = _noted(index.parent)
     try:
-        return all((index.parent / f"{name}.tic").stat().st_size == size for name, size in sizes.items())
+        for name, size in sizes.items():
+            kernel = index.parent / f"{name}.tic"
+            if kernel.stat().st_size != size or (name in noted and _hash_of(kernel) != noted[name]):
+                return False
+        return True
     except FileNotFoundError:
         return False
 

@@ -132,6 +132,64 @@ def test_kernels_under_wrong_names_are_compiled_again_and_kept(cache, change):
     assert list(runtime.sizes_of_kernels(index.read_bytes())) == [kernel.stem]
 
 
+TWO_KERNELS = """
+from fit import runtime
+import taichi as ti
+runtime.start(1)
+@ti.kernel
+def and_five(n: ti.i32) -> ti.i32:
+    return n * 1005
+@ti.kernel
+def and_nine(n: ti.i32, m: ti.i32) -> ti.i32:
+    return n * 1009 + m
+print(and_five(1), and_nine(1, 0))
+"""
+
+
+def test_kernels_of_one_size_that_are_exchanged_are_compiled_again(tmp_path):
+    """Taichi alone prints two wrong numbers. The index gets the exchanged sizes, as of kernels that have one size."""
+    script, folder = tmp_path / "two.py", tmp_path / "kernels"
+    script.write_text(TWO_KERNELS)
+    surroundings = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), runtime.CACHE: str(folder)}
+
+    def run():
+        done = subprocess.run([sys.executable, script], capture_output=True, text=True, env=surroundings)
+        return done.returncode, done.stdout, done.stderr
+
+    right, index, damaged = (0, "1005 1009\n", ""), folder / runtime.INDEX, folder / f"{runtime.INDEX}.damaged"
+    assert run() == right
+    one, other = folder.glob("*.tic")
+    whole = {file: file.read_bytes() for file in (one, other)}
+    one.write_bytes(whole[other])
+    other.write_bytes(whole[one])
+    names = [file.stem.encode() for file in (one, other)]
+    held = index.read_bytes().replace(names[0], b"*" * len(names[0])).replace(names[1], names[0])
+    index.write_bytes(held.replace(b"*" * len(names[0]), names[1]))
+    assert run() == right
+    damaged.unlink()
+    assert {file: file.read_bytes() for file in whole} == whole
+    assert run() == right
+    assert not damaged.exists()
+
+
+@pytest.mark.parametrize("kind", ["nothing", "no text", "pipe", "folder"])
+def test_a_note_on_kernels_that_holds_none_is_written_anew_or_left(cache, kind):
+    folder, run = cache
+    note = folder / runtime.NOTED
+    note.unlink(missing_ok=True)
+    if kind == "pipe":
+        os.mkfifo(note)
+    elif kind == "folder":
+        note.mkdir()
+    else:
+        note.write_bytes(b"" if kind == "nothing" else b"\xff{")
+    done = run()
+    assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
+    if kind == "folder":
+        note.rmdir()
+    note.unlink(missing_ok=True)
+
+
 @pytest.mark.parametrize("kind", ["300 GB", "pipe", "folder"])
 def test_an_index_of_any_size_or_kind_is_put_aside_unread(tmp_path, kind):
     index = tmp_path / runtime.INDEX

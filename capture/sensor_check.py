@@ -10,7 +10,7 @@ from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem
 from formats.rig import Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
-USUAL_IDS = (0, 1)
+USUAL_IDS = (0, 1)  # of the same rig
 LEAST_SEEN = 0.5  # share of the checked frames; tracking searches finer and bridges gaps
 
 

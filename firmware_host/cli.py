@@ -115,7 +115,7 @@ def synthesise(
     amplitude: Annotated[
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
     ] = None,
-    seconds: Seconds = 8.0,
+    seconds: Seconds = 8.0,  # s; our choice: rest at both ends, and some swings between
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
     fabric: Annotated[
@@ -184,9 +184,10 @@ def synthesise_silhouette(
             metavar="METRES",
             help="Loss of the bottom border per unit of lean; at 0 the points are material points.",
         ),
-    ] = 0.03,
+    ] = 0.03,  # m; our choice: the typical size of the effect `eroded_outline`
+    # Metres: our choice, a depth camera's noise at 1 m (`firmware_host.synthetic.depth_noise`).
     noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
-    seconds: Seconds = 12.0,
+    seconds: Seconds = 12.0,  # s; our choice: some swings, at 9 frames a second
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files of these names.")] = False,
 ) -> None:

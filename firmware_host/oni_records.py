@@ -24,7 +24,7 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 FILE_MAGIC = b"NI10"
-FILE_VERSION = (1, 0, 1, 0)
+FILE_VERSION = (1, 0, 1, 0)  # major, minor, maintenance and build number, OniDataRecords.h
 FILE_HEADER = struct.Struct("<4sBBHIQI")
 RECORD_HEADER = struct.Struct("<IIIIIQ")
 RECORD_MAGIC = int.from_bytes(b"NIR\0", "little")

@@ -43,7 +43,7 @@ from formats.rig import Sensor
 from formats.system_causes import step_to_write
 
 MAX_DEPTH = 10000  # mm, the PS1080's largest depth
-UNKNOWN_COUNT, UNKNOWN_TIME = 0xFFFFFFFF, 0xFFFFFFFFFFFFFFFF
+UNKNOWN_COUNT, UNKNOWN_TIME = 0xFFFFFFFF, 0xFFFFFFFFFFFFFFFF  # all bits set: written at first, and replaced at the end
 PIXEL_FORMATS = {  # OniPixelFormat, XnPixelFormat
     NodeType.DEPTH: (PixelFormat.DEPTH_1_MM, 4),
     NodeType.IMAGE: (PixelFormat.RGB888, 1),
@@ -80,7 +80,7 @@ class OniWriter:
         path: Path,
         intrinsics: Sensor,
         *,
-        fps: int = 30,
+        fps: int = 30,  # frames a second, of the PS1080 at VGA
         depth_codec: Literal["16zT", "NONE"] = "16zT",
         with_colour: bool = True,
     ) -> None:

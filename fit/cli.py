@@ -117,7 +117,7 @@ def fit_command(
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares "
             "searches ignore it.",
         ),
-    ] = 350,
+    ] = 350,  # the paper's, `fit.search.annealing`
     gamma: Annotated[
         float | None,
         typer.Option(

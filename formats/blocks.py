@@ -21,9 +21,9 @@ PLACE_STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: a block uses the coarsest step 
 FARTHEST_PLACE = 1000.0  # m: no sensor sees so far, and the finest step reaches twice as far
 ANGLE_STEP = 1e-4  # rad: a hundredth of a depth sensor's resolution
 MOST_TURN = 1000.0  # rad
-QUALITY_STEPS, NO_QUALITY = 254, 255
+QUALITY_STEPS, NO_QUALITY = 254, 255  # of a byte, `formats/SPEC.md`
 UNKNOWN, EXACT, BOUNDLESS, FIRST_SD = 0, 1, 2, 3  # deviations that are NaN, 0, infinite, and `SMALLEST_SD`
-SMALLEST_SD, LARGEST_SD = 1e-9, 1e9
+SMALLEST_SD, LARGEST_SD = 1e-9, 1e9  # m or rad; our choice: beyond any sensor and any motion
 SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
 Columns = dict[str, NDArray[Any]]

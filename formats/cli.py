@@ -212,7 +212,9 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
 def describe_swatch(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="The garment description to write (.toml).")],
     mass: Annotated[float, typer.Option("--mass", metavar="KG", help="Its weight: weigh it.", show_default=False)],
+    # m, and 81 markers: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features".
     side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the square.")] = 0.5,
+    # Of the same paper.
     markers: Annotated[int, typer.Option("--markers", help="Markers along each side, from edge to edge.")] = 9,
     anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,

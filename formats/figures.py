@@ -7,14 +7,14 @@ import math
 ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
-def short(value: float, digits: int = 3) -> str:
+def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
     """Return a number with this many significant digits; below a million, whole numbers stay in full."""
     if 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6:
         return f"{value:.0f}"
     return f"{value:.{digits}g}"
 
 
-def span_of(ends: tuple[float, float], digits: int = 3) -> str:
+def span_of(ends: tuple[float, float], digits: int = 3) -> str:  # our choice, as above
     """Return an interval as `low to high`."""
     return f"{short(ends[0], digits)} to {short(ends[1], digits)}"
 

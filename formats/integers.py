@@ -21,11 +21,11 @@ import numpy as np
 from formats.arrays import Booleans, Integers
 
 ESCAPE = 24  # the quotient that marks an exception, whose z is stored in eight bytes
-LARGEST_K = 30
-ORDERS = (1, 2, 3)
+LARGEST_K = 30  # bits of a remainder, `formats/SPEC.md`
+ORDERS = (1, 2, 3)  # of the differences, see the module
 LONG = 4096  # rows: longer tables, such as scans, decode faster column by column
 FEW = 16  # numbers in a row of all blocks: narrower tables also decode faster column by column
-HALF = 1 << 63
+HALF = 1 << 63  # beyond the largest 64-bit integer with a sign
 CODE_BYTES = 5  # of a column: its code and its first value
 MOST_BYTES_A_NUMBER = 16  # of a number: its exception in 8 bytes, k bits, and a quotient of 24 in 25 bits
 

@@ -66,7 +66,7 @@ def _span(begin: float, end: float) -> str:
     return f"from {begin:.2f} s on" if math.isinf(end) else span_words(begin, end)
 
 
-def span_words(begin: float, end: float, digits: int = 2, lead: str = "") -> str:
+def span_words(begin: float, end: float, digits: int = 2, lead: str = "") -> str:  # decimals, finer than a frame
     """Return `2.03 to 3.10 s`, or `at 4.03 s` where both round to the same; `lead` stands before two times."""
     first, last = f"{begin:.{digits}f}", f"{end:.{digits}f}"
     return f"at {first} s" if first == last else f"{lead}{first} to {last} s"

@@ -57,7 +57,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     gravity_from: Literal["plumb line", "accelerometer"] | None = None
     gravity_sd_degrees: float | None = None
-    depth_scale: float = 1.0
+    depth_scale: float = 1.0  # 1: a sensor without error, where nothing was measured
     depth_scale_sd: float | None = None
     depth_offset_px: tuple[float, float] = (0.0, 0.0)
     depth_offset_sd_px: tuple[float, float] | None = None

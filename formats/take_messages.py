@@ -113,7 +113,7 @@ class _Nameless:
     first: bytes | None = None
     last: bytes | None = None
     current: bytes | None = None
-    follows: int = -1
+    follows: int = -1  # no number of a frame
     has_ended: bool = False
     scans: list[Message] = field(default_factory=list)
 

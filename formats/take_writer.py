@@ -30,7 +30,7 @@ from formats.unfinished import ANOTHER_NAME, TellAside, UnfinishedFile
 from formats.whole_files import make_folders
 from formats.wrong_fields import wrong_field
 
-VERSION = 2
+VERSION = 2  # of the format, `formats/SPEC.md`
 PROFILE = f"hangtime-take/{VERSION}"
 FILE_BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
@@ -38,8 +38,8 @@ SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the los
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 WRITTEN_AT_ONCE = 1 << 20  # numbers encoded together: each takes 400 bytes meanwhile
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
-BINDING_BYTES = 8
-MOST_HEADER_BYTES = 1 << 20
+BINDING_BYTES = 8  # of a header's hash, `formats/SPEC.md`
+MOST_HEADER_BYTES = 1 << 20  # `formats/SPEC.md`, limits
 STORED = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
            "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
 MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists

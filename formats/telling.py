@@ -17,7 +17,7 @@ from formats.plain_text import lines_of
 
 class _Mode:
     as_json = False
-    indent: int | None = 2
+    indent: int | None = 2  # blanks a level of JSON; our choice
     document: dict[str, Any] = {}  # noqa: RUF012 - replaced by `begin`
 
 
@@ -84,7 +84,7 @@ def _print(text: str) -> None:
     sys.stdout.flush()  # a full disk or a closed pipe is met here
 
 
-def as_json(value: Any, *, indent: int | None = 2) -> str:
+def as_json(value: Any, *, indent: int | None = 2) -> str:  # our choice: as people write JSON
     """Return plain values as JSON; a number that is not finite becomes null, since JSON has none.
 
     Control characters, including those of the writing direction, are escaped for terminals. A byte of a file name that

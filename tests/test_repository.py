@@ -1,9 +1,8 @@
-"""Rules of the repository as a whole: imports, constants, texts, scripts."""
+"""Rules of the repository as a whole: imports, texts, scripts."""
 
 from __future__ import annotations
 
 import ast
-import functools
 import importlib
 import os
 import re
@@ -48,123 +47,6 @@ def ruff_on(path: str, statement: str) -> str:
         [*ruff, "--stdin-filename", path, "-"], input=code, capture_output=True, text=True, cwd=ROOT, check=False
     )
     return done.stdout + done.stderr
-
-
-# --- constants ----------------------------------------------------------------------------------
-
-# Workers run in other simulators' Pythons, which lack our packages, so they repeat constants.
-OF_WORKERS = {"BLIND_AIR", "BOB_STIFFNESS", "SKIN_FRICTION", "SLIDES", "THICKNESS"}
-
-
-@functools.cache
-def constants() -> dict[str, list[tuple[Path, object]]]:
-    """The upper-case names that modules define, each with the modules and the values, or else the code of the value."""
-    found: dict[str, list[tuple[Path, object]]] = {}
-    for path in MODULES:
-        for node in tree_of(path).body:
-            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-            for target in targets:
-                named = target.elts if isinstance(target, ast.Tuple) else [target]
-                whole = getattr(node, "value", None)
-                is_each = isinstance(target, ast.Tuple) and isinstance(whole, ast.Tuple)
-                values = whole.elts if is_each else [whole] * len(named)
-                for name, value in zip(named, values, strict=True):
-                    if isinstance(name, ast.Name) and name.id.isupper():
-                        found.setdefault(name.id, []).append((path, value_of(value)))
-    return found
-
-
-def value_of(node: ast.expr) -> object:
-    """The value of a literal, else its code."""
-    try:
-        return ast.literal_eval(node)
-    except ValueError:
-        return ast.unparse(node)
-
-
-def test_no_two_modules_of_a_room_define_one_constant() -> None:
-    """Whoever reads the name in one of them would have to know which is meant."""
-    for name, places in constants().items():
-        rooms_of = [path.parent for path, _ in places]
-        assert len(rooms_of) == len(set(rooms_of)), (name, [name_of(path) for path, _ in places])
-
-
-def test_a_constant_of_a_package_is_defined_once() -> None:
-    """The same value under the same name is a copy."""
-    copies = set()
-    for name, places in constants().items():
-        seen = [(path.relative_to(ROOT).parts[0], repr(value)) for path, value in places]
-        copies |= {name} if len(seen) != len(set(seen)) else set()
-    assert copies == OF_WORKERS
-
-
-# Names that a package may give two values, each with its reason.
-OF_TWO_VALUES = {("capture", "LOG"): "two processes write, each under its own name: `hangtime` and `hangtime.sync`"}
-
-
-def test_a_constant_has_one_value_within_a_package() -> None:
-    """A name that means the same in every room is read without a look at its import."""
-    values: dict[tuple[str, str], set[str]] = {}
-    for name, places in constants().items():
-        for path, value in places:
-            values.setdefault((path.relative_to(ROOT).parts[0], name), set()).add(repr(value))
-    assert {place for place, found in values.items() if len(found) > 1} == set(OF_TWO_VALUES)
-
-
-def test_each_array_type_is_named_in_one_module() -> None:
-    named = {
-        ast.unparse(node.value)
-        for node in tree_of(ROOT / "formats/arrays.py").body
-        if isinstance(node, ast.Assign) and node.value is not None
-    }
-    assert len(named) == 7
-    spelt = [
-        f"{name_of(path)}:{node.lineno} {ast.unparse(node)}"
-        for path in [*MODULES, *sorted((ROOT / "benchmarks").glob("*.py"))]
-        if name_of(path) != "formats/arrays.py"
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Subscript) and ast.unparse(node) in named
-    ]
-    assert spelt == []
-
-
-ROOMS_OF_LIMITS = (
-    *("fit/gap", "fit/blind", "fit/search", "fit/identification", "fit/methods"),
-    *("capture/hanger", "capture/garment"),
-)
-
-
-def is_numbers(node: ast.expr) -> bool:
-    """Return whether code holds numbers alone: literals, arithmetic, tuples, and calls of NumPy or `float`."""
-    inside = list(ast.walk(node))
-    literals = [one.value for one in inside if isinstance(one, ast.Constant)]
-    calls = [ast.unparse(one.func) for one in inside if isinstance(one, ast.Call)]
-    is_plain = all(type(value) in {int, float} for value in literals)
-    return bool(literals) and is_plain and all(call == "float" or call.startswith("np.") for call in calls)
-
-
-def bare_constants(source: str) -> list[str]:
-    """Return the upper-case numbers of a module that have no comment on their lines or on the line above."""
-    lines, bare = source.splitlines(), []
-    for node in ast.parse(source).body:
-        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and is_numbers(node.value):
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-            above, own = lines[max(node.lineno - 2, 0)], lines[node.lineno - 1 : node.end_lineno]
-            if ast.unparse(target).isupper() and not above.startswith("# ") and not any("  # " in one for one in own):
-                bare.append(ast.unparse(target))
-    return bare
-
-
-@pytest.mark.parametrize("room", ROOMS_OF_LIMITS)
-def test_every_number_that_a_room_decides_by_has_a_comment(room: str) -> None:
-    modules = [path for path in MODULES if path.is_relative_to(ROOT / room)]
-    assert len(modules) >= 5
-    assert [f"{name_of(path)}: {name}" for path in modules for name in bare_constants(path.read_text())] == []
-
-
-def test_a_number_is_bare_without_a_comment_of_its_own() -> None:
-    source = "# m\nLONG = 2.0\nNEAR, FAR = -1.0, 1 / 3\nSHORT = 1.0  # m\nRIM = np.ones(3)\nNAME = 'x'\nIS_ON = True\n"
-    assert bare_constants(source) == ["(NEAR, FAR)", "RIM"]
 
 
 # --- imports ------------------------------------------------------------------------------------

@@ -44,11 +44,12 @@ class RecordingPart(Part, frozen=True, kw_only=True):
 
     pre_roll_s: Annotated[
         float, Meta(ge=0.0, le=10.0, description="seconds before the press that belong to the take")
-    ] = 2.0
+    ] = 2.0  # s; our choice: a swing that began before the press belongs to the take
     longest_s: Annotated[
         float, Meta(ge=5.0, le=3600.0, description="seconds after the press at which a take ends by itself")
-    ] = 120.0
+    ] = 120.0  # s; our choice: a take that nobody ends stays small
     scan_rate_hz: Annotated[float, Meta(ge=0.0, le=60.0, description="surface scans a second; 0 for none")] = 0.0
+    # Our choice: one point every 42 mm on a garment of half a metre.
     scan_points: Annotated[int, Meta(ge=3, le=64, description="a scan's grid has so many places a side")] = 12
 
     def __post_init__(self) -> None:
@@ -96,10 +97,10 @@ class SpoolPart(Part, frozen=True, kw_only=True):
     folder: Annotated[Path, Meta(description="the folder of the takes")] = Path("/var/lib/hangtime/takes")
     least_free_mb: Annotated[
         int, Meta(ge=10, le=1_000_000, description="room on the disk [MB] below which no take begins")
-    ] = 50
+    ] = 50  # MB; our choice: a take of minutes has megabytes
     slowest_s: Annotated[
         float, Meta(ge=1.0, le=4.0, description="seconds that the disk may be behind before a take is ended")
-    ] = 3.0
+    ] = 3.0  # s; our choice: a slow card's pause is waited for, and a broken one is not
 
 
 class PowerPart(Part, frozen=True, kw_only=True):

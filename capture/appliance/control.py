@@ -27,7 +27,7 @@ MOST_WATCHERS = 64  # watchers at once; one more, and the daemon disconnects the
 ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a recording daemon answers within one frame
 ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once
 LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
-MODE = 0o660
+MODE = 0o660  # of the socket: its user and its group may speak to the daemon, nobody else
 UNIT = "hangtime-capture"
 SEE_UNIT = f"see `systemctl status {UNIT}`"
 

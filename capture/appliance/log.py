@@ -7,6 +7,7 @@ import os
 import sys
 
 LOG = logging.getLogger("hangtime")
+# Priorities of syslog(3), which sd-daemon(3) reads.
 PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 
 

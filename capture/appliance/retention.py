@@ -11,7 +11,7 @@ import msgspec
 
 from capture.appliance.receipts import Receipt
 
-GIBIBYTE = 1 << 30
+GIBIBYTE = 1 << 30  # bytes, IEC 80000-13
 
 
 class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -22,9 +22,9 @@ class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     - `days`: a verified take is removed so many days after its verification, even if there is space; None: never
     """
 
-    quota_bytes: int = 8 * GIBIBYTE
-    least_free_bytes: int = GIBIBYTE // 2
-    days: float | None = 30.0
+    quota_bytes: int = 8 * GIBIBYTE  # our choice: half of a card of 16 GB
+    least_free_bytes: int = GIBIBYTE // 2  # our choice: room for logs and an update
+    days: float | None = 30.0  # our choice: a month, in which a take can be sent again
 
     def __post_init__(self) -> None:
         for name in ("quota_bytes", "least_free_bytes"):

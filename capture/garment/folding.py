@@ -75,7 +75,7 @@ def traces(beyond: float, outline: float, nearest: float, slant: Slant, *, is_ti
 class Belief:
     """Tracks each corner's probability of being hidden by a fold."""
 
-    def __init__(self, corners: int = 4, weights: Weights = FITTED) -> None:
+    def __init__(self, corners: int = 4, weights: Weights = FITTED) -> None:  # of a panel
         self._weights = weights
         self._log_odds = np.full(corners, np.log(REST / (1.0 - REST)))
         self._time: float | None = None

@@ -27,7 +27,7 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 ROOM = 30_000_000  # bytes in the queue: 40 frames of 640 x 480 with colour noise of 3 of 255, at least 27
 UNPACKED = 2  # frames; the queue is longer only in case of a fault
 ZSTD_LEVEL = 1  # zstd's level: higher ones do not compress a depth image further
-NO_DEPTH = np.zeros((0, 0), np.uint16)
+NO_DEPTH = np.zeros((0, 0), np.uint16)  # stands for the picture while it is packed
 
 
 class QueuedSensor(DepthSensor):

@@ -24,7 +24,7 @@ from formats.wrong_fields import wrong_field
 
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
-PROOF_DAYS = 7.0
+PROOF_DAYS = 7.0  # days; our choice: once a week
 CONFIG_ADVICE = "give the appliance's configuration; docs/reference/appliance.md explains every table and key"
 SETTINGS_ADVICE = "mend it in [sync]; docs/reference/sync.md explains every setting"
 
@@ -97,7 +97,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     credentials: Path | None = None
     encrypt_to: tuple[str, ...] = ()
     bytes_per_second: float | None = None
-    timeout_s: float = 300.0
+    timeout_s: float = 300.0  # our choice, as above
     proof_days: float = PROOF_DAYS
     retention: Retention = Retention()
 

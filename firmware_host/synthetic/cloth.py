@@ -28,7 +28,7 @@ from formats.nature import AIR_DENSITY, GRAVITY
 
 Nodes = tuple[slice, slice]  # of the grid
 
-ROWS, COLUMNS = 18, 17
+ROWS, COLUMNS = 18, 17  # nodes of a panel; our choice: near 30 mm apart on half a metre
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step
 MOST_DRAG = 100.0  # 1: a plate across the air has 1.2; up to here the hardest motion and silk stay finite
@@ -39,11 +39,11 @@ HEM_SHARE = 0.8  # of the weight at most: the lighter the remaining cloth, the s
 class ClothPhysics:
     """Membrane and shear stiffness [N/m], bending stiffness [N m], linear damping [1/s], thread damping time [s]."""
 
-    stretch_stiffness: float = 300.0
-    shear_stiffness: float = 40.0
-    bending_stiffness: float = 3e-5
-    linear_damping: float = 0.25
-    thread_damping_time: float = 2e-5
+    stretch_stiffness: float = 300.0  # our choice: of the order of medium weaves
+    shear_stiffness: float = 40.0  # our choice: within the 11 to 220 N/m of KES shear tests
+    bending_stiffness: float = 3e-5  # our choice: twice the median of 618 fabrics, ClothDrapeTester (2022)
+    linear_damping: float = 0.25  # our choice: a swing's amplitude falls by an eighth in a second
+    thread_damping_time: float = 2e-5  # our choice: so short that it hardly shortens the step
 
 
 def simulate(

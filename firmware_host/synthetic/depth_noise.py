@@ -16,11 +16,11 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
-LATERAL_PX = 0.8
+LATERAL_PX = 0.8  # px, Nguyen et al. 2012, section 3
 BASELINE = 0.075  # m
 DISPARITY_STEP = 1 / 8  # px
 JUMP = 0.05  # m between neighbours
-EDGE_MISSING = 1 / 3
+EDGE_MISSING = 1 / 3  # share of the pixels beside a jump, see the module
 NEAREST, FARTHEST = 0.4, 8.0  # m
 
 

@@ -26,7 +26,7 @@ class Sine:
     hertz: float
     amplitude: float
     first: float = 0.0
-    last: float = 1.0
+    last: float = 1.0  # the whole moving time
 
 
 @dataclass(frozen=True)

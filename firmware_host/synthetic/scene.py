@@ -15,7 +15,7 @@ from formats.rig import Calibration, Hanger, Rig, Sensor
 
 # PS1080 at VGA: OpenNI's factory focal length.
 CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
-FPS = 30
+FPS = 30  # frames a second, of the PS1080 at VGA
 HANGER_REST = (0.0, -0.27, 1.6)  # m, midway between the markers
 WALL_DISTANCE = 2.6  # m
 PLATE_SIZE = 0.076  # m, white plate that carries a marker

@@ -58,7 +58,7 @@ class CameraFaults:
     path_below: float = 0.0
     depth_scale: float = 0.0
     skewed_share: float = 0.0
-    skew: float = 6.0
+    skew: float = 6.0  # our choice: a clear skew; only a `skewed_share` of the frames has it
     eroded_border: float = 0.0
     eaten_by_pose: float = 0.0
     noise: float = 0.0
@@ -114,7 +114,7 @@ def swung_cloth(seconds: float, progress: Callable[[float], None] = lambda share
 def seen_silhouette(
     faults: CameraFaults,
     *,
-    seconds: float = 12.0,
+    seconds: float = 12.0,  # s; our choice, as `hangtime sensor synthesise-silhouette` has it
     seed: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Silhouette:
@@ -140,6 +140,7 @@ def seen_silhouette(
 
 
 def make_silhouette_take(
+    # Seconds: our choice, as above.
     out: Path, name: str, faults: CameraFaults, *, seconds: float = 12.0, seed: int = 1, overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Path]:  # fmt: skip

@@ -38,7 +38,8 @@ from formats.arrays import Booleans, Floats, Integers
 NEIGHBOURHOOD = 0.020  # m along the cloth
 CLEAR_SHARE = 0.25  # of what the neighbourhood would show if it faced the camera
 NOISE_MARGIN = 4  # px, five deviations of the lateral noise
-_STEPS = np.arange(-NOISE_MARGIN, NOISE_MARGIN + 1)
+_STEPS = np.arange(-NOISE_MARGIN, NOISE_MARGIN + 1)  # px from the pixel itself
+# The kernel G of the module's equation, along one axis.
 _WEIGHTS = np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2) / np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2).sum()
 
 

@@ -33,9 +33,9 @@ class Model:
     is_camera: bool = True
 
 
-PRIMESENSE = 0x1D27
-MICROSOFT = 0x045E
-ORBBEC = 0x2BC5
+PRIMESENSE = 0x1D27  # USB vendor number, see the module
+MICROSOFT = 0x045E  # USB vendor number, see the module
+ORBBEC = 0x2BC5  # USB vendor number, see the module
 
 _PS1080 = Model(
     name="PrimeSense PS1080 (Carmine, Xtion)", protocol=Protocol.PS1080, openni2_driver="PS1080"

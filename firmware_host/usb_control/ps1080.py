@@ -35,8 +35,8 @@ READY_PAUSE = 1.0  # s, XnHostProtocolExecute
 LARGEST_LOG = 6 * 1024  # bytes, XN_MAX_LOG_SIZE
 STREAMS = (5, 6, 7)  # PARAM_GENERAL_STREAM0_MODE to STREAM2_MODE; 0 is off (XnParams.h)
 SERIAL_SINCE = (5, 4, 0)  # XnHostProtocolInitFWParams, like the next four
-PLATFORM_SINCE = (5, 7, 0)
-LED_SINCE = (5, 8, 0)
+PLATFORM_SINCE = (5, 7, 0)  # XnHostProtocolInitFWParams
+LED_SINCE = (5, 8, 0)  # XnHostProtocolInitFWParams
 RESET_STOPS_STREAMS_SINCE = (5, 2, 0)  # XnHostProtocolReset
 
 
@@ -196,7 +196,10 @@ class Ps1080:
 
 
 def wait_until_answering(
-    find: Callable[[], UsbLink | None], *, limit_s: float = 20.0, clock: Clock | None = None
+    find: Callable[[], UsbLink | None],
+    *,
+    limit_s: float = 20.0,  # our choice: a reboot takes seconds
+    clock: Clock | None = None,
 ) -> float | None:
     """Return the time [s] until the sensor that `find` returns answers, or None if it exceeds the limit.
 

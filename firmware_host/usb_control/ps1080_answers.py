@@ -60,7 +60,7 @@ def _decimal_of_hexadecimal(number: int) -> int:
 FIXED_PARAMETERS_SIZE = 168  # bytes, sizeof(XnFixedParams)
 REFERENCE_WIDTH = 1280  # px: 120 cm / 0.1042 cm is 1151.6 px, twice the 575.8 px that OpenNI takes at 640 px
 _GEOMETRY = struct.Struct("<4f")  # at byte 92: emitter and colour camera distance, reference distance and pixel size
-_GEOMETRY_AT = 92
+_GEOMETRY_AT = 92  # bytes, as above
 _WATCHDOG = struct.Struct("<ii")  # at byte 0: serial number, watchdog time
 
 

@@ -280,7 +280,7 @@ def export(
     path: Path | str,
     *,
     take: OneTake | None = None,
-    thickness: float = 1e-3,
+    thickness: float = 1e-3,  # m; our choice: fabrics have 0.2 to 2 mm (KES)
     spacing: float | None = None,
     overwrite: bool = False,
 ) -> list[Path]:

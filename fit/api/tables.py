@@ -36,7 +36,7 @@ class Table:
     heads: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
     remarks: tuple[str, ...] = ()
-    right: tuple[int, ...] = (1, 2)
+    right: tuple[int, ...] = (1, 2)  # our choice: the second and third columns
 
     def text(self) -> str:
         """Return the table for a terminal: columns two spaces apart, remarks below."""

@@ -58,7 +58,7 @@ def batch_command(
         typer.Option(
             "--dashboard-port", min=0, max=65535, help="Port of the dashboard on 127.0.0.1; 0 chooses a free one."
         ),
-    ] = 8787,
+    ] = 8787,  # dask's own default
     patience: Annotated[
         float,
         typer.Option(
@@ -67,7 +67,7 @@ def batch_command(
             metavar="MINUTES",
             help="How long to wait for workers, and for an unreachable scheduler or bucket.",
         ),
-    ] = 10.0,
+    ] = 10.0,  # min; our choice: a scheduler restarts sooner
     hours: Annotated[
         float | None,
         typer.Option(
@@ -113,7 +113,7 @@ def batch_command(
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares searches "
             "ignore it.",
         ),
-    ] = 350,
+    ] = 350,  # the paper's, `fit.search.annealing`
     gamma: Annotated[
         float | None,
         typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="the method's own"),

@@ -36,7 +36,7 @@ class Workers:
 
     scheduler: str | None = None
     count: int | None = None  # processes on this machine; None: one per core, and no more than jobs
-    dashboard_port: int = 8787
+    dashboard_port: int = 8787  # dask's own default
     patience: float = 600.0  # s of waiting for a lost scheduler, an unreachable bucket or the first worker
 
     def at_most(self, count: int) -> Workers:

@@ -67,11 +67,12 @@ class Cloth:
 
     width: float
     height: float
+    # Our choice: the plain fabric of `fit.cloth.material`.
     density: float = 0.2
-    stretch: float = 300.0
-    shear: float = 30.0
-    bending: float = 1.4e-5
-    damping: float = 0.5
+    stretch: float = 300.0  # as above
+    shear: float = 30.0  # as above
+    bending: float = 1.4e-5  # as above
+    damping: float = 0.5  # as above
     stretch_ratio: float = 0.0
     bending_ratio: float = 0.0
     stiffening: float = 0.0
@@ -88,9 +89,9 @@ class Cloth:
     gust_phase: float = 0.0
     added_mass: float = 0.0
     wake: float = 0.0
-    wake_time: float = 0.4
+    wake_time: float = 0.4  # our choice: somewhat less than half a swing
     bob: float = 0.0
-    bob_length: float = 0.06
+    bob_length: float = 0.06  # our choice: a pendulum of 2 Hz, faster than the cloth
     thread: float = 0.0
     magnet: float = 0.0
     corner: int = 1

@@ -50,7 +50,7 @@ class Effect:
     low: ClassVar[float]
     high: ClassVar[float]
     typical: ClassVar[float]
-    law_spread: ClassVar[float] = 0.08
+    law_spread: ClassVar[float] = 0.08  # share of the size; our choice, for effects whose spread nobody derived
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which the diagnosis tries an effect of one component
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""

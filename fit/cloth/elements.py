@@ -28,6 +28,7 @@ import numpy as np
 from fit.cloth import spectral
 from formats.arrays import Floats, Indices, Integers
 
+# Along and across an element from -1 to 1, (nodes, 2): Gauss-Lobatto points, `fit.cloth.spectral`.
 LOCAL_NODES = np.stack(
     [
         np.tile(spectral.LOBATTO_NODES, spectral.NODES_ALONG_ELEMENT),

@@ -42,8 +42,8 @@ class AirLift(Effect):
     acts_on: ClassVar[str] = "air"
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 8.0
-    typical: ClassVar[float] = 2.0
+    high: ClassVar[float] = 8.0  # our choice: above a thin plate's 2 pi (Katz and Plotkin)
+    typical: ClassVar[float] = 2.0  # our choice: of the 2 to 4 of real strips (Hoerner)
     # Lift with one or two cosines of the angle more, as Polhamus has it, is 30 to 50 % less at 45 degrees.
     law_spread: ClassVar[float] = 0.4
     face_force: ClassVar = staticmethod(_lift)

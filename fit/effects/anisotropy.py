@@ -29,9 +29,9 @@ class Anisotropy(Effect):
     title: ClassVar[str] = "warp and weft of different stiffness"
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "1"
-    low: ClassVar[float] = -3.0
-    high: ClassVar[float] = 3.0
-    typical: ClassVar[float] = 0.7
+    low: ClassVar[float] = -3.0  # our choice: as far as `high`
+    high: ClassVar[float] = 3.0  # our choice: a ratio of 20; 95 % of the 618 fabrics stay below 4.6 in bending
+    typical: ClassVar[float] = 0.7  # our choice: a ratio of 2, within those fabrics' range
     differs_by_solver: ClassVar[bool] = True  # a mesh's diagonals, and how fibres share the tension with the ground
     components: ClassVar[tuple[str, ...]] = ("stretch", "bending")
 

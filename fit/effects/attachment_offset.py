@@ -31,9 +31,9 @@ class AttachmentOffset(Effect):
     title: ClassVar[str] = "cloth attached elsewhere on the hanger"
     acts_on: ClassVar[str] = "boundary"
     unit: ClassVar[str] = "m"
-    low: ClassVar[float] = -0.05
-    high: ClassVar[float] = 0.05
-    typical: ClassVar[float] = 0.01
+    low: ClassVar[float] = -0.05  # our choice: as far as `high`
+    high: ClassVar[float] = 0.05  # our choice: five times the typical size
+    typical: ClassVar[float] = 0.01  # our choice: within the millimetres to centimetres of a tape measure
     law_spread: ClassVar[float] = 0.03  # a clip holds a patch of cloth, which turns a little
     components: ClassVar[tuple[str, ...]] = ("along", "down", "out")
 

@@ -30,9 +30,10 @@ class ClipSlack(Effect):
     title: ClassVar[str] = "slack between the clips"
     acts_on: ClassVar[str] = "boundary"
     unit: ClassVar[str] = "m"
-    low: ClassVar[float] = -0.03
-    high: ClassVar[float] = 0.03
-    typical: ClassVar[float] = 0.008
+    low: ClassVar[float] = -0.03  # our choice: as far as `high`
+    high: ClassVar[float] = 0.03  # our choice: half as much again as the 20 mm of a tape measure
+    typical: ClassVar[float] = 0.008  # our choice: within the 2 to 20 mm of a tape measure
+    # Our choice: on either side of the typical size, as a fold is far from linear.
     probes: ClassVar[tuple[float, ...]] = (0.003, 0.018)
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

@@ -37,8 +37,8 @@ class ClipSlip(Effect):
     acts_on: ClassVar[str] = "boundary"
     unit: ClassVar[str] = "m"
     low: ClassVar[float] = -0.002  # a little below zero, so that noise about zero is symmetric
-    high: ClassVar[float] = 0.05
-    typical: ClassVar[float] = 0.005
+    high: ClassVar[float] = 0.05  # our choice: five times the largest slip that clips allow
+    typical: ClassVar[float] = 0.005  # our choice: within the 0.5 to 10 mm that clips allow
     law_spread: ClassVar[float] = 0.2  # how abruptly cloth slips
     components: ClassVar[tuple[str, ...]] = ("left", "right")
     brings: ClassVar[tuple[tuple[str, float], ...]] = (("hanger_rotation", 1.0),)

@@ -53,9 +53,9 @@ class Draught(Effect):
     title: ClassVar[str] = "a draught"
     acts_on: ClassVar[str] = "air"
     unit: ClassVar[str] = "m/s"
-    low: ClassVar[float] = -1.0
-    high: ClassVar[float] = 1.0
-    typical: ClassVar[float] = 0.3
+    low: ClassVar[float] = -1.0  # our choice: as far as `high`
+    high: ClassVar[float] = 1.0  # our choice: twice the strongest draught of ventilated rooms (ISO 7730)
+    typical: ClassVar[float] = 0.3  # our choice: within the 0.05 to 0.5 m/s of ventilated rooms (ISO 7730)
     law_spread: ClassVar[float] = 0.2  # plates at an angle, gusts; the push grows with the square of the wind
     components: ClassVar[tuple[str, ...]] = ("x", "y")
     face_force: ClassVar = staticmethod(_push)

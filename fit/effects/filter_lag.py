@@ -34,8 +34,8 @@ class FilterLag(Effect):
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "s"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 0.2
-    typical: ClassVar[float] = 0.02
+    high: ClassVar[float] = 0.2  # our choice: six frames at 30 a second
+    typical: ClassVar[float] = 0.02  # our choice: less than a frame at 30 a second
     law_spread: ClassVar[float] = 0.08  # of one pole or of more
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

@@ -38,9 +38,9 @@ class HangerRotation(Effect):
     title: ClassVar[str] = "a rotation of the hanger that was not captured"
     acts_on: ClassVar[str] = "boundary"
     unit: ClassVar[str] = "rad"
-    low: ClassVar[float] = -0.3
-    high: ClassVar[float] = 0.3
-    typical: ClassVar[float] = 0.03
+    low: ClassVar[float] = -0.3  # our choice: as far as `high`
+    high: ClassVar[float] = 0.3  # our choice: 17 degrees, ten times the typical size
+    typical: ClassVar[float] = 0.03  # our choice: 1.7 degrees
     components: ClassVar[tuple[str, ...]] = ("yaw", "roll")
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

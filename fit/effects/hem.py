@@ -32,8 +32,8 @@ class Hem(Effect):
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "kg/m"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 0.05
-    typical: ClassVar[float] = 0.01
+    high: ClassVar[float] = 0.05  # our choice: about three times the heaviest of tailoring, see `typical`
+    typical: ClassVar[float] = 0.01  # our choice: 1 to 3 times 0.2 kg/m^2 over 10 to 30 mm is 0.002 to 0.018
     law_spread: ClassVar[float] = 0.12  # a hem is stiffer as well
 
     def regions(self, amplitude: Floats) -> tuple[str, ...]:

@@ -32,9 +32,9 @@ class RestCurvature(Effect):
     title: ClassVar[str] = "cloth that is curved at rest"
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "1/m"
-    low: ClassVar[float] = -40.0
-    high: ClassVar[float] = 40.0
-    typical: ClassVar[float] = 5.0
+    low: ClassVar[float] = -40.0  # our choice: as far as `high`
+    high: ClassVar[float] = 40.0  # the sharpest creases, as the module states
+    typical: ClassVar[float] = 5.0  # our choice: within the 1 to 40 1/m of creases
     # A curl is rarely uniform: half as strong again at one end, half as strong at the other.
     law_spread: ClassVar[float] = 0.25
     components: ClassVar[tuple[str, ...]] = ("horizontal", "vertical")

@@ -35,8 +35,8 @@ class SlidingPoints(Effect):
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 1.5
-    typical: ClassVar[float] = 0.5
+    high: ClassVar[float] = 1.5  # our choice: half as much again as all of the sliding
+    typical: ClassVar[float] = 0.5  # our choice: half of the sliding
     law_spread: ClassVar[float] = 0.2  # how evenly a grid is laid
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:

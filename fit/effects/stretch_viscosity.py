@@ -44,8 +44,8 @@ class StretchViscosity(Effect):
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "s"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 3e-3
-    typical: ClassVar[float] = 1e-3
+    high: ClassVar[float] = 3e-3  # our choice: half as much again as theta
+    typical: ClassVar[float] = 1e-3  # our choice: half of theta
     differs_by_solver: ClassVar[bool] = True
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:

@@ -38,8 +38,8 @@ class TrackerSmoothing(Effect):
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 1.5
-    typical: ClassVar[float] = 0.4
+    high: ClassVar[float] = 1.5  # our choice: trackers that smooth over more points look like a share above 1
+    typical: ClassVar[float] = 0.4  # our choice: close to half of each point
     law_spread: ClassVar[float] = 0.3  # trackers differ in their neighbours and weights
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:

@@ -32,7 +32,7 @@ SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
 LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
 FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
 SHORTEST_ANIMATION = 1.0  # s
-MOST_JOINTS = 1000
+MOST_JOINTS = 1000  # our choice: a file with more is no skeleton of a person
 MOST_CHANNELS = 6  # three positions and three angles
 CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
 # Names of joints, without sides, prefixes and signs; the first name that a file contains is used.

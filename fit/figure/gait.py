@@ -62,6 +62,7 @@ ARM_OUT = np.radians(12.0)  # rad to the side, past the skirt
 LOWERED = 0.38  # of the arms' initial angle: sleeves that lie flat with arms raised fold under lowered ones
 # Phase, and upward pitch of the toe [rad].
 FOOT_PHASE = np.array([0.0, 0.10, 0.36, 0.45, 0.52, 0.62, 0.68, 0.84, 0.94, 1.0])
+# rad, Winter 2009, in round numbers
 FOOT_PITCH = np.radians([18.0, 0.0, 0.0, -6.0, -18.0, -52.0, -55.0, -4.0, 18.0, 18.0])
 SMOOTHED = 0.015  # of a stride, standard deviation of the smoothing of a piecewise motion
 FOOT_OUT = 0.8  # times the hips' offset: distance of the ankles from the middle

@@ -149,7 +149,11 @@ def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
 
 
 def closure(
-    base: BlockErrors, with_effect: BlockErrors, floor_mm: float, floor_error_mm: float = 0.0, replicas: int = 2
+    base: BlockErrors,
+    with_effect: BlockErrors,
+    floor_mm: float,
+    floor_error_mm: float = 0.0,
+    replicas: int = 2,  # the fewest draws that have a deviation
 ) -> tuple[float, tuple[float, float]] | None:
     """Return closure and its 90 % interval, or None if there is hardly a gap.
 

@@ -144,8 +144,8 @@ class Task:
     vector: Floats
     amplitudes: Floats
     active: tuple[str, ...] = ()
-    iterations: int = 12
-    renewals: int = 2
+    iterations: int = 12  # our choice: a limit on the cost of one fit
+    renewals: int = 2  # our choice: a limit, as above
     jacobian: Floats | None = None
     is_rough: bool = False
     known_cost: float = np.inf

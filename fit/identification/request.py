@@ -80,7 +80,7 @@ class Plan:
     effects: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()  # NAME=LOW:HIGH
     search: str = ""  # the method's own where empty; annealing for another engine's cloth
-    iterations: int = 350
+    iterations: int = 350  # of the annealing, as its paper has it (`fit.search.annealing`)
     gamma: float | None = None  # the method's own where None
     spacing: float | None = None  # m; the method's own where None
     seed: int = 0

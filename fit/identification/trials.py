@@ -60,8 +60,8 @@ class ObservedSettings:
     looks: int = 0
     trials: int = 1
     pulls: tuple[float, ...] = (0.0,)
-    iterations: int = 6
-    width: int = 4
+    iterations: int = 6  # our choice: a limit on the cost of one descent
+    width: int = 4  # our choice: candidates that one batch simulates
     seed: int = 0
 
     @property

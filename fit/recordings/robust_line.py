@@ -11,9 +11,9 @@ import numpy as np
 from formats.arrays import Floats, Integers
 
 BLOCK = 0.5  # s, half a swing
-FEWEST_BLOCKS_ON_A_LINE = 8
+FEWEST_BLOCKS_ON_A_LINE = 8  # half seconds; our choice: a jackknife with 7 degrees of freedom
 HUBER = 1.345  # deviations from which a frame counts less: 95 % efficiency for normal noise
-REWEIGHTINGS = 20
+REWEIGHTINGS = 20  # our choice: a fixed number, in place of a tolerance
 
 
 def seconds_apart(time: Floats) -> Integers:

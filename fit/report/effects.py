@@ -22,7 +22,7 @@ class Shown:
 
     sentence: str
     size: str
-    reference: float = 1.0
+    reference: float = 1.0  # in the amplitude's unit: the amplitude itself where nothing else is stated
 
     def meaning(self, amplitude: float | None) -> str:
         """Return the meaning of an amplitude with its number; without an amplitude, one that needs no number."""

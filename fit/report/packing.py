@@ -19,8 +19,8 @@ from formats.arrays import Floats
 
 POINT_STEP = 1e-4  # m, a tenth of the sensor's noise
 MESH_STEP = 5e-4  # m, half a pixel of the player for a garment half a metre wide
-UNSEEN = -32768
-LARGEST_SHORT = 32767
+UNSEEN = -32768  # the smallest 16-bit integer, which stands for no position
+LARGEST_SHORT = 32767  # the largest 16-bit integer
 STRIDES = (1, 2, 3, 4, 6, 8, 12)  # frames per stored mesh, so that the page stays small
 
 

@@ -26,7 +26,7 @@ from formats.arrays import Booleans, Floats
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
 
-INSTANTS = 6
+INSTANTS = 6  # pictures side by side; our choice: each stays 150 px wide
 ROW_HEIGHT, CHART, MARGIN = 210, 190, 44  # px
 FRAME, GREY, LINK, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
 DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))

@@ -16,7 +16,7 @@ def words(name: str) -> Markup:
     return escape(name.replace("_", " "))
 
 
-def number(value: float | None, digits: int = 3) -> str:
+def number(value: float | None, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
     """Return a number with this many significant digits; a dash for None."""
     if value is None or not math.isfinite(value):
         return MISSING
@@ -61,7 +61,7 @@ def percent(share: float | None) -> str:
     return MISSING if share is None or not math.isfinite(share) else f"{100 * share:z.0f} %".replace("-", "−")
 
 
-def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:
+def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:  # our choice, as above
     """Return an interval as `low to high`, or nothing."""
     if ends is None or not all(math.isfinite(end) for end in ends):
         return ""

@@ -50,12 +50,12 @@ OUTCOMES_KEPT = 64  # last proposals that estimate the next acceptance probabili
 class AnnealingSettings:
     """The factors of equations 2 to 5, and what the paper leaves open."""
 
-    iterations: int = 350
+    iterations: int = 350  # the paper's, like the next five
     start_temperature: float = 1000.0  # T_0
-    alpha: float = 0.003
-    beta: float = 1.0
-    mu: float = 0.1
-    sigma: float = 0.6
+    alpha: float = 0.003  # 1, equation 3
+    beta: float = 1.0  # 1, equation 3
+    mu: float = 0.1  # 1, equation 2
+    sigma: float = 0.6  # 1, equation 2
     gamma: float = 1e5  # 1/m, our choice
     beyond_bounds: Literal["reflect", "clip", "redraw"] = "reflect"
 

@@ -93,8 +93,8 @@ class Prior:
 class LeastSquaresSettings:
     """Stopping rules, step sizes and batch width of a least squares search."""
 
-    width: int = 8
-    max_iterations: int = 30
+    width: int = 8  # our choice: candidates in one batch, and rungs of a ladder
+    max_iterations: int = 30  # our choice: a limit on the cost of one search
     step: float = DIFFERENCE  # finite difference, share of the box
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     renewals: int = 2  # of the Jacobian, when a search by chords finds no further step

@@ -36,7 +36,7 @@ from formats.importers.path_outliers import straight_lines
 
 # Stated by us, set high: disks and networks verify their bytes. A file to which an editor added an end is commoner.
 CUT_WITHIN, CUT_LAST = 1e-5, 1e-3
-LETTERS = 10
+LETTERS = 10  # digits, from 0 to 9
 TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth motion falls faster
 STRETCH = 50  # positions: half a swing at 100 frames a second
 CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it

@@ -19,7 +19,7 @@ import numpy as np
 
 from formats.arrays import Floats, Singles
 
-INTEL, DEC, SGI = 84, 85, 86
+INTEL, DEC, SGI = 84, 85, 86  # numbers of the processors, C3D user guide, parameter section
 SECTION_HEAD = 4  # bytes
 TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds
 USED = {"POINT", "TRIAL"}  # groups whose parameters must be well-formed; errors in others are ignored

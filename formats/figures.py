@@ -8,7 +8,10 @@ ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
 def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
-    """Return a number with this many significant digits; below a million, whole numbers stay in full."""
+    """Return a number with this many significant digits; below a million, whole numbers stay in full.
+
+    The text is plain ASCII, which terminals show and people copy; `fit.report.text.number` sets numbers for a page.
+    """
     if 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6:
         return f"{value:.0f}"
     return f"{value:.{digits}g}"

@@ -33,6 +33,9 @@ SETTINGS_ADVICE = "mend it in [sync]; docs/reference/sync.md explains every sett
 class Range:
     """The numbers that a key accepts: None or 0 where they are `also`, or any from `least` to `most`.
 
+    msgspec's own ranges, which the other tables have, know no single value beside a range. The settings of retention
+    are checked where a file states them, because the daemon builds others.
+
     - `unit`: in words; `others`: names of other units, and how many of the key's unit each is
     """
 

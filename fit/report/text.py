@@ -17,7 +17,11 @@ def words(name: str) -> Markup:
 
 
 def number(value: float | None, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
-    """Return a number with this many significant digits; a dash for None."""
+    """Return a number with this many significant digits, as a page sets it; a dash for None.
+
+    It has a minus sign, powers of ten with superscripts and no idle zeros. `formats.figures.short` is for terminals and
+    for text that people copy, which must stay ASCII.
+    """
     if value is None or not math.isfinite(value):
         return MISSING
     if value == 0:

@@ -60,7 +60,8 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     size = path.stat().st_size
     if size > LARGEST_C3D:
         raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
-    header = _refuse_a_short_file(path, size)
+    header = _header(path, size)
+    _refuse_a_short_file(header, path)
     parameters = _parameters(path, header.data_at)
     labels, points = [label for name in LABELS for label in parameters.texts("POINT", name)], header.points
     rate, stated = _rate(parameters, header), _stated_frames(parameters)
@@ -265,7 +266,7 @@ class _Header:
     - `is_float`, `scale`: number format of positions
     - `held`: number of frames for which the file has room
     - `parameters_at` [bytes]: offset of the parameters
-    - `is_at_its_most`: whether the header states the largest number of frames that it can
+    - `first`, `last`: numbers of the first and the last frame
     - `rate` [1/s]: None where the header states none
     - `doubts`: warnings of parameters that contradict the header, '' without any
     """
@@ -279,13 +280,23 @@ class _Header:
     scale: float
     held: int
     parameters_at: int
-    is_at_its_most: bool
+    first: int
+    last: int
     rate: float | None
     doubts: str
 
+    @property
+    def is_at_its_most(self) -> bool:
+        """Whether the header states the largest number of frames that it can."""
+        return self.last == MOST_FRAMES and self.first <= 1
 
-def _refuse_a_short_file(path: Path, size: int) -> _Header:
-    """Read the header; refuse a file that ends before the last frame that the header states."""
+
+def _header(path: Path, size: int) -> _Header:
+    """Return the header, with the parameters' copies of its numbers where it states none.
+
+    Raises:
+        TakeError: the file has no header, or the header and the parameters contradict each other.
+    """
     with path.open("rb") as file:
         head = file.read(BLOCK_BYTES)
         if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:
@@ -320,11 +331,9 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
         if held != frames and not 0 <= size - BLOCK_BYTES * (start - 1) - frames * width < BLOCK_BYTES:
             raise TakeError(f"{counts}, and its size agrees with neither", where=path, advice="export it again")
         doubts.append(f"{counts}; {points} were read")
-    if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
-        raise _cut_off(max(held, 0), frames, "its header states", path)
     return _Header(
         processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
-        BLOCK_BYTES * (head[0] - 1), last == MOST_FRAMES and first <= 1, rate if 0 < rate < FASTEST_RATE else None,
+        BLOCK_BYTES * (head[0] - 1), first, last, rate if 0 < rate < FASTEST_RATE else None,
         "; ".join(doubts),
     )  # fmt: skip
 
@@ -352,6 +361,13 @@ def _begin(size: int, stated: int, copy: int, length: int) -> tuple[int, tuple[i
     rest, other = (size - BLOCK_BYTES * (block - 1) - length for block in (stated, copy))
     is_copy = stated < 2 or rest < 0 <= other or (0 <= other < BLOCK_BYTES <= rest)
     return (copy if is_copy else stated), (stated, copy)
+
+
+def _refuse_a_short_file(header: _Header, path: Path) -> None:
+    """Refuse a file that ends before the last frame that the header states."""
+    has_frames = header.width and header.frames > 0 and header.data_at > 0
+    if has_frames and header.held < header.frames and header.last < MOST_FRAMES:
+        raise _cut_off(max(header.held, 0), header.frames, "its header states", path)
 
 
 def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> None:

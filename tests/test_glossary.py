@@ -17,7 +17,7 @@ PLAIN = {
     "errors before and after", "fit", "fitted", "fitted parameters", "from minimum to maximum",
     "grows with speed to the power of", "held where its edge was tracked", "how to read this", "in which direction",
     "initial", "keeps its sign (stores energy, or is constant)", "manual", "manual against optimised", "meaning",
-    "motion", "on the cloth", "optimised", "origin", "parameter", "parameters", "play",
+    "motion", "on the cloth", "optimised", "origin", "parameter", "parameters", "place", "play",
     "real against simulated motion", "record next", "size", "tells apart", "the cloth as the camera saw it",
     "the next recording", "the sensor's noise alone", "when in the motion", "where", "where this page comes from",
 }  # fmt: skip

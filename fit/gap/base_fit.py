@@ -1,10 +1,10 @@
 """Base fit: the model without any effect, fitted under the weakest pull that keeps the takes predictable.
 
-Scattered places over the box of parameters come first, then the places where an emulator of the residuals expects the
-least cost (`fit.search.looks`). They are simulated on a coarse mesh, under a pull that makes the response smooth. A
-hard pull would force every fabric onto the points. The best places are simulated once more on the fine mesh, under the
-weakest smooth pull, which depends more on the fabric. The model is fitted from the best two places that lie apart.
-While the best two fits disagree, further starts follow: the next best place, then the middle between the two.
+Scattered candidates over the box of parameters come first, then those where an emulator of the residuals expects the
+least cost (`fit.search.sampling`). They are simulated on a coarse mesh, under a pull that makes the response smooth. A
+hard pull would force every fabric onto the points. The best candidates are simulated once more on the fine mesh, under
+the weakest smooth pull, which depends more on the fabric. The model is fitted from the best two candidates that lie
+apart. While the best two fits disagree, further starts follow: the next best candidate, then the middle of the two.
 
 Fits may agree in the wrong local minimum of stretch and shear. So two more fits begin across the valley from the best
 end (`fit.search.valleys`).
@@ -22,19 +22,19 @@ from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.observer.residuals import Observer
-from fit.search import looks, valleys
+from fit.search import sampling, valleys
 from formats.arrays import Floats
 from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 
 FIRST_FREQUENCY = 1.0  # Hz: fits from any start agree, and the residual still depends on the stiffnesses
-FIRST_LOOKS, LOOKS = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
-CARRIED = 12  # best places, simulated under both pulls
-STARTS_APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
+FIRST_SAMPLES, SAMPLES = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
+CARRIED = 12  # best candidates, simulated under both pulls
+STARTS_APART = 0.15  # share of the box, in one parameter at least, between the starts of fits
 STARTS, MOST_STARTS = 2, 4  # base fits, and at most while the best two disagree: stated by us
 COARSER = 1.5  # spacing of the mesh for the first search of starts
-COARSEST_LOOKED_AT = 0.06  # m, unless the mesh itself is coarser
+COARSEST_FIRST = 0.06  # m, unless the mesh itself is coarser
 
 
 def fit_base(
@@ -42,19 +42,19 @@ def fit_base(
 ) -> tuple[list[Fitted], Observer, Gate]:
     """Return the base fits, best first, the observer with the chosen pull, and the predictability gate."""
 
-    def look(where: Observer, first: Floats, count: int, share: float) -> Floats:
-        """Return simulated places, (count, parameters), least cost first."""
+    def sample(where: Observer, first: Floats, count: int, share: float) -> Floats:
+        """Return simulated candidates, (count, parameters), least cost first."""
 
         def tell(done: float) -> None:
             progress(f"looking for starts, pull {where.frequency:g} Hz", share + 0.06 * done)
 
-        return _looked_at(where, first, count, seed, kept, tell)
+        return _sampled(where, first, count, seed, kept, tell)
 
     smooth = coarsened(observer).with_frequency(FIRST_FREQUENCY)
-    places = look(smooth, scattered(observer, seed), FIRST_LOOKS, 0.02)
-    frequency, _ = gates.choose_frequency(observer, places[0])
-    places = look(observer.with_frequency(frequency), places[:CARRIED], CARRIED + LOOKS, 0.08)
-    spare = _lying_apart(observer, places)
+    candidates = sample(smooth, scattered(observer, seed), FIRST_SAMPLES, 0.02)
+    frequency, _ = gates.choose_frequency(observer, candidates[0])
+    candidates = sample(observer.with_frequency(frequency), candidates[:CARRIED], CARRIED + SAMPLES, 0.08)
+    spare = _lying_apart(observer, candidates)
     starts, spare = spare[:STARTS], spare[STARTS:]
     tried: set[float] = set()
     has_hopped = False
@@ -109,20 +109,20 @@ def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
 def coarsened(observer: Observer) -> Observer:
     """Return an observer on the coarse mesh of the first search of starts."""
     old = observer.resolution
-    coarser = max(old.spacing, min(COARSER * old.spacing, COARSEST_LOOKED_AT))
+    coarser = max(old.spacing, min(COARSER * old.spacing, COARSEST_FIRST))
     return observer.at_resolution(Resolution(spacing=coarser, step_share=old.step_share))
 
 
 def scattered(observer: Observer, seed: int) -> Floats:
-    """Return the initial parameters and places scattered over the box, (looks.SCATTERED, parameters)."""
+    """Return the initial parameters and candidates scattered over the box, (sampling.SCATTERED, parameters)."""
     space, initial = Problem(observer).space, observer.parameterisation.initial
-    return np.concatenate([initial[None], space.from_unit(looks.scatter(space.to_unit(initial), seed)[1:])])
+    return np.concatenate([initial[None], space.from_unit(sampling.scatter(space.to_unit(initial), seed)[1:])])
 
 
-def _looked_at(
+def _sampled(
     observer: Observer, first: Floats, count: int, seed: int, kept: Checkpoint, tell: Callable[[float], None]
 ) -> Floats:
-    """Return given and then proposed places, (places, parameters), least cost first.
+    """Return given and then proposed candidates, (candidates, parameters), least cost first.
 
     `tell` receives the finished share of the simulations
     """
@@ -138,19 +138,19 @@ def _looked_at(
         return observer.sound_residuals_of(observer.trajectories(vectors, np.tile(observer.off, (len(vectors), 1))))
 
     def go() -> Floats:
-        return space.from_unit(looks.look(residuals, space.to_unit(first), count, start, seed))
+        return space.from_unit(sampling.sample(residuals, space.to_unit(first), count, start, seed))
 
-    return kept.recall_places(f"looks-{observer.frequency:g}-{1e3 * observer.resolution.spacing:g}-{count}", go)
+    return kept.recall_vectors(f"looks-{observer.frequency:g}-{1e3 * observer.resolution.spacing:g}-{count}", go)
 
 
-def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
-    """Return at least STARTS places, (parameters,) each: the first, and each later one far from those chosen before."""
-    units, chosen = Problem(observer).space.to_unit(places), [0]
+def _lying_apart(observer: Observer, candidates: Floats) -> list[Floats]:
+    """Return STARTS or more candidates, (parameters,): the first, and each later one far from those chosen before."""
+    units, chosen = Problem(observer).space.to_unit(candidates), [0]
     for n, unit in enumerate(units):
         if np.abs(units[chosen] - unit).max(1).min() > STARTS_APART:
             chosen.append(n)
     near = [n for n in range(len(units)) if n not in chosen]
-    return [places[n] for n in (chosen + near[: max(STARTS - len(chosen), 0)])[:MOST_STARTS]]
+    return [candidates[n] for n in (chosen + near[: max(STARTS - len(chosen), 0)])[:MOST_STARTS]]
 
 
 def middle(observer: Observer, fits: list[Fitted]) -> Floats:

@@ -89,8 +89,8 @@ class Checkpoint:
         write_whole(self.folder / SPENT, json.dumps(self.spent).encode())
         return found
 
-    def recall_places(self, name: str, make: Callable[[], Floats]) -> Floats:
-        """Return the saved parameter vectors of this name, (places, parameters), or compute and save them."""
+    def recall_vectors(self, name: str, make: Callable[[], Floats]) -> Floats:
+        """Return the saved parameter vectors of this name, (vectors, parameters), or compute and save them."""
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npy"

@@ -193,8 +193,8 @@ def calibrate(
     - `begun`: called after all checks of the takes, before the first simulation
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end. The next call
-    continues from this file. Remove the file once the result is kept. Least squares saves every finished look and
-    descent.
+    continues from this file. Remove the file once the result is kept. Least squares saves every finished batch of
+    samples and every descent.
 
     Raises:
         FitError: no take, takes of different garments, a take that is given twice or cannot be simulated, or a saved
@@ -279,7 +279,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
-    """Run least squares; the saved state holds looks, descents and the distance after each simulation."""
+    """Run least squares; the saved state holds samples, descents and the distance after each simulation."""
     search, settings = begin_observed(request, model.recordings, model.distances_of)
     initial = np.array([p.initial for p in request.parameters])
     steps: list[Step] = []

@@ -31,7 +31,7 @@ from formats.arrays import Floats, Integers
 from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
-HANGS_ON = 0.9  # of the ranges' own variance of a combination's logarithm, that one parameter supplies
+DOMINANT = 0.9  # of the ranges' own variance of a combination's logarithm, that one parameter supplies
 LEAST_COMBINATION = 1e-12  # in its unit, far below any cloth's value: the logarithm of a damping of 0 is undefined
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
@@ -85,11 +85,11 @@ def describe_combinations(
             every = combine(materials(_corners(space, fitted, moved_by)))[:, k]
             with np.errstate(over="ignore"):  # an end far outside of the ranges becomes their end
                 low, high = np.clip(after[k] * np.exp([-half, half]), every.min(), every.max())
-            hangs_on = prior > HANGS_ON * prior.sum()
-            hangs_on_unknown = bool((hangs_on & ~intervals.is_identified).any())
-            is_identified = variance < SHARE_IDENTIFIED**2 * prior.sum() and not hangs_on_unknown
-            is_at_bound = bool((hangs_on & intervals.is_at_bound).any())
-            if hangs_on_unknown:
+            is_dominant = prior > DOMINANT * prior.sum()
+            is_dominant_unidentified = bool((is_dominant & ~intervals.is_identified).any())
+            is_identified = variance < SHARE_IDENTIFIED**2 * prior.sum() and not is_dominant_unidentified
+            is_at_bound = bool((is_dominant & intervals.is_at_bound).any())
+            if is_dominant_unidentified:
                 low, high = np.sort(ends[:, int(np.argmax(prior)), k])
             elif not is_identified:
                 reached = ends[:, ~intervals.is_identified & (slope != 0), k]

@@ -8,7 +8,7 @@ with the pull, then free.
 
 The cost has many local minima, so the curvature of one underestimates a parameter's uncertainty. Rounding alone decides
 in which local minimum a search ends. Three estimates of a parameter's deviation exist. One is the jackknife's in the
-best local minimum (`fit.search.intervals`). Another is the spread of draws over all places that the emulator knows,
+best local minimum (`fit.search.intervals`). Another is the spread of draws over everything that the emulator knows,
 from
 
     p(u) ~ E(u)^(-N/2)
@@ -22,7 +22,7 @@ The third is the spread of the ends of all descents of all trials, each end with
 
 All estimates measure the same uncertainty, so the largest counts. The jackknife includes ripples that the emulator
 smooths. The draws include local minima that the jackknife ignores. The ends are minima that the emulator may have
-smoothed away. Without looks, the spread of the descents' ends is added to the jackknife. Here N counts pieces of the
+smoothed away. Without samples, the spread of the descents' ends is added to the jackknife. Here N counts pieces of the
 recording of two seconds, because a ripple lasts for a swing or two. So an end that fits much worse counts little. Both
 formulas are the likelihood of Gaussian errors of unknown deviation, at its maximum over the deviation. These rules were
 chosen on takes that no published figure uses.
@@ -42,7 +42,7 @@ from formats.arrays import Floats
 
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
-MOST_LOOKS = 80  # candidates of the looks: more candidates hardly improve the best one
+MOST_SAMPLES = 80  # candidates before the descents: more hardly improve the best one
 TRIALS = 3  # at most: a second trial mostly leaves a wrong local minimum, and a third one decides between two
 
 
@@ -56,10 +56,10 @@ class ObservedSearch(ObservedProblem):
         progress: Progress = lambda step: None,
         known: Sequence[Step] = (),
     ) -> Observed:
-        """Run the search from the start, (parameters,); `progress` receives each look and each descent.
+        """Run the search from the start, (parameters,); `progress` receives each batch of samples and each descent.
 
-        `known` holds the finished steps of an interrupted search with the same settings, which are not repeated. Places
-        of looks are simulated again, and these simulations are not counted.
+        `known` holds the finished steps of an interrupted search with the same settings, which are not repeated.
+        Sampled candidates are simulated again, and these simulations are not counted.
 
         Raises:
             FitError: the recordings are too short for intervals.
@@ -78,4 +78,4 @@ def begin_observed(
         search = ObservedSearch(recordings, method, effects, space, resolution, windows=SHORT_WINDOWS)
         return search, ObservedSettings(pulls=(CATCHING,), seed=request.seed)
     search = ObservedSearch(recordings, method, effects, space, resolution, distances=distances)
-    return search, ObservedSettings(looks=MOST_LOOKS, trials=TRIALS, seed=request.seed)
+    return search, ObservedSettings(samples=MOST_SAMPLES, trials=TRIALS, seed=request.seed)

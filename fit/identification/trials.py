@@ -1,16 +1,17 @@
 """One least squares search on the points' residuals: several independent trials, and a comparison of their ends.
 
-A trial looks at many places: the start, scattered places, then the proposals of an emulator of the residuals
-(`fit.search.looks`). From the best place Levenberg-Marquardt descends by chords (`fit.search.least_squares`). Its
-differences are wide enough to step over the ripples that folds make. More descents begin at the best places across the
-valleys about the end (`fit.search.valleys`).
+A trial simulates many candidates: the start, scattered candidates, then the proposals of an emulator of the residuals
+(`fit.search.sampling`). From the best candidate Levenberg-Marquardt descends by chords (`fit.search.least_squares`).
+Its differences are wide enough to step over the ripples that folds make. More descents begin at the best candidates
+across the valleys about the end (`fit.search.valleys`).
 
-If the best end misses by more than the stated noise, another trial begins from other scattered places. Trials stop when
-two of them agree in their cost, or at their largest number. The first emulator may have chosen a wrong local minimum,
-and two independent trials seldom choose the same wrong one. The best end then descends with finer differences to its
-local minimum, because wide differences stop on the slope above it.
+If the best end misses by more than the stated noise, another trial begins from other scattered candidates. Trials stop
+when two of them agree in their cost, or at their largest number. The first emulator may have chosen a wrong local
+minimum, and two independent trials seldom choose the same wrong one. The best end then descends with finer differences
+to its local minimum, because wide differences stop on the slope above it.
 
-Without looks there is one trial, whose descents begin at the start and at scattered places, and nothing finer.
+Without samples there is one trial, without a finer last descent. Its descents begin at the start and at scattered
+candidates.
 """
 
 from __future__ import annotations
@@ -24,8 +25,7 @@ import numpy as np
 
 from fit.errors import BlowUpError
 from fit.identification.problem import ObservedProblem
-from fit.search import looks as looking
-from fit.search import valleys
+from fit.search import sampling, valleys
 from fit.search.correlation import independent
 from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD, Intervals, LinearModel, block_intervals
@@ -35,9 +35,9 @@ from fit.search.steps import Step
 from formats.arrays import Floats
 
 RIPPLE_TIME = 2.0  # s: duration of the ripples in which descents end
-STARTS_A_PULL = 4  # descents under each pull without looks, the first from the start itself: stated by us
-LOOKS_ACROSS = 3  # at most: looks across the valleys about an end
-WORTH = 0.005  # of the cost: least gain for a further look across, and largest difference between two trials that agree
+STARTS_A_PULL = 4  # descents under each pull without samples, the first from the start itself: stated by us
+SCANS_ACROSS = 3  # at most: scans across the valleys about an end
+WORTH = 0.005  # of the cost: least gain for a further scan across, and largest difference between two trials that agree
 NEXT_SEED = 7919  # added to the seed of each further trial, far from seeds that a user would choose in turn
 FIRST_SETTINGS = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
 LAST_SETTINGS = LeastSquaresSettings(
@@ -49,15 +49,15 @@ LAST_SETTINGS = LeastSquaresSettings(
 class ObservedSettings:
     """The settings of a search.
 
-    - `looks`: candidates before one descent from the best of them, 0 or at least SCATTERED
+    - `samples`: candidates before one descent from the best of them, 0 or at least SCATTERED
     - `trials`: largest number of trials, while the residual exceeds the noise and no two ends agree
     - `pulls`: [Hz] of each descent in turn
     - `iterations`: under each pull
     - `width`: of a batch
-    - `seed`: of the scattered places
+    - `seed`: of the scattered candidates
     """
 
-    looks: int = 0
+    samples: int = 0
     trials: int = 1
     pulls: tuple[float, ...] = (0.0,)
     iterations: int = 6  # our choice: a limit on the cost of one descent
@@ -66,11 +66,11 @@ class ObservedSettings:
 
     @property
     def steps(self) -> int:
-        """Return the largest possible number of looks and descents."""
-        if not self.looks:
+        """Return the largest possible number of batches of samples and of descents, together."""
+        if not self.samples:
             return STARTS_A_PULL * len(self.pulls)
-        proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
-        return self.trials * (1 + proposed + len(self.pulls) + LOOKS_ACROSS * (1 + valleys.HOPPED)) + 1
+        proposed = math.ceil(max(self.samples - sampling.SCATTERED, 0) / len(sampling.CAUTIONS))
+        return self.trials * (1 + proposed + len(self.pulls) + SCANS_ACROSS * (1 + valleys.HOPPED)) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class Observed:
 
     - `vector`, (parameters,)
     - `ends`: cost and vector of each descent
-    - `path`: looks and descents, in turn
+    - `path`: batches of samples and descents, in turn
     - `simulations`: of all recordings, with those for the intervals
     """
 
@@ -102,7 +102,7 @@ def is_settled(costs: Sequence[float], noise: float) -> bool:
     return best <= noise or (bool(others) and others[0] <= (1 + WORTH) * best)
 
 
-def luck_of(costs: Sequence[float]) -> float:
+def scatter_of(costs: Sequence[float]) -> float:
     """Return the root mean square of ln(cost / least cost) over the trials, from their costs, (trials,)."""
     best, *others = sorted(cost for cost in costs if math.isfinite(cost))
     return math.sqrt(sum(math.log(other / best) ** 2 for other in others) / len(others)) if others else 0.0
@@ -120,7 +120,7 @@ def between_ends(apart: Floats, rise: Floats, pieces: float) -> Floats:
 
 
 class Run:
-    """State of a running search: the simulated places, their residuals, and the best place."""
+    """State of a running search: the simulated candidates, their residuals, and the best candidate."""
 
     def __init__(
         self, search: ObservedProblem, start: Floats, settings: ObservedSettings, progress: Progress,
@@ -130,8 +130,8 @@ class Run:
         self.waiting, self.path = list(known), list[Step]()
         self.prior = Prior(mean=start, precision=np.diag((PRIOR_SD * search.space.scale) ** -2))
         self.unit = search.space.to_unit(start)
-        self.units = np.zeros((0, len(start)))  # simulated in looks
-        self.first = 0  # index of this trial's first place
+        self.units = np.zeros((0, len(start)))  # simulated as samples
+        self.first = 0  # index of this trial's first candidate
         self.residuals: Floats | None = None
         self.costs = np.zeros(0)
         self.best: tuple[float, float] = (np.inf, np.inf)  # least cost, and D there
@@ -146,7 +146,7 @@ class Run:
             self.first = len(self.units)
             ends += self._try()
         end, best = min(ends, key=lambda pair: pair[0].cost)
-        manner = LAST_SETTINGS if self.settings.looks else FIRST_SETTINGS
+        manner = LAST_SETTINGS if self.settings.samples else FIRST_SETTINGS
         if manner is LAST_SETTINGS:
             end, best = self._descend(self.settings.pulls[-1], end.vector, manner)
             ends.append((end, best))
@@ -162,21 +162,21 @@ class Run:
         return float(count + np.sqrt(2 * count))
 
     def _try(self) -> list[tuple[Step, LeastSquaresResult | None]]:
-        """Run one trial: looks, descents from the best places and across valleys; return the best end."""
-        if self.settings.looks:
-            self._look()
+        """Run one trial: samples, descents from the best candidate and across valleys; return the ends."""
+        if self.settings.samples:
+            self._sample()
         ends: list[tuple[Step, LeastSquaresResult | None]] = []
-        for number, place in enumerate(self._starts()):
+        for number, start in enumerate(self._starts()):
             for pull in self.settings.pulls:
-                descent, found = self._descend(pull, place)
+                descent, found = self._descend(pull, start)
                 if not (number or self.least) and not np.isfinite(descent.cost):
                     raise self._blown_up()
-                place = descent.vector
+                start = descent.vector
                 if not np.isfinite(descent.cost):
                     break  # a scattered start that cannot be simulated is skipped
             else:
                 ends.append((descent, found))
-        for _ in range(LOOKS_ACROSS if self.settings.looks and ends else 0):
+        for _ in range(SCANS_ACROSS if self.settings.samples and ends else 0):
             before, found = min(ends, key=lambda pair: pair[0].cost)
             ends += (beyond := self._across(before, found))
             if all(end.cost > (1 - WORTH) * before.cost for end, _ in beyond):
@@ -184,23 +184,23 @@ class Run:
         self.least.append(min((end.cost for end, _ in ends), default=np.inf))
         return ends
 
-    def _look(self) -> None:
-        """Simulate scattered places, then the emulator's proposals, up to the number of looks in the settings."""
-        space, looks = self.search.space, self.settings.looks
-        while len(self.units) - self.first < looks:
-            if self.waiting and self.waiting[0].is_look:
+    def _sample(self) -> None:
+        """Simulate scattered candidates, then the emulator's proposals, up to the number of samples in the settings."""
+        space, samples = self.search.space, self.settings.samples
+        while len(self.units) - self.first < samples:
+            if self.waiting and self.waiting[0].is_sampling:
                 vectors, known = self.waiting[0].vectors, self.waiting.pop(0)
             else:
                 known = None
-                units = self._next_units()[: looks - (len(self.units) - self.first)]
+                units = self._next_units()[: samples - (len(self.units) - self.first)]
                 if not len(units):
                     break
                 vectors = space.from_unit(units)
-            self._look_at(vectors)
-            self._looked(vectors, known)
+            self._evaluate(vectors)
+            self._record_samples(vectors, known)
 
-    def _look_at(self, vectors: Floats) -> Floats:
-        """Simulate places, (candidates, parameters), remember them and return their costs, (candidates,)."""
+    def _evaluate(self, vectors: Floats) -> Floats:
+        """Simulate candidates, (candidates, parameters), keep them and return their costs, (candidates,)."""
         residuals = self._simulate(vectors, 0.0)
         if self.residuals is None and not np.isfinite(residuals[0]).all():
             raise self._blown_up()
@@ -210,20 +210,20 @@ class Run:
         self.costs = np.append(self.costs, costs)
         return costs
 
-    def _looked(self, vectors: Floats, known: Step | None) -> None:
+    def _record_samples(self, vectors: Floats, known: Step | None) -> None:
         least = int(np.argmin(self.costs))
         best = self.search.space.from_unit(self.units[least])
         self._take(
             known
             or Step(
-                is_look=True, vector=best, cost=float(self.costs[least]), vectors=vectors,
+                is_sampling=True, vector=best, cost=float(self.costs[least]), vectors=vectors,
                 simulations=self._simulations(), distances=tuple(self.distances), slopes_at=best,
             ),
             is_known=known is not None,
         )  # fmt: skip
 
     def _across(self, step: Step, found: LeastSquaresResult | None) -> list[tuple[Step, LeastSquaresResult | None]]:
-        """Simulate places across the valleys about an end, and descend from the best of them."""
+        """Simulate candidates across the valleys about an end, and descend from the best of them."""
         space, pull = self.search.space, self.settings.pulls[-1]
         known = self.waiting.pop(0) if self.waiting else None
         found = found or self._again(step, FIRST_SETTINGS)
@@ -231,31 +231,31 @@ class Run:
 
         def judge(units: Floats) -> Floats:
             judged.append(space.from_unit(units))
-            return self._look_at(judged[-1])
+            return self._evaluate(judged[-1])
 
         precision = np.eye(len(self.unit)) / PRIOR_SD**2
         end, slopes = space.to_unit(found.parameters), found.jacobian * space.scale
         units = valleys.across(end, slopes, precision, found.cost, self.search.count, judge)
         if not judged:
             return []
-        self._looked(judged[0], known)
+        self._record_samples(judged[0], known)
         ends = [self._descend(pull, start) for start in space.from_unit(units)]
         return [end for end in ends if np.isfinite(end[0].cost)]
 
     def _next_units(self) -> Floats:
         seed = self.settings.seed + len(self.least) * NEXT_SEED
         if self.residuals is None:
-            return looking.scatter(self.unit, seed)
+            return sampling.scatter(self.unit, seed)
         if len(self.units) == self.first:
-            return looking.spread(len(self.unit), looking.SCATTERED, seed)
-        return looking.propose(self.units[self.first :], self.residuals[self.first :], self.unit, seed)
+            return sampling.spread(len(self.unit), sampling.SCATTERED, seed)
+        return sampling.propose(self.units[self.first :], self.residuals[self.first :], self.unit, seed)
 
     def _starts(self) -> list[Floats]:
-        """Return the starts of descents: the best place so far, or the start and scattered places."""
+        """Return the starts of descents: the best candidate so far, or the start and scattered candidates."""
         space = self.search.space
-        if self.settings.looks:
+        if self.settings.samples:
             return [space.from_unit(self.units[self.first + int(np.argmin(self.costs[self.first :]))])]
-        return [self.start, *space.from_unit(looking.scatter(self.unit, self.settings.seed)[1:STARTS_A_PULL])]
+        return [self.start, *space.from_unit(sampling.scatter(self.unit, self.settings.seed)[1:STARTS_A_PULL])]
 
     def _descend(
         self, pull: float, start: Floats, manner: LeastSquaresSettings | None = None
@@ -272,7 +272,7 @@ class Run:
                 pull, start, manner or replace(FIRST_SETTINGS, max_iterations=self.settings.iterations)
             )
         step = Step(
-            is_look=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
+            is_sampling=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
             vectors=np.zeros((0, len(start))), simulations=self._simulations(), distances=tuple(self.distances),
             slopes_at=found.slopes_at if found else start,
         )  # fmt: skip
@@ -306,7 +306,7 @@ class Run:
         return residuals
 
     def _costs(self, vectors: Floats, residuals: Floats) -> Floats:
-        costs = (residuals**2).sum(1) + looking.prior_cost(self.search.space.to_unit(vectors), self.unit)
+        costs = (residuals**2).sum(1) + sampling.prior_cost(self.search.space.to_unit(vectors), self.unit)
         return np.where(np.isfinite(costs), costs, np.inf)
 
     def _take(self, step: Step, *, is_known: bool) -> None:
@@ -328,24 +328,24 @@ class Run:
         )
 
     def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
-        """Return intervals about the best end, at least as wide as the spread of other places that fit as well."""
+        """Return intervals about the best end, at least as wide as the spread of other parameters that fit as well."""
         space, observer = self.search.space, self.search.free
         unit = space.to_unit(best.parameters)
         between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))
         apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
         rise = np.log(np.array([end.cost for end in ends]) / best.cost)
         is_sound = np.isfinite(self.costs)
-        if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
+        if self.residuals is not None and is_sound.sum() > sampling.fewest(len(unit)):
             finite = self.residuals[is_sound]
             emulator = Emulator(self.units[is_sound], finite @ finite.T)
-            places = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
+            starts = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
 
             def cost(units: Floats) -> Floats:
-                return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
+                return emulator.costs(units, 1.0)[0] + sampling.prior_cost(units, self.unit)
 
             pieces = independent(observer.by_place(best.residuals[observer.layout.is_judged]))
-            pieces = 2 / max(luck_of(self.least), 2 / pieces)
-            drawn = draw(cost, places, pieces, self.settings.seed) - unit
+            pieces = 2 / max(scatter_of(self.least), 2 / pieces)
+            drawn = draw(cost, starts, pieces, self.settings.seed) - unit
             spread = np.sqrt(np.maximum((drawn**2).mean(0), np.diag(between_ends(apart, rise, pieces))))
         else:
             duration = sum(recording.duration for recording in observer.recordings)

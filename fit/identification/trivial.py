@@ -118,8 +118,8 @@ def _sheet(recording: Recording) -> Callable[[Floats], Floats]:
     ends = np.asarray(recording.garment.outline_m[:2], float)
     edge = ends[1] - ends[0]
     along = edge / np.linalg.norm(edge)
-    places = np.array([p.at_m for p in recording.garment.points]) - ends[0]
-    share, below = places @ along / np.linalg.norm(edge), places @ np.array([along[1], -along[0]])
+    positions = np.array([p.at_m for p in recording.garment.points]) - ends[0]
+    share, below = positions @ along / np.linalg.norm(edge), positions @ np.array([along[1], -along[0]])
     ends = recording.held(recording.time)
     normal, held = level_normal(ends), ends.reshape(-1, 2, 3)
     on_edge = held[:, None, 0] + share[None, :, None] * (held[:, None, 1] - held[:, None, 0])

@@ -95,8 +95,8 @@ class ParallelChains:
         """Return up to `width` candidates, (candidates, parameters); chains that lag get the spare slots."""
         waiting = sorted((c for c in self.chains if not c.is_finished), key=lambda chain: len(chain.steps))[:width]
         self._asked, batch = [], []
-        for place, chain in enumerate(waiting):
-            share = width // len(waiting) + (place < width % len(waiting))
+        for rank, chain in enumerate(waiting):
+            share = width // len(waiting) + (rank < width % len(waiting))
             candidates = chain.ask(share)
             self._asked.append((chain, len(candidates)))
             batch.append(candidates)

@@ -3,7 +3,7 @@
     x_k ~ m + sigma N(0, C),   k = 1 ... lambda,   lambda_0 = 4 + floor(3 ln n)
 
 in the unit box of the working coordinates (logarithms where a parameter has a log scale), from the initial parameters
-with sigma = 0.25. A run that has converged is followed by one from a place drawn at random with twice the population.
+with sigma = 0.25. A run that has converged is followed by one from a random start with twice the population.
 Only the order of the distances counts, so a simulation that blew up is just the worst.
 
 Sources: N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772, eq. 5; restarts: A. Auger &

@@ -7,7 +7,7 @@ variance. The best linear unbiased prediction is then one set of weights for all
 
     k(u, v) = (1 + d + d^2/3) exp(-d),   d^2 = 5 sum_j (u_j - v_j)^2 / l_j^2,     K = k(u_i, u_j) + nugget
 
-The expected sum of squares then needs only the residuals' Gram matrix G = R R', (places, places):
+The expected sum of squares then needs only the residuals' Gram matrix G = R R', (samples, samples):
 
     E |r(u)|^2 = w' G w + s^2 v(u),    s^2 = tr(P G) / (n - 1),    P = K^-1 - K^-1 11' K^-1 / 1'K^-1 1
 
@@ -26,19 +26,19 @@ import numpy as np
 
 from formats.arrays import Floats
 
-INDEPENDENT = 60.0  # numbers of a residual vector that count as independent: neighbours in time go together
+INDEPENDENT = 60.0  # numbers of a residual vector that count as independent: neighbours in time are correlated
 RANGE, RANGE_SD = 1.0, 0.7  # prior of a range, shares of the box, and of its logarithm
 NUGGET, NUGGET_SD = 1e-3, 2.0  # the same, of the variance that is not correlated
 RANGES, NUGGETS = (0.3, 10.0), (1e-6, 0.3)  # bounds of both
 
 
 class Emulator:
-    """Kriging model of residual vectors that were simulated at some places of the unit box."""
+    """Kriging model of residual vectors that were simulated at samples of the unit box."""
 
     def __init__(self, units: Floats, gram: Floats) -> None:
-        """Fit the correlation to two or more places.
+        """Fit the correlation to two or more samples.
 
-        units, (places, parameters); gram, (places, places): products of their residual vectors.
+        units, (samples, parameters); gram, (samples, samples): products of their residual vectors.
         """
         from scipy.optimize import minimize
 
@@ -48,7 +48,7 @@ class Emulator:
         self._prior_sd = np.array([*[RANGE_SD] * count, NUGGET_SD])
         self._apart = (units[:, None] - units[None]) ** 2
         found = minimize(
-            self._surprise, self._prior, jac=True, method="L-BFGS-B",
+            self._negative_log_posterior, self._prior, jac=True, method="L-BFGS-B",
             bounds=[*[tuple(np.log(RANGES))] * count, tuple(np.log(NUGGETS))], options={"maxiter": 40},
         )  # fmt: skip
         self._logs: Floats = found.x  # of the ranges and the nugget
@@ -64,7 +64,7 @@ class Emulator:
         projected = inverse - np.outer(sums, sums) / sums.sum()
         return inverse, sums, projected, float(np.linalg.slogdet(whole)[1] + np.log(sums.sum()))
 
-    def _surprise(self, logs: Floats) -> tuple[float, Floats]:
+    def _negative_log_posterior(self, logs: Floats) -> tuple[float, Floats]:
         """Return the negative logarithm of likelihood times prior, and its gradient."""
         inverse, _, projected, volume = self._invert(logs)
         free = len(inverse) - 1

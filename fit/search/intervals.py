@@ -102,8 +102,8 @@ def block_intervals(
     from scipy.special import stdtrit
 
     check_blocks(model.block)
-    names, place = np.unique(model.block, return_inverse=True)
-    variance, way = jackknife(model.residuals, model.jacobian, place)
+    names, number = np.unique(model.block, return_inverse=True)
+    variance, way = jackknife(model.residuals, model.jacobian, number)
     variance = variance + between
     wider = np.maximum(1.0, spread / np.sqrt(np.diag(variance)))
     variance = variance * np.outer(wider, wider)
@@ -140,15 +140,15 @@ def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Interval
     return Intervals(ends, is_identified, covariance, way, NORMAL_90, low | high)
 
 
-def jackknife(residuals: Floats, jacobian: Floats, place: Integers) -> tuple[Floats, Floats]:
+def jackknife(residuals: Floats, jacobian: Floats, number: Integers) -> tuple[Floats, Floats]:
     """Return the jackknife covariance, (p, p), and the remaining step to the minimum, (p,), in shares of the box.
 
-    place, (m,): the number of each residual's block, counted from 0.
+    number, (m,): of each residual's block, counted from 0.
     """
-    count = int(place.max()) + 1
+    count = int(number.max()) + 1
     prior = np.eye(jacobian.shape[1]) / PRIOR_SD**2
-    own = [jacobian[place == b] for b in range(count)]
-    slopes = np.stack([own[b].T @ residuals[place == b] for b in range(count)])
+    own = [jacobian[number == b] for b in range(count)]
+    slopes = np.stack([own[b].T @ residuals[number == b] for b in range(count)])
     whole = jacobian.T @ jacobian + prior
     slope = slopes.sum(0)
     without = np.stack([-np.linalg.solve(whole - own[b].T @ own[b], slope - slopes[b]) for b in range(count)])

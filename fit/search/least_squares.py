@@ -113,7 +113,7 @@ class LeastSquaresResult:
     - `jacobian`, (m, p): d residual / d working coordinate, the logarithm for log parameters
     - `cost_history`, (iterations + 1,)
     - `at_bound`, (p,): held back by a bound
-    - `slopes_at`, (p,): the place of the Jacobian's differences, at most a short step away if `exact`
+    - `slopes_at`, (p,): parameters about which the Jacobian's differences were made, at most a short step away if exact
     """
 
     parameters: Floats
@@ -348,7 +348,7 @@ class _Search:
     ) -> Generator[Floats, Floats, _Step | None]:
         """Return the best improvement from up to three ladders of damping values, or None."""
         rungs = self.settings.width
-        # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
+        # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to short steps downhill.
         factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
         for _ in range(ladders if rungs > 1 else 4 * ladders):
             ladder = np.clip(damping * factors, 1e-12, 1e12)

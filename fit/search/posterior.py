@@ -26,24 +26,24 @@ from formats.arrays import Floats
 WALKERS, SWEEPS = 64, 300  # walkers, and moves of each: stated by us
 FORGOTTEN_SWEEPS = 100  # first steps
 BOX_JITTER = 1e-3  # share of the box, e above
-FIRST_JITTER = 3e-3  # about the places that walkers begin at
-LEAP_EVERY = 5  # moves: every fifth takes the whole difference, stated by us
+FIRST_JITTER = 3e-3  # about the starts of the walkers
+WHOLE_EVERY = 5  # moves: every fifth takes the whole difference, stated by us
 
 
-def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: int) -> Floats:
+def draw(cost: Callable[[Floats], Floats], starts: Floats, pieces: float, seed: int) -> Floats:
     """Return posterior draws, (draws, parameters), in shares of the box.
 
-    cost: E of places, (places, parameters) -> (places,); places, (places, parameters): starts of the walkers, in turn;
+    cost: E, (candidates, parameters) -> (candidates,); starts, (starts, parameters): of the walkers in turn;
     pieces: N.
     """
     random = np.random.default_rng(seed)
-    count = places.shape[1]
-    walkers = places[np.arange(WALKERS) % len(places)]
+    count = starts.shape[1]
+    walkers = starts[np.arange(WALKERS) % len(starts)]
     walkers = np.clip(walkers + FIRST_JITTER * random.normal(size=walkers.shape), 0, 1)
     height = -0.5 * pieces * np.log(cost(walkers))
     kept = []
     for step in range(SWEEPS):
-        gamma = 2.38 / np.sqrt(2 * count) if step % LEAP_EVERY else 1.0
+        gamma = 2.38 / np.sqrt(2 * count) if step % WHOLE_EVERY else 1.0
         for half in (0, 1):
             moved, still = np.arange(half, WALKERS, 2), np.arange(1 - half, WALKERS, 2)
             apart = walkers[random.choice(still, len(moved))] - walkers[random.choice(still, len(moved))]

@@ -1,4 +1,4 @@
-"""The steps of a least squares search: a look, which simulates a batch of parameter vectors, or one descent."""
+"""The steps of a least squares search: one batch of sampled candidates, or one descent."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One look or one descent.
+    """One batch of sampled candidates or one descent.
 
-    - `is_look`: true for a look
-    - `vector`, (parameters,): the best place so far, or the end of a descent
+    - `is_sampling`: true for a batch of candidates
+    - `vector`, (parameters,): the best candidate so far, or the end of a descent
     - `cost`: of `vector`, infinite if a descent's start blew up
-    - `vectors`, (candidates, parameters): the places of a look, empty for a descent
+    - `vectors`, (candidates, parameters): the candidates of the batch, empty for a descent
     - `simulations`: of all recordings since the search began
     - `distances`: D [m] after each candidate, of the least cost so far; empty unless rollouts are free
-    - `slopes_at`, (parameters,): the place of a descent's last Jacobian, its vector or a short step away; a look's
-      vector
+    - `slopes_at`, (parameters,): where a descent's last Jacobian was made, at its vector or a short step away; else
+      `vector`
     """
 
-    is_look: bool
+    is_sampling: bool
     vector: Floats
     cost: float
     vectors: Floats
@@ -34,9 +34,9 @@ class Step:
     slopes_at: Floats
 
     def state(self) -> dict[str, Any]:
-        """Return the step as plain values for JSON."""
+        """Return the step as plain values for JSON; its keys are those of saved searches."""
         return {
-            "is_look": self.is_look, "vector": self.vector.tolist(),
+            "is_look": self.is_sampling, "vector": self.vector.tolist(),
             "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),
             "simulations": self.simulations, "distances": list(self.distances),
             "slopes_at": self.slopes_at.tolist(),
@@ -47,7 +47,7 @@ class Step:
         """Return a step from its saved state."""
         vector = np.array(state["vector"], float)
         return cls(
-            is_look=bool(state["is_look"]), vector=vector,
+            is_sampling=bool(state["is_look"]), vector=vector,
             cost=np.inf if state["cost"] is None else float(state["cost"]),
             vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
             distances=tuple(float(d) for d in state["distances"]), slopes_at=np.array(state["slopes_at"], float),

@@ -12,7 +12,7 @@ independent numbers for 3 n and a flat prior in the unit box of the working coor
 
 T_k = T_K^(k/K). Steps are Gaussian and reflected at the bounds: symmetric, so nothing is added to the acceptance. Their
 widths are adapted towards one accepted step in four while the first half of the budget lasts and then kept.
-Draws are the coldest chain's places in the second half.
+Draws are the coldest chain's parameters in the second half.
 
 Source: R. H. Swendsen & J.-S. Wang, "Replica Monte Carlo simulation of spin-glasses", Phys. Rev. Lett. 57 (1986); D. J.
 Earl & M. W. Deem, "Parallel tempering: theory, applications, and new perspectives", Phys. Chem. Chem. Phys. 7 (2005).
@@ -49,7 +49,7 @@ class Tempering(RecordedSearch):
         self._generator = np.random.default_rng(seed)
         self.numbers = numbers
         self.temperatures = HOTTEST ** (np.arange(chains) / max(chains - 1, 1))
-        self.places = np.tile(self.start, (chains, 1))
+        self.current = np.tile(self.start, (chains, 1))
         self.logs = np.full(chains, np.inf)  # ln D
         self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=4)
         self.swaps = 0
@@ -66,9 +66,9 @@ class Tempering(RecordedSearch):
 
     def _propose(self, width: int) -> Floats:
         if not len(self._proposed):
-            moves = self._generator.normal(size=self.places.shape) * self.steps[:, None]
+            moves = self._generator.normal(size=self.current.shape) * self.steps[:, None]
             low, high = np.zeros(len(self.start)), np.ones(len(self.start))
-            self._proposed = np.stack([reflect(p + m, low, high) for p, m in zip(self.places, moves, strict=True)])
+            self._proposed = np.stack([reflect(p + m, low, high) for p, m in zip(self.current, moves, strict=True)])
         first = len(self._turn)
         return self._proposed[first : first + width]
 
@@ -79,34 +79,34 @@ class Tempering(RecordedSearch):
             self.logs[:] = logs[0]
             return
         self._turn += [(unit, float(log)) for unit, log in zip(units, logs, strict=True)]
-        if len(self._turn) < len(self.places):
+        if len(self._turn) < len(self.current):
             return
         # Counted in whole sweeps, because batches may end within one.
-        is_settling = 1 + self._sweeps * len(self.places) < self.budget / 2
-        for k, ((place, log), chance) in enumerate(
-            zip(self._turn, self._generator.random(len(self.places)), strict=True)
+        is_settling = 1 + self._sweeps * len(self.current) < self.budget / 2
+        for k, ((unit, log), chance) in enumerate(
+            zip(self._turn, self._generator.random(len(self.current)), strict=True)
         ):
             rise = self.numbers * (log - self.logs[k]) / self.temperatures[k] if math.isfinite(log) else math.inf
             is_accepted = chance < math.exp(-max(rise, 0.0))
             if is_accepted:
-                self.places[k], self.logs[k] = place, log
+                self.current[k], self.logs[k] = unit, log
             if is_settling:
                 # Robbins-Monro with a constant gain: a rejection shrinks by 3 %, an acceptance widens by 10 %.
                 gain = 0.13 * ((1.0 if is_accepted else 0.0) - WANTED_ACCEPTANCE)
                 self.steps[k] = float(np.clip(self.steps[k] * math.exp(gain), 1e-4, 1.0))
         self._swap()
         if not is_settling:
-            self._draws.append(self.places[0].copy())
+            self._draws.append(self.current[0].copy())
         self._turn, self._proposed = [], np.empty((0, len(self.start)))
 
     def _swap(self) -> None:
         """Propose a swap for every second pair of neighbouring chains; the next call proposes the other pairs."""
         self._sweeps += 1
-        for k in range(self._sweeps % 2, len(self.places) - 1, 2):
+        for k in range(self._sweeps % 2, len(self.current) - 1, 2):
             colder = 1 / self.temperatures[k] - 1 / self.temperatures[k + 1]
             difference = self.logs[k] - self.logs[k + 1]
             gain = self.numbers * difference * colder if math.isfinite(difference) else -math.inf
             if self._generator.random() < math.exp(min(gain, 0.0)):
-                self.places[[k, k + 1]] = self.places[[k + 1, k]]
+                self.current[[k, k + 1]] = self.current[[k + 1, k]]
                 self.logs[[k, k + 1]] = self.logs[[k + 1, k]]
                 self.swaps += 1

@@ -6,8 +6,8 @@ range. The other parameters follow the floor of the linear model's valley, with 
 
     u_k + s,   u_o - H_oo^-1 H_ok s
 
-The places of least cost are the next starts. Parameters stay in place if the data determine them closely or leave them
-undetermined.
+The candidates of least cost are the next starts. A parameter that the data determine closely or not at all is not
+displaced.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ import numpy as np
 from formats.arrays import Floats
 
 HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range: displacements of one parameter
-HOPPED = 2  # returned places at most
-LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
+HOPPED = 2  # returned candidates at most
+LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these candidates
 
 
 def across(
     unit: Floats, jacobian: Floats, precision: Floats, cost: float, moved: int, judge: Callable[[Floats], Floats]
 ) -> Floats:
-    """Return starts in local minima around a descent's end, (places, parameters), at most HOPPED, least cost first.
+    """Return starts in local minima around a descent's end, (starts, parameters), at most HOPPED, least cost first.
 
     - `unit`, (parameters,): the end
     - `jacobian`, (numbers, parameters), per share of the box
     - `precision`, (parameters, parameters): the prior's
     - `cost`: of the end
     - `moved`: number of parameters, counted from the first, that are displaced one at a time
-    - `judge`: returns the costs (places,) of places, (places, parameters); called once or never
+    - `judge`: returns the costs, (candidates,), of candidates, (candidates, parameters); called once or never
     """
     normal = jacobian.T @ jacobian + precision
-    places: list[Floats] = []
+    candidates: list[Floats] = []
     directions: list[tuple[int, bool]] = []
     for k in range(moved):
         others = np.arange(len(unit)) != k
@@ -45,11 +45,11 @@ def across(
         rise = min(np.abs(HOPS)) ** 2 * float(along @ normal @ along) / cost
         if LEAST_RISE < rise < MOST_RISE:
             steps = [step for step in HOPS if 0.0 <= unit[k] + step <= 1.0]
-            places += [np.clip(unit + step * along, 0.0, 1.0) for step in steps]
+            candidates += [np.clip(unit + step * along, 0.0, 1.0) for step in steps]
             directions += [(k, step > 0) for step in steps]
-    if not places:
+    if not candidates:
         return np.zeros((0, len(unit)))
-    found = np.array(places)
+    found = np.array(candidates)
     best: dict[tuple[int, bool], int] = {}
     for n in np.argsort(judge(found), kind="stable"):
         best.setdefault(directions[n], int(n))

@@ -16,7 +16,7 @@ from fit.methods import SI
 from formats.diagnosis_records import Gate
 from tests.fit.gap.linear_takes import MESH, LinearTakes
 
-FIRST_LOOKS, CARRIED, LOOKS = 18, 8, 2  # few, for each look after the first sixteen trains an emulator
+FIRST_SAMPLES, CARRIED, SAMPLES = 18, 8, 2  # few, for each look after the first sixteen trains an emulator
 SHIFT = np.array([0.5, -0.4, 0.3, 0.2, -0.3])  # of the logarithms of the parameters
 
 
@@ -48,7 +48,7 @@ class Pulled(LinearTakes):
 
 @pytest.fixture
 def world(monkeypatch):
-    for name, count in (("FIRST_LOOKS", FIRST_LOOKS), ("CARRIED", CARRIED), ("LOOKS", LOOKS)):
+    for name, count in (("FIRST_SAMPLES", FIRST_SAMPLES), ("CARRIED", CARRIED), ("SAMPLES", SAMPLES)):
         monkeypatch.setattr(base_fit, name, count)
     return Pulled()
 
@@ -76,9 +76,9 @@ def ended(world, told=lambda *_: None):
 
 def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     told, names, kept = [], [], Checkpoint(None, {})
-    recall, places = kept.recall, kept.recall_places
+    recall, places = kept.recall, kept.recall_vectors
     monkeypatch.setattr(kept, "recall", lambda wanted, go: names.extend(wanted) or recall(wanted, go))
-    monkeypatch.setattr(kept, "recall_places", lambda name, go: names.append(name) or places(name, go))
+    monkeypatch.setattr(kept, "recall_vectors", lambda name, go: names.append(name) or places(name, go))
     fits, chosen, gate = fit_base(world, lambda *said: told.append(said), kept, 0)
     assert np.log(fits[0].vector / SI.initial) == pytest.approx(SHIFT, abs=0.1)
     assert [f.cost for f in fits] == sorted(f.cost for f in fits)
@@ -102,7 +102,7 @@ def test_places_are_looked_at_on_the_coarse_mesh_under_a_pull_and_then_on_the_fi
     _, chosen, _ = ended(world)
     first = [vector for frequency, spacing, vector in world.looked if frequency == 1.0]
     later = [vector for frequency, spacing, vector in world.looked if frequency == 0.5]
-    assert (len(first), len(later)) == (FIRST_LOOKS, CARRIED + LOOKS)
+    assert (len(first), len(later)) == (FIRST_SAMPLES, CARRIED + SAMPLES)
     assert {s for f, s, _ in world.looked if f == 1.0} == {coarsened(world).resolution.spacing}
     assert {s for f, s, _ in world.looked if f == 0.5} == {world.resolution.spacing}
     assert chosen.frequency == 0.5

@@ -29,13 +29,13 @@ def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_p
     kept = Checkpoint(tmp_path / "p", {})
     one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
     assert kept.recall(["fit"], lambda: [one])[0] is one
-    assert kept.recall_places("places", lambda: np.ones((2, 3))).shape == (2, 3)
+    assert kept.recall_vectors("places", lambda: np.ones((2, 3))).shape == (2, 3)
     whole = (tmp_path / "p/fit.npz").read_bytes()
     for damaged in (b"", whole[:100], whole[:-30]):
         (tmp_path / "p/fit.npz").write_bytes(damaged)
         (tmp_path / "p/places.npy").write_bytes(damaged)
         assert kept.recall(["fit"], lambda: [one])[0] is one
-        assert kept.recall_places("places", lambda: np.zeros((1, 3))).shape == (1, 3)
+        assert kept.recall_vectors("places", lambda: np.zeros((1, 3))).shape == (1, 3)
 
 
 def test_what_the_held_edge_decided_is_kept_with_a_fit(tmp_path):

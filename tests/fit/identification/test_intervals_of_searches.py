@@ -68,7 +68,7 @@ def test_noise_leaves_its_mean_and_one_deviation_of_chi_square():
 
 def an_end(cost, at):
     return Step(
-        is_look=False, vector=np.array(at), cost=cost, vectors=np.zeros((0, 2)), simulations=0, distances=(),
+        is_sampling=False, vector=np.array(at), cost=cost, vectors=np.zeros((0, 2)), simulations=0, distances=(),
         slopes_at=np.array(at),
     )  # fmt: skip
 

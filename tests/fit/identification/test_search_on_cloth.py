@@ -1,4 +1,4 @@
-"""Searches on cloth: least squares by looks, descents and short windows, and interrupted fits."""
+"""Searches on cloth: least squares by samples, descents and short windows, and interrupted fits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fit.identification import trials
 from fit.identification.calibrate import Model, calibrate
 from fit.identification.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, begin_observed
 from fit.identification.request import request_of
-from fit.identification.trials import ObservedSettings, between_ends, is_settled, luck_of
+from fit.identification.trials import ObservedSettings, between_ends, is_settled, scatter_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
@@ -94,8 +94,8 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung, mo
 
 def test_trials_that_end_apart_tell_by_how_much_chance_moves_a_cost():
     """Logarithms 0.1 and 0.2 above the least: sqrt((0.01 + 0.04) / 2) = 0.158; a trial that blew up tells nothing."""
-    assert luck_of([100 * np.exp(0.2), 100.0, 100 * np.exp(0.1)]) == pytest.approx(np.sqrt(0.025))
-    assert luck_of([100.0, np.inf]) == luck_of([100.0]) == 0.0
+    assert scatter_of([100 * np.exp(0.2), 100.0, 100 * np.exp(0.1)]) == pytest.approx(np.sqrt(0.025))
+    assert scatter_of([100.0, np.inf]) == scatter_of([100.0]) == 0.0
 
 
 def test_ends_count_by_their_likelihood():
@@ -199,14 +199,14 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     vectors = request.space.from_unit(np.random.default_rng(0).random((3, len(request.parameters))))
     assert search.simulate(vectors, 0.0)[1] == pytest.approx(model.distances(vectors), rel=1e-12)
     initial = np.array([p.initial for p in request.parameters])
-    found = search.run(initial, dataclasses.replace(settings, looks=20, trials=1, iterations=2))
+    found = search.run(initial, dataclasses.replace(settings, samples=20, trials=1, iterations=2))
     distances = [d for step in found.path for d in step.distances]
     assert len(distances) == found.path[-1].simulations  # one take: one each
-    assert [step.is_look for step in found.path[:5]] == [True, True, True, False, True]
+    assert [step.is_sampling for step in found.path[:5]] == [True, True, True, False, True]
     assert distances[0] == pytest.approx(float(model.distances(initial[None])[0]), rel=1e-12)
     looked = found.path[2]
     assert looked.distances[-1] == pytest.approx(float(model.distances(looked.vector[None])[0]), rel=1e-12)
-    assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
+    assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_sampling)
 
 
 @pytest.mark.slow
@@ -214,14 +214,14 @@ def test_a_fit_that_misses_by_more_than_the_noise_is_begun_from_elsewhere_until_
     """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)
-    settings = ObservedSettings(looks=40, trials=6)
+    settings = ObservedSettings(samples=40, trials=6)
     trials = {}
     for name, take in (("noise", swung), ("more", surer)):
         search = ObservedSearch([prepare(take)], SI, (), request.space, request.resolution)
         found = search.run(SI.initial, settings)
         firsts = [k for k, step in enumerate(found.path) if len(step.vectors) == 16]
         parts = [found.path[a:b] for a, b in zip(firsts, [*firsts[1:], -1], strict=True)]
-        trials[name] = [(part[0].vectors, min(s.cost for s in part if not s.is_look)) for part in parts]
+        trials[name] = [(part[0].vectors, min(s.cost for s in part if not s.is_sampling)) for part in parts]
         assert found.vector[4] == pytest.approx(3.0, rel=0.05)
         assert len(found.path) <= settings.steps
     assert len(trials["noise"]) == 1
@@ -251,8 +251,8 @@ def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops
     last = []
     for iterations in (1, 2):
         search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
-        found = search.run(SI.initial, ObservedSettings(looks=20, iterations=iterations))
-        *coarse, fine = (step.cost for step in found.path if not step.is_look)
+        found = search.run(SI.initial, ObservedSettings(samples=20, iterations=iterations))
+        *coarse, fine = (step.cost for step in found.path if not step.is_sampling)
         assert fine == min(cost for cost, _ in found.ends) < min(coarse)
         assert np.array_equal(found.vector, found.path[-1].vector)
         last.append(fine)
@@ -273,7 +273,7 @@ def breaking(swung):
             return np.where(is_broken(vectors)[:, None], np.nan, residuals), distances
 
         search.simulate = simulated
-        return search.run(SI.initial, ObservedSettings(looks=20, iterations=1))
+        return search.run(SI.initial, ObservedSettings(samples=20, iterations=1))
 
     return begun
 
@@ -289,7 +289,7 @@ def test_later_candidates_that_blow_up_are_not_refused(breaking):
     assert found.vector[0] <= 1.2 * SI.initial[0]
     # Where next to nothing can be simulated, the descent begins at once.
     found = breaking(lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0])
-    assert [step.is_look for step in found.path][:2] == [True, False]
+    assert [step.is_sampling for step in found.path][:2] == [True, False]
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def test_a_chain_whose_start_blew_up_is_the_same_after_a_trip_through_json():
 @pytest.mark.parametrize("cost", [0.25, math.inf])
 def test_a_saved_step_is_the_same_after_a_trip_through_json(cost):
     step = Step(
-        is_look=False, vector=np.ones(2), cost=cost, vectors=np.zeros((0, 2)), simulations=7, distances=(0.5,),
+        is_sampling=False, vector=np.ones(2), cost=cost, vectors=np.zeros((0, 2)), simulations=7, distances=(0.5,),
         slopes_at=np.zeros(2),
     )  # fmt: skip
     again = Step.from_state(json.loads(json.dumps(step.state(), allow_nan=False)))

@@ -118,7 +118,7 @@ def test_a_place_that_blew_up_is_never_accepted_and_shrinks_the_step(rejections,
     while not search.is_finished:
         candidates = search.ask(1)
         search.tell(candidates, np.full(1, np.inf))
-    assert search.places.tolist() == [[0.5, 0.5]]
+    assert search.current.tolist() == [[0.5, 0.5]]
     assert search.steps[0] == pytest.approx(step)
     assert len(search.draws) == rejections
 

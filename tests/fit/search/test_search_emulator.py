@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fit.search import looks
+from fit.search import sampling
 from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD
 from fit.search.posterior import draw
@@ -73,9 +73,9 @@ def test_slopes_of_the_cost_are_those_of_differences(emulator):
 
 def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
     logs, step = np.log([0.8, 1.5, 2.0, 1e-2]), 1e-6
-    slope = emulator._surprise(logs)[1]
+    slope = emulator._negative_log_posterior(logs)[1]
     for k, along in enumerate(step * np.eye(4)):
-        apart = emulator._surprise(logs + along)[0] - emulator._surprise(logs - along)[0]
+        apart = emulator._negative_log_posterior(logs + along)[0] - emulator._negative_log_posterior(logs - along)[0]
         assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
 
 
@@ -87,15 +87,15 @@ def test_residuals_that_know_no_parameter_cost_the_same_everywhere(places):
 
 def looked_at(residuals, batches, seed=5):
     start = np.full(3, 0.2)
-    units = looks.scatter(start, seed)
+    units = sampling.scatter(start, seed)
     for _ in range(batches):
-        units = np.concatenate([units, looks.propose(units, residuals(units), start, seed)])
+        units = np.concatenate([units, sampling.propose(units, residuals(units), start, seed)])
     return units
 
 
 def test_two_proposals_of_two_end_within_a_fiftieth_of_the_box_of_the_answer():
     units = looked_at(swung, 2)
-    assert len(units) == looks.SCATTERED + 4
+    assert len(units) == sampling.SCATTERED + 4
     assert np.abs(units[-4:] - TRUTH).max(1).min() < 0.02
     assert ((units >= 0) & (units <= 1)).all()
 
@@ -106,12 +106,12 @@ def test_places_drawn_about_a_best_place_at_the_bound_stay_in_the_box(monkeypatc
     monkeypatch.setattr(
         Emulator, "costs", lambda self, places, caution: asked.append(places) or costs(self, places, caution)
     )
-    units = np.concatenate([looks.scatter(np.full(3, 0.2), 5), [[1.0, 0.0, 1.0]]])
+    units = np.concatenate([sampling.scatter(np.full(3, 0.2), 5), [[1.0, 0.0, 1.0]]])
     residuals = swung(units)
     residuals[-1] = 0.0
-    looks.propose(units, residuals, units[0], 5)
-    drawn = np.concatenate([places for places in asked if len(places) == sum(looks.DRAWN)])
-    assert len(drawn) == 2 * sum(looks.DRAWN)
+    sampling.propose(units, residuals, units[0], 5)
+    drawn = np.concatenate([places for places in asked if len(places) == sum(sampling.DRAWN)])
+    assert len(drawn) == 2 * sum(sampling.DRAWN)
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
 
@@ -126,18 +126,18 @@ def test_nothing_is_proposed_near_a_place_that_blew_up():
 
     units = looked_at(fragile, 6)
     broken = units[:, 0] > 0.6
-    assert broken[: looks.SCATTERED].any()
-    for k in range(looks.SCATTERED, len(units)):
-        batch = looks.SCATTERED + (k - looks.SCATTERED) // 2 * 2
+    assert broken[: sampling.SCATTERED].any()
+    for k in range(sampling.SCATTERED, len(units)):
+        batch = sampling.SCATTERED + (k - sampling.SCATTERED) // 2 * 2
         before = units[:batch][broken[:batch]]
-        assert np.abs(before - units[k]).max(1).min() > looks.NEAR_BLOW_UP
+        assert np.abs(before - units[k]).max(1).min() > sampling.NEAR_BLOW_UP
 
 
 def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
-    units = looks.scatter(np.full(3, 0.2), 5)
+    units = sampling.scatter(np.full(3, 0.2), 5)
     residuals = swung(units)
     residuals[4:] = np.nan
-    assert looks.propose(units, residuals, units[0], 5).shape == (0, 3)
+    assert sampling.propose(units, residuals, units[0], 5).shape == (0, 3)
 
 
 def test_the_emulator_is_told_the_best_sixty_of_the_sound_places_and_proposals_begin_at_the_best(monkeypatch):
@@ -156,23 +156,23 @@ def test_the_emulator_is_told_the_best_sixty_of_the_sound_places_and_proposals_b
         told.setdefault("begun", []).append((caution, best.tolist()))
         return [best, best + 0.02, best - 0.02]
 
-    monkeypatch.setattr(looks, "Emulator", Told)
-    monkeypatch.setattr(looks, "_least", least)
-    found = looks.propose(units, residuals, start, 5)
+    monkeypatch.setattr(sampling, "Emulator", Told)
+    monkeypatch.setattr(sampling, "_least", least)
+    found = sampling.propose(units, residuals, start, 5)
     sound = [k for k in range(70) if k not in (3, 40)]
     costs = [(residuals[k] ** 2).sum() + ((units[k] - start) ** 2).sum() / PRIOR_SD**2 for k in sound]
-    order = [sound[k] for k in np.argsort(costs)][: looks.MOST_EMULATED]
+    order = [sound[k] for k in np.argsort(costs)][: sampling.MOST_EMULATED]
     assert len(order) == 60
     np.testing.assert_array_equal(told["places"], units[order])
     np.testing.assert_allclose(told["products"], residuals[order] @ residuals[order].T)
     best = units[order[0]]
-    assert told["begun"] == [(caution, best.tolist()) for caution in looks.CAUTIONS]
+    assert told["begun"] == [(caution, best.tolist()) for caution in sampling.CAUTIONS]
     # The best place was looked at already, and each other is far enough from all before it.
     assert found == pytest.approx(np.array([best + 0.02, best - 0.02]))
 
 
 def test_the_prior_is_the_spread_of_the_box_about_the_start():
-    assert looks.prior_cost(np.array([[0.5, 0.2 + PRIOR_SD]]), np.array([0.5, 0.2])) == pytest.approx([1.0])
+    assert sampling.prior_cost(np.array([[0.5, 0.2 + PRIOR_SD]]), np.array([0.5, 0.2])) == pytest.approx([1.0])
 
 
 def test_draws_have_the_spread_of_a_known_posterior():
@@ -209,9 +209,9 @@ def test_looking_stops_at_the_count_and_returns_the_best_first_and_what_blew_up_
         seen.append(len(units))
         return fragile(units)
 
-    units = looks.look(count, looks.scatter(start, 5), 21, start, 5)
-    assert seen == [looks.SCATTERED, 2, 2, 1]
-    costs = (fragile(units) ** 2).sum(1) + looks.prior_cost(units, start)
+    units = sampling.sample(count, sampling.scatter(start, 5), 21, start, 5)
+    assert seen == [sampling.SCATTERED, 2, 2, 1]
+    costs = (fragile(units) ** 2).sum(1) + sampling.prior_cost(units, start)
     finite = np.isfinite(costs)
     assert 0 < finite.sum() < len(units) == 21
     assert finite.tolist() == sorted(finite.tolist(), reverse=True)

@@ -1,12 +1,12 @@
 """Choose parameter vectors to simulate: first a Sobol sequence, then the minima that an emulator predicts.
 
-The start and a Sobol sequence come first. Then two places at a time are proposed (`fit.search.emulator`; caution 1 and
-0). One has the least expected cost. The other has the least cost of the prediction alone, which is the bolder choice.
-Both costs carry a weak prior, the box's own spread about the start. Each minimum is sought from the best known place,
-and from the best of random places over the box and near the best one. A proposal depends only on the seed and on the
-places so far. So an interrupted search continues from its saved places.
+The start and a Sobol sequence come first. Then two candidates at a time are proposed (`fit.search.emulator`; caution 1
+and 0). One has the least expected cost. The other has the least cost of the prediction alone, which explores more. Both
+costs carry a weak prior, the box's own spread about the start. Each minimum is sought from the best candidate so far,
+and from the best of random candidates over the box and near the best one. A proposal depends only on the seed and on
+the candidates so far. So an interrupted search continues from its saved candidates.
 
-Source of the scattered places: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
+Source of the scattered candidates: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from fit.search.intervals import PRIOR_SD
 from formats.arrays import Floats
 
 SCATTER_MARGIN = 0.1  # of the box, left out at each end: rarely true, often costly
-SCATTERED = 16  # places with the start: a batch that costs little more than one
+SCATTERED = 16  # candidates with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)  # of the prediction's variance in the cost: the expected cost, and the prediction alone
-NEAREST = 0.01  # share of the box: least difference of two places in one parameter
-NEAR_BLOW_UP = 0.1  # the same around a place whose simulation blew up
-MOST_EMULATED = 60  # best places that the emulator uses at most: its work grows with their third power
-DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
-DESCENTS = 3  # of them from which the least is sought
+NEAREST = 0.01  # share of the box: least difference of two candidates in one parameter
+NEAR_BLOW_UP = 0.1  # the same around a candidate whose simulation blew up
+MOST_EMULATED = 60  # best candidates that the emulator uses at most: its work grows with their third power
+DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # drawn over the box, and about the best with these deviations
+DESCENTS = 3  # on the emulator, from the best of the drawn candidates
 
 
 def scatter(start: Floats, seed: int) -> Floats:
-    """Return the start, (parameters,), and scattered places, (SCATTERED, parameters) in all, in shares of the box."""
+    """Return the start, (parameters,), and scattered candidates, (SCATTERED, parameters) in all, in box shares."""
     return np.concatenate([start[None], spread(len(start), SCATTERED - 1, seed)])
 
 
@@ -48,14 +48,14 @@ def prior_cost(units: Floats, start: Floats) -> Floats:
 
 
 def fewest(parameters: int) -> int:
-    """Return the number of simulated places that an emulator must exceed."""
+    """Return the number of simulated candidates that an emulator must exceed."""
     return parameters + 1
 
 
-def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start: Floats, seed: int) -> Floats:
-    """Return the given and then proposed places, (places, parameters), `count` in all, least cost first.
+def sample(residuals: Callable[[Floats], Floats], first: Floats, count: int, start: Floats, seed: int) -> Floats:
+    """Return the given and then proposed candidates, (candidates, parameters), `count` in all, least cost first.
 
-    residuals: of places, (places, parameters) -> (places, numbers), not finite where it blew up
+    residuals: (candidates, parameters) -> (candidates, numbers), not finite after a blow-up
     """
     units, found = first, residuals(first)
     while len(units) < count:
@@ -68,10 +68,10 @@ def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start
 
 
 def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:
-    """Return the next places to simulate, (candidates, parameters), or none if too few simulations stayed finite.
+    """Return the next candidates to simulate, (candidates, parameters), or none if too few simulations stayed finite.
 
-    units, (places, parameters), simulated so far; residuals, (places, numbers), not finite where it blew up; start,
-    (parameters,): the prior's mean.
+    units, (candidates, parameters), simulated so far; residuals, (candidates, numbers), not finite after a blow-up;
+    start, (parameters,): the prior's mean.
     """
     is_sound = np.isfinite(residuals).all(1)
     sound, broken = units[is_sound], units[~is_sound]
@@ -83,28 +83,29 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     random = np.random.default_rng([seed, len(units)])
     chosen: list[Floats] = []
     for caution in CAUTIONS:
-        for place in _least(emulator, caution, sound[order[0]], start, random):
+        for candidate in _least(emulator, caution, sound[order[0]], start, random):
             seen = np.array([*units, *chosen])
-            if _distance(place, seen) > NEAREST and (not len(broken) or _distance(place, broken) > NEAR_BLOW_UP):
-                chosen.append(place)
+            is_apart = not len(broken) or _distance(candidate, broken) > NEAR_BLOW_UP
+            if _distance(candidate, seen) > NEAREST and is_apart:
+                chosen.append(candidate)
                 break
     return np.array(chosen).reshape(-1, len(start))
 
 
-def _distance(place: Floats, others: Floats) -> float:
-    """Return the distance to the nearest of other places: the largest difference in one parameter."""
-    return float(np.abs(others - place).max(1).min())
+def _distance(candidate: Floats, others: Floats) -> float:
+    """Return the distance to the nearest other candidate: the largest difference in one parameter."""
+    return float(np.abs(others - candidate).max(1).min())
 
 
 def _least(
     emulator: Emulator, caution: float, best: Floats, start: Floats, random: np.random.Generator
 ) -> list[Floats]:
-    """Return places of least emulated cost: first the ends of descents on the emulator, then randomly drawn places."""
+    """Return candidates of least emulated cost: ends of descents on the emulator, then randomly drawn candidates."""
     from scipy.optimize import minimize
 
-    def cost(place: Floats) -> tuple[float, Floats]:
-        values, slopes = emulator.costs(place[None], caution)
-        return float(values[0] + prior_cost(place, start)), slopes[0] + 2 * (place - start) / PRIOR_SD**2
+    def cost(candidate: Floats) -> tuple[float, Floats]:
+        values, slopes = emulator.costs(candidate[None], caution)
+        return float(values[0] + prior_cost(candidate, start)), slopes[0] + 2 * (candidate - start) / PRIOR_SD**2
 
     about = zip(DRAWN[1:], WIDTHS, strict=True)
     near = [np.clip(best + width * random.normal(size=(count, len(best))), 0, 1) for count, width in about]
@@ -112,7 +113,7 @@ def _least(
     drawn = drawn[np.argsort(emulator.costs(drawn, caution)[0] + prior_cost(drawn, start), kind="stable")]
     box = [(0.0, 1.0)] * len(best)
     ends = [
-        minimize(cost, place, jac=True, method="L-BFGS-B", bounds=box, options={"maxiter": 30})
-        for place in (best, *drawn[:DESCENTS])
+        minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=box, options={"maxiter": 30})
+        for begin in (best, *drawn[:DESCENTS])
     ]
     return [*(end.x for end in sorted(ends, key=lambda end: float(end.fun))), *drawn]

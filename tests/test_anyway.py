@@ -77,7 +77,7 @@ def test_every_command_names_the_unit_that_was_probably_meant_and_its_way_to_acc
     assert "Traceback" not in accepted.stderr
 
 
-def test_a_night_leaves_an_implausible_take_out_until_it_is_told_to_accept_it(folder):
+def test_a_night_leaves_an_implausible_take_out_until_it_is_asked_to_accept_it(folder):
     """It is kept as no failure, so that the same command with --anyway fits it; three frames then are too few."""
     from fit.batch.jobs import digest_of, failure_name, key_of
     from fit.batch.runner import survey

@@ -169,7 +169,7 @@ def test_a_result_is_the_same_after_its_file(fitted, tmp_path):
     assert json.loads((tmp_path / "fit.json").read_text()) == json.loads(json.dumps(fitted.to_dict()))
 
 
-def test_places_of_a_simulation_are_written_point_by_point(takes, fitted, tmp_path):
+def test_positions_of_a_simulation_are_written_point_by_point(takes, fitted, tmp_path):
     """78 frames of five points; the first row is the first frame's first point."""
     simulation = hangtime.simulate(takes / "swing.mcap", fitted)
     rows = list(csv.DictReader(io.StringIO(simulation.to_csv(tmp_path / "places.csv"))))

@@ -45,7 +45,7 @@ def test_help_shows_the_default_of_each_option_of_a_fit():
     assert {name: shown[name].default for name in PLAN_DEFAULTS} == dict(PLAN_DEFAULTS)
 
 
-def test_what_a_user_meets_has_a_repr_of_one_short_line():
+def test_an_object_of_the_interface_has_a_repr_of_one_short_line():
     """A garment of 400 points and a take of 150 frames had 36,000 characters in 810 lines."""
     take = a_take(150)
     result = fit_result()

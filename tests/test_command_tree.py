@@ -123,7 +123,7 @@ def test_both_ways_to_ask_for_help_work_at_every_depth(words, tmp_path):
     assert short.stdout == hangtime_here(*words, "--help", folder=tmp_path).stdout
 
 
-def test_commands_tell_programs_json_and_are_quiet_when_asked():
+def test_commands_print_json_for_programs_and_are_quiet_when_asked():
     for name in NAMES:
         options = options_of(name)
         assert "--quiet" in options or name in ON_AND_ON, name
@@ -138,14 +138,14 @@ def test_the_list_of_commands_stands_under_headings_in_the_order_of_work(tmp_pat
     assert shown.index("  record ") < shown.index("  import ") < shown.index("  fit ") < shown.index("  export ")
 
 
-def test_the_version_is_told_by_the_command_and_by_the_module(tmp_path):
+def test_the_version_is_printed_by_the_command_and_by_the_module(tmp_path):
     version = hangtime_here("--version", folder=tmp_path).stdout
     assert re.fullmatch(r"hangtime \d+\.\d+\.\d+\S*\n", version)
     done = subprocess.run([sys.executable, "-m", "hangtime", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == version
 
 
-def test_a_command_tells_words_or_json_or_nothing(tmp_path):
+def test_a_command_prints_words_or_json_or_nothing(tmp_path):
     words = ("swatch", "s.toml", "--mass", 0.05, "--overwrite")
     assert hangtime_here(*words, folder=tmp_path).stdout == "s.toml: 81 markers, 62.5 mm apart\n"
     assert json.loads(hangtime_here(*words, "--json", folder=tmp_path).stdout) == {
@@ -166,7 +166,7 @@ TOLD_AS_JSON = (
 )  # fmt: skip
 
 
-def test_what_a_command_tells_programs_is_one_json_document_and_nothing_else(tmp_path):
+def test_the_output_of_a_command_for_programs_is_one_json_document_and_nothing_else(tmp_path):
     time, garment = np.arange(0, 3, 1 / 30), sheet()
     for name in ("a", "b"):
         write_take(tmp_path / f"{name}.mcap", take_of(garment, time, swing(time), hung(garment, time), name=name))

@@ -100,7 +100,7 @@ def test_every_listed_survivor_changes_a_line_that_is_there():
 @pytest.mark.parametrize(
     "function", ["fit.search.bounds.redrawn", "fit.search.intervals.jackknife", "fit.bounds.redraw", "fits.redraw"]
 )
-def test_an_entry_of_a_line_that_is_elsewhere_or_nowhere_is_stale(function):
+def test_an_entry_of_a_line_that_moved_or_nowhere_is_stale(function):
     line = "return np.clip(centre + spread * np.tan(np.pi * (below + uniform * (above - below))), low, high)"
     entry = '[[survivor]]\nfunction = "{}"\nchange = """\n- {}\n+ pass\n"""\nreason = "equivalent"\n'
     assert stale_entries(entry.format("fit.search.bounds.redraw", line)) == []

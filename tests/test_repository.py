@@ -164,7 +164,7 @@ def test_help_loads_none_of_the_four_heavy_libraries() -> None:
 
 
 @pytest.mark.parametrize("benchmark", sorted((ROOT / "benchmarks").glob("*.py")), ids=name_of)
-def test_what_a_benchmark_imports_from_us_is_there(benchmark: Path) -> None:
+def test_every_import_of_a_benchmark_exists(benchmark: Path) -> None:
     wanted = [
         (node.module, alias.name)
         for node in ast.walk(tree_of(benchmark))

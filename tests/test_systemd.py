@@ -90,7 +90,7 @@ def test_a_service_runs_a_module_that_is_there_from_the_environment_that_is_curr
     assert find_spec(f"{found[1]}.__main__") is not None
 
 
-def test_the_recorder_finds_its_3_places_where_its_settings_look_for_them() -> None:
+def test_the_recorder_finds_its_3_paths_where_its_settings_look_for_them() -> None:
     unit = settings("system/hangtime-capture.service")
     assert config_tables.SpoolPart().folder.parent == Path("/var/lib") / unit["StateDirectory"][0]
     assert config_tables.ControlPart().socket.parent == Path("/run") / unit["RuntimeDirectory"][0]

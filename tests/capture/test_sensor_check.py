@@ -73,7 +73,7 @@ def test_other_markers_are_named_and_the_rig_that_has_them_is_right() -> None:
     assert markers_visible(examined(drawn(7, 9), rig=rig(7, 9))).verdict is Verdict.OK
 
 
-def test_dots_are_looked_for_where_the_rig_says_dots() -> None:
+def test_dots_are_sought_where_the_rig_says_dots() -> None:
     dots = msgspec.structs.replace(DOT_RIG, name="dots")
     depth, colour = pictures(drawn_dots(), np.random.default_rng(1))
     frame = SensorFrame(index=0, time_s=0.0, host_time_s=0.0, depth=depth, colour=colour)

@@ -76,7 +76,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_does_not() -> None:
     assert (one != other).mean() > 0.3
 
 
-def test_what_is_too_near_or_too_far_is_missing() -> None:
+def test_surfaces_too_near_or_too_far_are_missing() -> None:
     scene = wall(0.2)
     scene[:240] = 9.0
     assert not spoil(scene, CAMERA, np.random.default_rng(9)).any()

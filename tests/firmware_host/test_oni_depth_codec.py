@@ -23,7 +23,7 @@ def test_thirty_unchanged_pixels_are_one_byte() -> None:
     assert encode_depth(np.full((1, 31), 500, np.uint16)) == bytes.fromhex("0100 f401 0000 ef")
 
 
-def test_a_step_of_seven_places_is_written_in_full_behind_ff() -> None:
+def test_a_step_of_seven_is_written_in_full_behind_ff() -> None:
     image = np.array([[0, 1, 2, 3, 4, 5, 6, 7, 0]], np.uint16)
     # The last step is 7 - 0 = 7, too large for a nibble: the step before it shares its byte with the mark F.
     assert encode_depth(image)[-3:] == bytes([0x55, 0x5F, 192 + 7])

@@ -129,7 +129,7 @@ def test_time_stamps_that_the_player_would_drop_are_refused(tmp_path: Path) -> N
             writer.write_depth(500, depth)
 
 
-def test_a_disk_that_is_full_at_the_end_is_told_by_our_error_and_the_file_is_closed(tmp_path: Path) -> None:
+def test_a_disk_that_is_full_at_the_end_raises_our_error_and_the_file_is_closed(tmp_path: Path) -> None:
     """The process may write no file longer than this one is before its last records."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     writer = OniWriter(tmp_path / "a.oni", SMALL)

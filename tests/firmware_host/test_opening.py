@@ -69,7 +69,7 @@ def test_a_number_that_no_world_has_is_refused(option: str, sentence: str) -> No
         open_sensor(f"synthetic:swing?{option}")
 
 
-def test_a_synthetic_world_tells_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_synthetic_world_reports_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
     open_sensor("synthetic:swing?seconds=1").close()
     lines = capsys.readouterr().err.splitlines()
     assert (lines[0], lines[-1]) == ("synthetic world: 0 %, cloth", "synthetic world: 100 %, cloth")
@@ -113,7 +113,7 @@ def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str
         ([5.0, 5.0], "2 frames in 0.00 s (its clock stands still), "),
     ],
 )  # fmt: skip
-def test_playing_tells_a_rate_where_there_are_two_frames(
+def test_playing_reports_a_rate_where_there_are_two_frames(
     monkeypatch: pytest.MonkeyPatch, times: list[float], said: str
 ) -> None:
     played = [SimpleNamespace(time_s=time, dropped_before=0, colour=None, depth=np.ones((2, 2))) for time in times]

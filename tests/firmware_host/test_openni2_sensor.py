@@ -252,7 +252,7 @@ def test_a_recording_of_depth_alone_plays_without_colour(tmp_path: Path) -> None
 @pytest.mark.openni
 @pytest.mark.usefixtures("openni")
 @pytest.mark.skipif(Path("/dev/bus/usb").exists(), reason="a sensor may be connected")
-def test_a_recording_played_before_is_not_taken_for_a_live_device(tmp_path: Path) -> None:
+def test_a_recording_played_before_is_not_mistaken_for_a_live_device(tmp_path: Path) -> None:
     open_sensor(str(write_recording(tmp_path / "a.oni", 2))).close()
     with pytest.raises(SensorUnavailableError, match="no depth sensor is connected; plug it in"):
         open_sensor("openni2:")

@@ -57,7 +57,7 @@ def test_it_says_that_it_is_live_and_never_ends(clock):
     assert not any(frame.dropped_before for frame in frames)
 
 
-def test_a_reader_that_is_late_by_two_frames_misses_two_and_is_told(clock):
+def test_a_reader_that_is_late_by_two_frames_misses_two_and_reports_them(clock):
     sensor = played(clock)
     sensor.read()
     clock.sleep(0.35)

@@ -52,7 +52,7 @@ def test_a_library_that_crashes_is_one_sentence_and_leaves_no_process(tmp_path):
         assert sensor._process.poll() == -11
 
 
-def test_what_is_no_recording_is_refused_before_a_process_is_begun(tmp_path):
+def test_a_file_that_is_no_recording_is_refused_before_a_process_is_begun(tmp_path):
     (tmp_path / "a.oni").write_bytes(b"no recording")
     with pytest.raises(RecordingError, match=r"a\.oni: "):
         RecordedSensor(tmp_path / "a.oni")

@@ -70,7 +70,7 @@ def test_an_outline_that_cannot_be_made_is_refused() -> None:
         lay(msgspec.structs.replace(shirt(), kind="skirt"), 24, 17)
 
 
-def test_a_thing_in_front_hides_the_points_behind_it_and_no_other() -> None:
+def test_an_object_in_front_hides_the_points_behind_it_and_no_other() -> None:
     world = replace(flat_world(1), surroundings=plain(1.6))
     assert world.visible(0, world.renderer()).all()
     x, y, _ = world.points[0, 3]
@@ -106,7 +106,7 @@ def test_the_same_swing_at_another_distance_is_drawn_there() -> None:
     assert HANGER.marker_distance_m == pytest.approx(np.linalg.norm(np.diff(world.hanger.markers[0], axis=0)))
 
 
-def test_a_room_has_things_behind_and_beside_and_a_floor() -> None:
+def test_a_room_has_objects_behind_and_beside_and_a_floor() -> None:
     room = cluttered(1.6, 7)
     behind = [p for p in room.panels if p.left * p.right < 0 or max(abs(p.left), abs(p.right)) < 0.6]
     beside = [p for p in room.panels if min(abs(p.left), abs(p.right)) >= 0.6 and abs(p.z - 1.6) <= 0.3]

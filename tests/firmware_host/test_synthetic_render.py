@@ -165,7 +165,7 @@ def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
         ("new", "", "--name: the name '' is none that a file can have"),
     ],
 )
-def test_a_place_where_no_recording_can_be_is_told_before_the_world_is_simulated(
+def test_a_path_where_no_recording_can_be_is_reported_before_the_world_is_simulated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, name: str, sentence: str
 ) -> None:
     """/proc is a folder that even root writes no file into."""
@@ -176,7 +176,7 @@ def test_a_place_where_no_recording_can_be_is_told_before_the_world_is_simulated
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
-def test_a_folder_that_goes_away_is_told_by_what_went_wrong_first(
+def test_a_folder_that_goes_away_is_reported_with_what_went_wrong_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A file comes in its place: what was half written is then no longer there to be removed."""

@@ -44,7 +44,7 @@ def test_gravity_pulls_towards_minus_z_and_the_swing_goes_through_the_cloth(mark
 
 
 @pytest.mark.slow
-def test_every_motion_begins_at_rest_at_one_place_and_is_another_swing_of_a_hand():
+def test_every_motion_begins_at_rest_at_one_position_and_is_another_swing_of_a_hand():
     """Corners of the same cloth: in the first 8 ms by under a tenth of a millimetre, up to 1 m/s later."""
     time = np.arange(150) / 120
     corners = [
@@ -90,7 +90,7 @@ def test_a_made_take_is_imported_whole(tmp_path):
     assert load_garment(garment).areal_density == pytest.approx(float(true["density"]))
 
 
-def test_a_folder_that_cannot_be_made_is_told_before_the_cloth_is_simulated(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported_before_the_cloth_is_simulated(tmp_path):
     (tmp_path / "file").write_text("mine")
     with pytest.raises(OutputError, match="cannot be made"):
         make_swatch_take(tmp_path / "file", fabric="cotton")

@@ -78,7 +78,7 @@ def test_a_device_that_may_not_be_opened_is_listed_without_serial_and_names_the_
 @pytest.mark.parametrize(
     ("fault", "kind"), [("stall", UsbStallError), ("timeout", UsbTimeoutError), ("unplug", UsbUnpluggedError)]
 )
-def test_what_pyusb_raises_becomes_an_error_that_names_device_and_place(bus: Any, fault: str, kind: type) -> None:
+def test_what_pyusb_raises_becomes_an_error_that_names_device_and_port(bus: Any, fault: str, kind: type) -> None:
     bus(Ps1080Model(fault))
     link = devices.find_devices()[0].open_link()
     with pytest.raises(kind, match=r"PrimeSense PS1080 .* at USB 1:4: "):
@@ -99,7 +99,7 @@ def test_the_device_asked_is_the_first_that_can_be_asked_or_the_one_named(bus: A
 
 
 @pytest.mark.parametrize("place", ["1", "1:x", ":", "-1:2", "one:two"])
-def test_a_place_is_two_numbers(place: str) -> None:
+def test_a_port_is_two_numbers(place: str) -> None:
     with pytest.raises(SensorAddressError, match="give BUS:ADDRESS"):
         devices.parse_place(place)
 
@@ -140,7 +140,7 @@ def test_the_real_libusb_starts_where_it_is_installed() -> None:
         ([], "info --device four", "--device: 'four' is no place on the USB bus; give BUS:ADDRESS"),
     ],
 )
-def test_what_a_command_cannot_ask_of_a_sensor_is_one_sentence(
+def test_an_impossible_request_to_a_sensor_is_refused_in_one_sentence(
     bus: Any, tmp_path: Path, models: list[Any], words: str, says: str
 ) -> None:
     bus(*(model() for model in models))

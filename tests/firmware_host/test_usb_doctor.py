@@ -119,7 +119,7 @@ def test_an_empty_bus_and_a_foot_without_a_camera_get_different_advice(bus: Call
     assert "the camera needs it" in says(usb_checks.on_the_bus, Examination())
 
 
-def test_the_second_of_two_sensors_is_looked_at_when_it_is_named(bus: Callable[..., None]) -> None:
+def test_the_second_of_two_sensors_is_queried_when_it_is_named(bus: Callable[..., None]) -> None:
     bus(Ps1080Model(), Ps1080Model())
     assert "USB 1:4, 1d27:0600; 1 more" in says(usb_checks.on_the_bus, Examination())
     assert says(usb_checks.on_the_bus, Examination(place="1:5")).endswith("USB 1:5, 1d27:0600")
@@ -165,7 +165,7 @@ def test_a_driver_that_debian_does_not_ship_or_that_is_not_installed_is_a_proble
     assert "libPS1080.so is not installed; install it: apt-get" in says(usb_checks.driver_is_there, examined())
 
 
-def test_the_folder_of_drivers_is_the_one_that_openni_is_told_to_use(
+def test_the_folder_of_drivers_is_the_one_that_openni_is_set_to_use(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = tmp_path / "OpenNI.ini"

@@ -171,7 +171,7 @@ def test_a_reset_reaches_the_device_and_waits_for_its_answer(options: tuple[str,
         pytest.param("motor:unplug", "UsbUnpluggedError", marks=IN_PROCESS),
     ],
 )
-def test_what_a_device_does_on_the_wire_becomes_the_answer_or_the_error_for_it(stage: str, answer: str) -> None:
+def test_each_reply_on_the_wire_becomes_its_answer_or_its_error(stage: str, answer: str) -> None:
     # Silence is waited for; every other answer may take its time on a busy machine.
     done = run(stage, sys.executable, "-c", ASK, "0.3" if answer == "UsbTimeoutError" else "30")
     assert done.returncode == 0, done.stderr
@@ -223,7 +223,7 @@ def test_the_doctor_goes_as_far_as_a_sensor_without_streams_lets_it() -> None:
     assert lines["markers"] == "skipped: waits for `streams`"
 
 
-def test_the_doctor_tells_a_kinect_without_its_power_supply_from_no_kinect() -> None:
+def test_the_doctor_distinguishes_a_kinect_without_its_power_supply_from_no_kinect() -> None:
     done = run("motor", *HANGTIME, "doctor")
     assert done.returncode == 1
     assert "only a part of a sensor is there: Kinect v1 motor at USB 1:4; plug in its power supply" in done.stdout

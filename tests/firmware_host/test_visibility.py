@@ -54,7 +54,7 @@ def test_a_corner_folded_behind_the_cloth_is_hidden_and_the_others_are_clearly_v
     assert seen.visible.tolist() == [True, True, False, True, True]
 
 
-def test_what_the_projector_does_not_reach_is_not_visible_though_the_camera_sees_it():
+def test_cloth_in_the_projectors_shadow_is_not_visible_though_the_camera_sees_it():
     """A panel 0.35 m before the cloth, to the right of a corner: its shadow is 43.2 px m (1/1.25 - 1/1.6) = 7.6 px."""
     world = hung("skirt", 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)

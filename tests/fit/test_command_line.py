@@ -152,7 +152,7 @@ def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, swung, words, se
     assert "Traceback" not in done.stderr
 
 
-def test_a_folder_in_the_place_of_a_result_is_refused_before_the_search(tmp_path):
+def test_a_folder_where_a_result_should_be_is_refused_before_the_search(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
     (tmp_path / "fitted" / "fit.json").mkdir(parents=True)
     done = hangtime_here("fit", "a.mcap", folder=tmp_path)
@@ -344,7 +344,7 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
         (">/dev/full", 2),
     ],
 )
-def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code):
+def test_a_fit_whose_output_nobody_reads_is_still_finished(tmp_path, where, code):
     write_take(tmp_path / "a.mcap", a_swung_take())
     words = [
         sys.executable,

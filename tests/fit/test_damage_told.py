@@ -103,7 +103,7 @@ def test_takes_list_and_export_say_which_seconds_are_missing(tmp_path):
     assert done.stdout == "all.parquet: 2 takes\na.mcap is incomplete; missing: 2.03 to 3.10 s\n"
 
 
-def test_lost_scans_are_told_by_every_command_of_takes(tmp_path):
+def test_lost_scans_are_reported_by_every_command_of_takes(tmp_path):
     """Two scans, of which the first is lost; no frame is."""
     path = write_take(tmp_path / "a.mcap", replace(a_take(), scans=(a_scan(0.4, 1), a_scan(2.6, 2))))
     raw = path.read_bytes()
@@ -116,7 +116,7 @@ def test_lost_scans_are_told_by_every_command_of_takes(tmp_path):
         assert "1 scan of the surface" in hangtime_here("takes", *words, folder=tmp_path).stdout, words
 
 
-def test_two_files_of_one_take_are_told_apart_by_their_names(tmp_path):
+def test_two_files_of_one_take_are_distinguished_by_their_names(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     for name in ("one", "two"):
         (tmp_path / f"{name}.mcap").write_bytes(raw + b"ten bytes!")
@@ -183,7 +183,7 @@ NOT_HOLDING = {
 }  # fmt: skip
 
 
-def test_every_command_tells_the_same_state_of_a_take(odd):
+def test_every_command_reports_the_same_state_of_a_take(odd):
     names = [f"{name}.mcap" for name in sorted(NOT_HOLDING)]
     told = {
         words: json.loads(hangtime_here(*words.split(), *given, "--json", folder=odd).stdout)
@@ -198,7 +198,7 @@ def test_every_command_tells_the_same_state_of_a_take(odd):
         assert [{key: entry.get(key) for key in states[0]} for entry in entries] == states
 
 
-def test_takes_and_fits_side_by_side_and_exports_tell_everything_that_does_not_hold(odd):
+def test_takes_and_fits_side_by_side_and_exports_report_everything_that_does_not_hold(odd):
     bytes_behind = (odd / "joined.mcap").stat().st_size - (odd / "sound.mcap").stat().st_size
     for name, doubts in NOT_HOLDING.items():
         doubts = [doubt.format(behind=bytes_behind) for doubt in doubts]

@@ -18,7 +18,7 @@ def of_one_off(sight, metres):
     return accelerations(TIME, ends)
 
 
-def test_noise_of_uneven_steps_is_that_of_three_independent_places():
+def test_noise_of_uneven_steps_is_that_of_three_independent_positions():
     """A place of 1 m at the third of five sights; second differences weigh it and its neighbours.
 
         0.1 and 0.2 s   2/0.3 (10, -15, 5)     2/0.3 sqrt(350)    5 of them, 33.3 m/s^2

@@ -76,7 +76,7 @@ def test_a_finished_take_leaves_no_partial_file(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
 
 
-def test_a_cut_at_any_place_keeps_every_whole_block_before_it(tmp_path):
+def test_a_cut_at_any_byte_keeps_every_whole_block_before_it(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     cut_file = tmp_path / "cut.mcap"
     kept = []
@@ -220,7 +220,7 @@ def test_a_source_of_a_name_that_is_not_utf_8_is_kept_with_an_escape(tmp_path):
         ({"missing": ((-1000.0, 1000.0),)}, "missing: no frames can be missing from -1000 to 1000 s"),
     ],
 )
-def test_what_would_not_come_back_is_refused_by_its_field_and_leaves_no_file(tmp_path, changes, says):
+def test_a_value_that_would_not_be_read_back_is_refused_by_its_field_and_leaves_no_file(tmp_path, changes, says):
     with pytest.raises(TakeError) as refused:
         write_take(tmp_path / "a.mcap", replace(a_take(frames=3), **changes))
     assert str(refused.value).startswith(f"{tmp_path / 'a.mcap'}: {says}")
@@ -250,7 +250,7 @@ def test_time_that_goes_back_is_refused(tmp_path):
         (b"\x89MCAP0\r\n" + bytes(300), "no readable header"),
     ],
 )
-def test_what_is_not_a_take_is_refused(tmp_path, content, words):
+def test_a_file_that_is_not_a_take_is_refused(tmp_path, content, words):
     (tmp_path / "x.mcap").write_bytes(content)
     with pytest.raises(TakeError, match=words):
         read_take(tmp_path / "x.mcap")
@@ -278,7 +278,7 @@ def test_ten_minutes_take_at_most_30_bytes_a_frame(tmp_path):
         (lambda take: take.quality.__setitem__(7, 1.5), r"frame 7: quality is 1.5, not between 0 and 1"),
     ],
 )
-def test_what_an_archive_cannot_hold_is_refused_with_its_frame_and_leaves_no_file(tmp_path, change, words):
+def test_values_that_an_archive_cannot_hold_are_refused_with_its_frame_and_leaves_no_file(tmp_path, change, words):
     take = replace(a_take(frames=60), quality=np.full(60, 0.5))
     take = replace(take, held=take.held.copy())
     change(take)
@@ -301,7 +301,7 @@ def test_deviations_keep_one_per_cent_and_what_is_unknown_zero_or_infinite(tmp_p
 
 
 @pytest.mark.parametrize(("sd", "step"), [(2e-3, 1e-4), (1e-3, 1e-4), (3e-4, 2e-5), (5e-5, 1e-6)])
-def test_places_are_kept_in_the_coarsest_step_that_is_a_tenth_of_their_deviation(tmp_path, sd, step):
+def test_positions_are_kept_in_the_coarsest_step_that_is_a_tenth_of_their_deviation(tmp_path, sd, step):
     take = replace(a_take(frames=40), points_sd=np.full((40, 4, 3), sd))
     back = read_take(write_take(tmp_path / "a.mcap", take))
     whole = back.points[back.points_valid] / step
@@ -310,7 +310,7 @@ def test_places_are_kept_in_the_coarsest_step_that_is_a_tenth_of_their_deviation
     assert 0.4 * step < off <= 0.5 * step + 1e-12
 
 
-def test_the_place_before_a_gap_is_not_that_after_it(tmp_path):
+def test_the_position_before_a_gap_is_not_that_after_it(tmp_path):
     """A pause of 7 s lies between two blocks and is no missing span."""
     take = a_take(frames=90)
     take.time[40:] += 7.0

@@ -63,7 +63,7 @@ def test_a_path_in_another_unit_is_refused_with_the_unit_and_the_array(tmp_path,
          "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"),
     ],
 )  # fmt: skip
-def test_a_path_in_another_order_or_place_is_refused_with_what_to_give(tmp_path, change, advice):
+def test_a_path_in_another_order_or_position_is_refused_with_what_to_give(tmp_path, change, advice):
     arm, time, corners = an_arm(tmp_path)
     said = refused(check_arm_path, replace(arm, **change(arm)), time[:60:6], corners[:60:6])
     assert said.endswith(f" up to 0.5 s; {advice}")

@@ -76,7 +76,7 @@ ORDER = "frames must come in the order of their time stamps"
         ("state", 0, -1, "state is -1, not between 0 and 65535; give one of these"),
     ],
 )
-def test_what_an_archive_cannot_hold_is_refused_with_its_frame(name, good, bad, words):
+def test_values_that_an_archive_cannot_hold_are_refused_with_its_frame(name, good, bad, words):
     check(**changed(name, good))
     with pytest.raises(TakeError) as refused:
         check(**changed(name, bad))
@@ -110,7 +110,7 @@ def test_the_first_frame_comes_after_the_row_before():
         check_columns(columns_of(), points=3, take_id="a", first=0, after=-1.0)
 
 
-def test_a_place_that_is_not_valid_may_be_anything():
+def test_a_position_that_is_not_valid_may_be_anything():
     valid = np.ones((FRAMES, 2), bool)
     valid[2] = False
     for wild in (np.nan, 1e30):
@@ -136,7 +136,7 @@ def test_a_block_ends_with_the_frame_that_reaches_its_length_or_before_a_gap(tim
 @pytest.mark.parametrize(
     ("sd", "step"), [(1e-3, 0), (0.99e-3, 1), (2e-4, 1), (1.99e-4, 2), (1e-9, 2), (np.inf, 0), (np.nan, 0)]
 )
-def test_a_block_keeps_places_in_the_coarsest_step_of_a_tenth_of_every_valid_deviation(sd, step):
+def test_a_block_keeps_positions_in_the_coarsest_step_of_a_tenth_of_every_valid_deviation(sd, step):
     """One coordinate of one point decides; where it is not seen, the others' 10 mm do."""
     deviations = np.full((FRAMES, 2, 3), 0.01)
     deviations[4, 1, 2] = sd

@@ -87,7 +87,7 @@ def test_several_lines_are_named(tmp_path):
     assert _warning_of_lines([6, 26, 46, 47, 66]) == MANY.format("6, 26, 46 and 2 more")
 
 
-def test_a_place_that_jumps_is_no_rest_of_the_one_that_should_be_there(tmp_path):
+def test_a_position_that_jumps_is_no_fragment_of_the_one_that_should_be_there(tmp_path):
     """Another marker was taken for it: no number of 1200 begins with 9."""
     lines = vicon(WRITERS["%.0f"], places())
     lines[CUT] = lines[CUT].rpartition(",")[0] + ",9"
@@ -130,7 +130,7 @@ def test_three_numbers_that_end_in_a_zero_show_that_zeros_are_kept_unless_they_a
     assert writing_of(rows_of(*numbers, "9"), [0]).form == form
 
 
-def test_the_last_line_and_a_file_without_numbers_tell_nothing():
+def test_the_last_line_and_a_file_without_numbers_give_no_evidence():
     assert writing_of(rows_of("0", "", "-", "1.5"), [0]) == writing_of(rows_of(), [0]) == Writing(9)
 
 
@@ -152,7 +152,7 @@ def test_a_number_is_broken_by_its_odds(short, off, is_broken):
     assert broken_of(rows, time == 100, time, path, writing, 0.04)[100] == is_broken
 
 
-def test_a_path_of_two_places_or_without_increasing_time_tells_nothing():
+def test_a_path_of_two_positions_or_without_increasing_time_gives_no_evidence():
     path, time, ends = np.full(49, 1.25), np.arange(49.0), np.arange(49) == 4
     path[4] = 1
     rows, writing = rows_of(*map("{:g}".format, path)), Writing(2, shorter=(1, 20, 200))
@@ -161,13 +161,13 @@ def test_a_path_of_two_places_or_without_increasing_time_tells_nothing():
     assert not broken_of(rows, ends, np.where(time < 47, np.nan, time), path, writing).any()
 
 
-def test_a_line_in_quotation_marks_is_looked_at_by_its_cells(tmp_path):
+def test_a_line_in_quotation_marks_is_checked_by_its_cells(tmp_path):
     lines = [re.sub(r"[^,]+", r'"\g<0>"', line) for line in vicon(WRITERS["%.1f"], places())]
     lines[CUT] = lines[CUT].rpartition(",")[0] + ',"1"'
     assert imported(tmp_path, lines).warning == DOUBT.format(LINE)
 
 
-def test_places_that_rest_exactly_are_whole(tmp_path):
+def test_positions_that_rest_exactly_are_whole(tmp_path):
     """Held for a second, 1.0 comes a hundred times: the program leaves out zeros."""
     angle = 0.3 * np.sin(5 * np.maximum(np.arange(400) / 100 - 1, 0))
     where = np.stack([0.25 + 0 * angle, np.sin(angle), 1.5 - 0.5 * np.cos(angle)], 1)

@@ -147,7 +147,7 @@ def test_a_marker_that_a_block_of_zeros_at_an_end_cuts_is_a_gap(tmp_path, block,
 
 
 @pytest.mark.parametrize("points", [3, 5])
-def test_markers_that_all_rest_at_one_place_are_read(tmp_path, points):
+def test_markers_that_all_rest_at_one_position_are_read(tmp_path, points):
     """Every block is then the same."""
     found = read(tmp_path, c3d_bytes(np.ones((150, points, 3)), [f"m{k}" for k in range(points)]))
     assert (found.warning, np.isfinite(found.positions).all()) == ("", True)

@@ -147,7 +147,7 @@ def test_the_block_of_the_frames_that_agrees_with_the_size_counts(tmp_path, head
 
 
 @pytest.mark.parametrize("used", [4, 8])
-def test_two_numbers_of_points_are_told_and_refused_where_the_size_agrees_with_neither(tmp_path, used):
+def test_two_numbers_of_points_are_reported_and_refused_where_the_size_agrees_with_neither(tmp_path, used):
     raw = bytearray(c3d_bytes(paths(), list("abcde")))
     struct.pack_into("<H", raw, raw.index(b"USED") + 8, used)
     told = f"its header states 5 points, and its parameter POINT:USED {used}"

@@ -76,7 +76,7 @@ def turn(axis, degrees):
     return np.append(np.sin(half) * np.asarray(axis, float), np.cos(half))
 
 
-def test_places_turn_about_their_axes_by_the_right_hand():
+def test_positions_turn_about_their_axes_by_the_right_hand():
     found = _turned(np.array([[1.0, 2, 3]]), np.stack([turn([0, 0, 1], 90), turn([1, 0, 0], 180), turn([0, 1, 0], 0)]))
     assert found[:, 0] == pytest.approx(np.array([[-2, 1, 3], [1, -2, -3], [1, 2, 3]]))
 
@@ -148,7 +148,7 @@ def test_the_front_looks_where_the_held_corners_and_the_axis_say(across, up, fro
     assert set(DOWN) == {"x", "y", "z", "-x", "-y", "-z"}
 
 
-def test_lines_of_a_grid_are_numbered_and_its_places_named():
+def test_lines_of_a_grid_are_numbered_and_its_positions_named():
     assert _line(np.array([0.3, 0.1, 0.3009, 0.2, 0.1])) == [2, 0, 2, 1, 0]
     assert _line(np.array([0.0, 0.0011])) == [0, 1]
     rest = np.array([[0.1, -0.1], [0.0, -0.1], [0.0, 0.0]])

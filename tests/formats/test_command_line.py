@@ -156,7 +156,7 @@ def test_import_makes_takes_that_hang(tmp_path):
     assert take.rig.gravity == (0.0, 0.0, -1.0)
 
 
-def test_import_replaces_nothing_unless_told_to(tmp_path):
+def test_import_replaces_nothing_unless_asked_to(tmp_path):
     swung_cloth(tmp_path / "r.npz")
     swung_cloth(tmp_path / "s.npz")
     out = tmp_path / "takes"

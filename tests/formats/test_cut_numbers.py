@@ -284,7 +284,7 @@ def test_a_table_of_more_numbers_than_any_is_refused_before_it_is_read(tmp_path)
         ("{:.3f}", 4, "ends within a number"),  # no point
     ],
 )
-def test_a_cut_number_is_known_in_every_way_of_writing(tmp_path, wide, cut, message):
+def test_a_cut_number_is_detected_in_every_format(tmp_path, wide, cut, message):
     """In some columns a marker was not seen, and written as 0."""
     rng = np.random.default_rng(3)
     rows = []

@@ -135,7 +135,7 @@ OTHERS = {"another take": 60, "another take as long": 150, "a longer take": 240}
 
 
 @pytest.mark.parametrize("kind", ["itself", "itself twice", "zeros", "noise", "a byte", *OTHERS])
-def test_what_follows_the_end_of_a_take_is_counted_and_no_frame_is_lost(kind, raw, tmp_path):
+def test_messages_behind_the_end_of_a_take_are_counted_and_no_frame_is_lost(kind, raw, tmp_path):
     """All 150 frames are there once, whatever comes behind them."""
     other = write_take(tmp_path / "b.mcap", replace(a_take(frames=OTHERS.get(kind, 1)), take_id="b")).read_bytes()
     noise = np.random.default_rng(1).bytes(5000)
@@ -193,7 +193,7 @@ def test_frames_that_were_lost_are_taken_from_a_copy_behind_the_end(raw, tmp_pat
     assert (report.frames, report.missing_frames, report.trailing_bytes) == (150, 0, len(raw))
 
 
-def test_a_chunk_without_a_checksum_is_not_believed(raw):
+def test_a_chunk_without_a_checksum_is_not_accepted(raw):
     """MCAP lets 0 mean that there is none."""
     begin, end, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
     unchecked = raw[:begin] + chunk_of(block, crc=0) + raw[end:]
@@ -201,7 +201,7 @@ def test_a_chunk_without_a_checksum_is_not_believed(raw):
     assert len(take_of(raw[:begin] + chunk_of(block) + raw[end:], "checked").time) == 150
 
 
-def test_a_block_of_another_take_of_the_same_name_is_not_believed(raw, tmp_path):
+def test_a_block_of_another_take_of_the_same_name_is_not_accepted(raw, tmp_path):
     """The same rig, garment and take id, recorded at another time."""
     other = write_take(tmp_path / "a.mcap", replace(a_take(seed=1), created="2026-01-02T00:00:00Z")).read_bytes()
     begin, end, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]

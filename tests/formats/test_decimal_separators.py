@@ -52,7 +52,7 @@ def test_one_number_that_no_comma_of_thousands_parts_decides(tmp_path, one):
     assert found.positions[-1, 1, 0] == pytest.approx(float(cells[3].replace(",", ".")) / 1000)
 
 
-def test_places_that_jump_in_one_frame_of_twenty_and_times_of_seconds_are_no_motion():
+def test_positions_that_jump_in_one_frame_of_twenty_and_times_of_seconds_are_no_motion():
     still = np.zeros((42, 1, 3))
     time = np.arange(42) / 100
     assert may_be_motion(time, still)

@@ -20,7 +20,7 @@ from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from tests.formats.test_archive import GARMENT
 
 
-def test_the_cameras_place_is_kept_and_stated_only_for_other_frames_than_its_own(tmp_path):
+def test_the_cameras_position_is_kept_and_stated_only_for_other_frames_than_its_own(tmp_path):
     rig = Rig(format="hangtime-rig/2", name="arm", gravity=(0.0, 0.0, -1.0), camera_at_m=(0.0, -2.0, 0.3))
     path = tmp_path / "rig.toml"
     path.write_text(dump_description(rig))
@@ -285,7 +285,7 @@ def near(*bodies):
     return {"format": "hangtime-rig/2", "bodies": bodies}
 
 
-def test_what_stands_near_is_read_as_it_was_written(tmp_path):
+def test_bodies_near_the_cloth_are_read_as_they_were_written(tmp_path):
     rig = msgspec.structs.replace(RIG, **near(WALL, POLE))
     (tmp_path / "rig.toml").write_text(dump_description(rig))
     assert load_rig(tmp_path / "rig.toml") == rig

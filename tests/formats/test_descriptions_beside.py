@@ -189,7 +189,7 @@ def a_link(path):
 
 
 @pytest.mark.parametrize("make", [another, a_link])
-def test_what_a_person_has_beside_a_take_is_not_replaced_by_what_a_killed_import_left(tmp_path, make):
+def test_a_users_files_beside_a_take_are_not_replaced_by_files_of_a_killed_import(tmp_path, make):
     """Whichever was changed last: a copy of the folder, or of the rights of its files, dates both anew."""
     take = a_take(20)
     left_by_a_killed_import(tmp_path, take)
@@ -226,7 +226,7 @@ def test_a_description_that_comes_there_while_an_import_works_is_replaced_only_w
     ]
 
 
-def test_a_take_that_a_killed_import_did_not_replace_tells_of_no_description(tmp_path):
+def test_a_take_that_a_killed_import_did_not_replace_reports_no_description(tmp_path):
     """The old take stays, beside what was prepared for the new one."""
     take = a_take(20)
     left_by_a_killed_import(tmp_path, take)
@@ -278,7 +278,7 @@ def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_reported(
     assert (tmp_path / "rig.toml").read_text() == dump_description(take.rig)
 
 
-def test_what_a_killed_import_of_the_same_description_left_is_used_up(tmp_path):
+def test_files_that_a_killed_import_of_the_same_description_left_are_used_up(tmp_path):
     take = a_take(20)
     (tmp_path / "a.rig.toml.partial").write_text(dump_description(take.rig))
     put_beside(tmp_path / "a.mcap", take.rig)

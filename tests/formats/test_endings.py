@@ -74,7 +74,7 @@ def test_a_full_disk_is_one_sentence_that_names_the_file_and_leaves_what_was_the
 
 
 @pytest.mark.slow
-def test_a_file_in_the_place_of_a_folder_is_one_sentence(tmp_path):
+def test_a_file_where_a_folder_should_be_is_one_sentence(tmp_path):
     (tmp_path / "a").touch()
     done = run(SAVES, "save", tmp_path / "a")
     assert done.returncode == 2

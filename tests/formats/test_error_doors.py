@@ -99,7 +99,7 @@ def desk(tmp_path):
     ],
     ids=lambda words: words if "hangtime" not in words else None,
 )  # fmt: skip
-def test_a_command_refuses_with_place_value_and_next_step(desk, words, sentence):
+def test_a_command_refuses_with_location_value_and_next_step(desk, words, sentence):
     done = hangtime_here(*words.split(), folder=desk)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"hangtime: {sentence}\n")
 
@@ -187,7 +187,7 @@ def test_a_scan_that_no_take_holds_is_refused(scan, sentence):
 
 
 @pytest.mark.parametrize(("grid", "contour"), [(512, 4), (2, 65536), (0, 0)])
-def test_a_scan_of_the_most_places_comes_back(grid, contour):
+def test_a_scan_of_the_most_points_comes_back(grid, contour):
     found = decode_scan(encode_scan(_scan(grid=grid, contour=contour, time=-1e10, place=1000.0)))
     assert (found.grid.shape, found.contour.shape, found.time) == ((grid, grid, 3), (contour, 3), -1e10)
     assert (found.grid == 1000.0).all()
@@ -299,7 +299,7 @@ def _fails_with(error):
          "the path"),
     ],
 )  # fmt: skip
-def test_what_only_the_system_says_becomes_one_sentence(monkeypatch, tmp_path, error, sentence):
+def test_an_error_of_the_system_becomes_one_sentence(monkeypatch, tmp_path, error, sentence):
     def run(**_):
         telling.ask_json(is_asked=True)
         raise error

@@ -176,7 +176,7 @@ def test_a_note_of_several_lines_is_one_line_of_the_words_for_rerun():
     assert (first, second) == ("a = one\\ntwo = \\x1b[2J", "take_id\\n = b")
 
 
-def test_rerun_gets_every_place_where_it_was_seen_and_nothing_where_it_was_not(tmp_path):
+def test_rerun_gets_every_position_where_it_was_seen_and_nothing_where_it_was_not(tmp_path):
     """Places to a 32-bit float, times to a microsecond; the third point is not seen in some frames."""
     pytest.importorskip("rerun")
     take = replace(a_take(), scans=(a_scan(0.4),))
@@ -282,7 +282,7 @@ def test_npz_holds_everything_under_the_names_of_a_take(tmp_path):
         assert set(arrays.files) == {"about", *names[:9]}
 
 
-def test_parquet_has_each_place_of_each_frame_whole(tmp_path):
+def test_parquet_has_each_position_of_each_frame_whole(tmp_path):
     """Two held ends and four points; the ends are never hidden."""
     pq = pytest.importorskip("pyarrow.parquet")
     take = whole_take()

@@ -32,7 +32,7 @@ def all_below(folder):
     return {str(path.relative_to(folder)): path.is_file() and path.read_bytes() for path in folder.rglob("*")}
 
 
-def test_an_archive_in_the_place_of_which_a_folder_is_leaves_the_descriptions_as_they_were(desk):
+def test_an_archive_whose_path_is_a_folder_leaves_the_descriptions_as_they_were(desk):
     for out in ("mine", "new"):
         (desk / out / "m.mcap").mkdir(parents=True)
     before = all_below(desk)
@@ -42,7 +42,7 @@ def test_an_archive_in_the_place_of_which_a_folder_is_leaves_the_descriptions_as
     assert all_below(desk) == before
 
 
-def test_a_description_in_the_place_of_which_a_folder_is_leaves_the_other_one_as_it_was(desk):
+def test_a_description_whose_path_is_a_folder_leaves_the_other_one_as_it_was(desk):
     (desk / "mine/garment.toml").mkdir()
     before = all_below(desk)
     done = hangtime_here(*IMPORT, "mine", folder=desk)

@@ -66,7 +66,7 @@ def test_a_held_row_is_compared_from_twenty_sights_on(seen, is_reported):
     assert ("row_apart" in named(imported(dataclasses.replace(still, held=ends, markers=ends)))) == is_reported
 
 
-def test_a_row_with_single_places_far_off_goes_with_its_hanger():
+def test_a_row_with_single_positions_far_off_goes_with_its_hanger():
     take = swung(10.0)
     points = take.points.copy()
     points[::10, :2, 1] += 0.5

@@ -76,7 +76,7 @@ def test_numbers_of_one_magnitude_do_not_show_that_a_program_keeps_zeros(tmp_pat
     assert all_seen(imported(tmp_path, vicon(WRITERS["%g"], np.tile(where, 2))))
 
 
-def test_no_line_misses_a_place_by_less_than_the_noise_of_cameras(tmp_path):
+def test_no_line_misses_a_position_by_less_than_the_noise_of_cameras(tmp_path):
     """A bump of 0.25 mm, beginning with a whole number, in data without noise."""
     where = np.tile([310.5, -145.5, 1205.25, 410.5, -145.5, 1190.25], (FRAMES, 1))
     where[100:103, [2, 5]] -= [[0.25, 0.25]] * 3

@@ -61,7 +61,7 @@ def test_blocks_of_4096_frames_in_which_time_alone_moves_cost_256_mb_and_2_s_at_
     assert cost["seconds"] <= 2
 
 
-def test_a_block_with_a_place_beyond_a_kilometre_is_damaged_and_recover_leaves_it_out(raw, tmp_path):
+def test_a_block_with_a_position_beyond_a_kilometre_is_damaged_and_recover_leaves_it_out(raw, tmp_path):
     """Its frames were read, and `recover` then refused to write them."""
     block = blocks_of(raw)[0]
     coded = bytearray(block["table"])

@@ -87,7 +87,7 @@ def test_a_pipe_is_no_take(tmp_path):
         read_take(tmp_path / "a.mcap")
 
 
-def test_a_scan_has_the_places_of_its_grid_and_those_around_it():
+def test_a_scan_has_the_points_of_its_grid_and_those_around_it():
     assert places_of({"grid_size": 5, "contour_size": 12}) == 37
     assert places_of({"grid_size": 512, "contour_size": 65536}) == 512 * 512 + 65536
     assert places_of({"grid_size": 0, "contour_size": 0}) == 0

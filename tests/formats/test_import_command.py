@@ -68,7 +68,7 @@ def test_each_recording_has_its_line_and_those_of_markers_and_cloth_go_together(
          "it and give kilograms, or --anyway to accept it"),
     ],
 )  # fmt: skip
-def test_what_is_not_imported_or_described_is_said_with_the_next_step(desk, words, sentence):
+def test_refused_imports_and_descriptions_name_the_next_step(desk, words, sentence):
     before = sorted(path.name for path in desk.iterdir())
     done = hangtime_here(*words.split(), folder=desk)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"hangtime: {sentence}\n")

@@ -135,7 +135,7 @@ def test_a_link_into_a_locked_folder_stops_no_other_recording(desk):
 
 
 @pytest.mark.parametrize("option", [(), ("--overwrite",)], ids=["", "overwrite"])
-def test_a_folder_in_the_place_of_a_file_is_reported_before_anything_is_made(desk, option):
+def test_a_folder_where_a_file_should_be_is_reported_before_anything_is_made(desk, option):
     for words, name in (
         (("takes", "export", "m.mcap", "--to", "csv"), "m.csv"), (RECOVER, "m.recovered.mcap"), (IMPORT, "m.mcap"),
     ):  # fmt: skip

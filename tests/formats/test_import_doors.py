@@ -150,7 +150,7 @@ def test_a_swatch_of_any_name_is_read_again(tmp_path, name):
     assert load_garment(tmp_path / f"{name}.toml").name == plain(name)
 
 
-def test_a_description_in_the_place_of_a_recording_is_reported_where_it_belongs(tmp_path):
+def test_a_description_where_a_recording_should_be_is_reported_where_it_belongs(tmp_path):
     done = hangtime_here("import", "g.toml", "--garment", "a.mcap", folder=tmp_path)
     assert done.stderr == "hangtime: g.toml: is a description, and no recording; give it as --garment g.toml\n"
     assert done.returncode == 2

@@ -86,7 +86,7 @@ def test_a_rig_of_another_take_is_reported_with_steps_that_work(desk):
     assert load_rig(desk / "o/rig.toml") == load_rig(desk / "other/rig.toml") == read_take(desk / "o/m.mcap").rig
 
 
-def test_a_garment_of_another_take_and_a_folder_or_link_in_its_place_are_reported(desk):
+def test_a_garment_of_another_take_and_a_folder_or_link_at_its_path_are_reported(desk):
     (desk / "o/rig.toml").unlink()
     path = desk / "o/garment.toml"
     other = f"is already there and describes another garment than that of this take; {AGAIN}"

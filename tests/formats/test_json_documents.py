@@ -143,7 +143,7 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
     ],
     ids=lambda words: words[:20] if isinstance(words, str) else None,
 )  # fmt: skip
-def test_json_tells_every_fact_of_a_command(desk, words, code, entries):
+def test_json_reports_every_fact_of_a_command(desk, words, code, entries):
     done = hangtime_here(*words.split(), "--json", folder=desk)
     told = json.loads(done.stdout)
     faults = [line for line in done.stderr.splitlines() if line.startswith("hangtime: ")]
@@ -263,7 +263,7 @@ def test_the_same_facts_are_reported_in_words(desk, words, lines):
         assert line == wanted or (wanted.startswith("lost") and line.startswith(wanted))
 
 
-def test_an_imported_take_has_everything_that_the_file_and_its_day_tell(desk):
+def test_an_imported_take_has_everything_that_the_file_and_its_date_state(desk):
     path = desk / "m.csv"
     os.utime(path, (1.75e9, 1.75e9))
     take = import_marker_take(path, SWATCH)
@@ -289,7 +289,7 @@ def test_a_frame_without_a_held_marker_says_so(tmp_path):
     np.testing.assert_array_equal(take.held_valid, ~np.isnan(places[:, [0, 3]]).any(2))
 
 
-def test_what_is_recovered_holds_what_the_damaged_take_held(desk):
+def test_a_recovered_take_holds_the_data_of_the_damaged_one(desk):
     hangtime_here("takes", "recover", "takes/c.mcap", "--out", "again", folder=desk)
     left, found = read_take(desk / "takes/c.mcap"), read_take(desk / "again/c.recovered.mcap")
     assert (found.take_id, found.source, found.created, found.notes) == ("a", "test", left.created, {"who": "me"})

@@ -161,7 +161,7 @@ def frozen(take, points, frames):
     return dataclasses.replace(take, points=places)
 
 
-def test_points_that_keep_their_place_while_the_hanger_swings_are_reported():
+def test_points_that_keep_their_position_while_the_hanger_swings_are_reported():
     both = frozen(swung(10.0), slice(2, 4), slice(60, 151))
     words = (
         "bottom_right, bottom_left kept their exact positions while the hanger moved, for 3.0 s from 2.0 s on at most"
@@ -175,7 +175,7 @@ def test_points_that_keep_their_place_while_the_hanger_swings_are_reported():
     assert finding[2] == "bottom_right kept its exact position while the hanger moved, for 0.6 s from 2.0 s on"
 
 
-def test_cloth_may_keep_its_place_under_a_hanger_that_rests():
+def test_cloth_may_keep_its_position_under_a_hanger_that_rests():
     """In takes without noise, and where a body of its own holds the hanger."""
     take = swung(10.0)
     rests = take.time > 4.0

@@ -49,7 +49,7 @@ def test_a_whole_take_has_no_finding():
     assert judge(swung()) == ()
 
 
-def test_a_hanger_that_was_lost_in_between_is_reported_with_its_place():
+def test_a_hanger_that_was_lost_in_between_is_reported_with_its_time():
     """Frames 30 to 59 at 30 a second: from the sight at 0.97 s to that at 2.00 s are 1.03 s."""
     (finding,) = judge(without_hanger(swung(), slice(30, 60)))
     assert (finding.name, finding.is_grave) == ("hanger_lost", False)
@@ -88,7 +88,7 @@ def test_swapped_markers_are_grave():
     assert [(finding.name, finding.is_grave) for finding in found] == [("markers_swapped", True)]
 
 
-def test_swapped_markers_are_reported_without_the_points_that_were_looked_for_on_the_wrong_side():
+def test_swapped_markers_are_reported_without_the_points_that_were_sought_on_the_wrong_side():
     """Two points were never seen, or the garment for two seconds alone."""
     unseen, short = swung().points_valid.copy(), swung().points_valid.copy()
     unseen[:, 2:4] = short[60:] = False

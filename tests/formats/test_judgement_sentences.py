@@ -174,7 +174,7 @@ def test_sizes_are_reported_from_ten_frames_on_in_which_both_points_are_seen():
     assert [found.name for found in judge(enough)] == ["points_hardly_seen", "garment_larger"]
 
 
-def test_points_of_the_held_edge_alone_tell_neither_size_nor_gravity():
+def test_points_of_the_held_edge_alone_determine_neither_size_nor_gravity():
     take = swung()
     garment = msgspec.structs.replace(take.garment, points=take.garment.points[:2])
     take = with_points(take, 1.2 * take.points[:, :2])

@@ -98,7 +98,7 @@ def test_a_marker_that_was_not_seen_leaves_no_doubt_about_a_cut(tmp_path):
     ("off", "leads"), [([0.0019], True), ([0.0021], False), ([0.004, 0, 0, 0, 0], False), ([0.5] + [0] * 8, True)]
 )
 @pytest.mark.parametrize("bend", [0.0, 0.01])
-def test_a_path_leads_to_its_last_place_where_it_led_to_the_four_before(off, leads, bend):
+def test_a_path_predicts_its_last_position_where_it_led_to_the_four_before(off, leads, bend):
     path = 0.3 + 0.02 * np.arange(20) + bend * np.arange(20.0) ** 2
     path[-len(off) :] += off
     assert is_near(np.arange(20) / 30, path) == leads

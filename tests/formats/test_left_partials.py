@@ -32,7 +32,7 @@ def one_of_a_newer_version(raw):
     "made", [a_block_alone_with_a_flipped_bit, one_of_a_newer_version, lambda raw: b"mine", lambda raw: raw[9:]],
     ids=["damaged", "newer", "words", "without-its-beginning"],
 )  # fmt: skip
-def test_what_cannot_be_read_now_is_put_aside_all_the_same(raw, tmp_path, made):
+def test_a_file_that_is_unreadable_now_is_put_aside_as_well(raw, tmp_path, made):
     left = made(raw)
     (tmp_path / "t.mcap.partial").write_bytes(left)
     write_take(tmp_path / "t.mcap", a_take(20))

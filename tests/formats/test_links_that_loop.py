@@ -90,11 +90,11 @@ def test_a_folder_below_one_is_no_link_to_another_file(desk):
         UnfinishedFile(desk / "b.mcap", overwrite=True)
 
 
-def test_a_folder_in_the_place_of_which_a_broken_link_is_keeps_its_own_cause(desk):
+def test_a_folder_whose_path_is_a_broken_link_keeps_its_own_cause(desk):
     (desk / "broken").symlink_to("nowhere")
     with pytest.raises(OutputError, match=r"\(File exists\); give another name: a file, a device, a pipe or a b"):
         make_output_folder(desk / "broken")
 
 
-def test_a_page_of_a_blind_check_may_be_asked_for_in_the_place_of_one(desk):
+def test_a_page_of_a_blind_check_may_be_asked_for_instead_of_one(desk):
     check_page_name(desk / "one", (desk / "set", desk / "two"))

@@ -30,7 +30,7 @@ def unseen(found):
 
 @pytest.mark.parametrize("change", [lambda cell: cell[:-1], lambda cell: cell + "7", lambda cell: cell[:-4]])
 @pytest.mark.parametrize("column", [2, 4])
-def test_a_number_of_other_digits_than_its_column_has_is_no_place(tmp_path, change, column):
+def test_a_number_of_other_digits_than_its_column_has_is_no_position(tmp_path, change, column):
     lines, cell = with_cell(vicon(WRITERS["%.3f"], places()), change, column)
     found = imported(tmp_path, lines)
     assert (found.warning, unseen(found)) == (NO_DIGITS.format(cell), [[AT, 0]])
@@ -118,7 +118,7 @@ def test_a_pause_in_the_times_keeps_every_position(tmp_path, name):
 
 
 @pytest.mark.parametrize(("lost", "is_reported"), [(1, False), (2, True), (10, True)])
-def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is_reported):
+def test_times_without_numbers_of_frames_show_two_and_more(tmp_path, lost, is_reported):
     cells = [line.split(",", 2)[2] for line in vicon("{:.4f}".format, places(), 1e-3)]
     lines = [f"{k / 100:.2f},{row}" for k, row in enumerate(cells)]
     head = "time_s," + ",".join(f"{name}_{axis}_m" for name in "ab" for axis in "xyz") + "\n"
@@ -128,13 +128,13 @@ def test_times_without_numbers_of_frames_tell_of_two_and_more(tmp_path, lost, is
     assert unseen(found) == []
 
 
-def test_programs_that_leave_out_frames_in_many_places_lost_no_bytes(tmp_path):
+def test_programs_that_leave_out_frames_at_many_times_lost_no_bytes(tmp_path):
     lines = vicon(WRITERS["%.3f"], places())
     found = imported(tmp_path, [line for k, line in enumerate(lines) if k % 20 != 7])
     assert (found.warning, unseen(found)) == ("", [])
 
 
-def test_a_line_without_a_clock_begins_with_a_place_and_not_with_the_number_of_a_frame(tmp_path):
+def test_a_line_without_a_clock_begins_with_a_position_and_not_with_the_number_of_a_frame(tmp_path):
     head = "NO_OF_FRAMES\t30\nNO_OF_MARKERS\t1\nFREQUENCY\t100\nMARKER_NAMES\ta\n"
     rows = "".join(f"{k + 9 * (k > 20)}\t200\t{k}\n" for k in range(30))
     found = read(tmp_path, head + rows, None, "a.tsv")

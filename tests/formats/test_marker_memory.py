@@ -16,7 +16,7 @@ from tests.formats.test_marker_tables import OWN, VICON, read
 FRAMES, MARKERS = 400, 1000
 
 
-def test_a_large_text_costs_its_length_and_its_places_and_a_gap_costs_no_time(tmp_path):
+def test_a_large_text_costs_its_length_and_its_positions_and_a_gap_costs_no_time(tmp_path):
     """12 MB of text and 10 MB of places. All lines and numbers at once took 41 MB, each row with a gap 12 ms."""
     path = tmp_path / "a.csv"
     names = ",".join(f"m{k}{axis}" for k in range(MARKERS) for axis in ("_x_m", "_y_m", "_z_m"))
@@ -55,7 +55,7 @@ def test_a_file_of_zeros_is_empty_and_ctrl_z_ends_a_text(tmp_path):
 
 
 @pytest.mark.parametrize("row", ["0,5,1,25,2,5,3,5,4,5,5,5,6,5", "0,5,1,2,3,4,5,6", "0,5,1,2,3,4,,,"])
-def test_a_comma_that_parts_cells_and_decimals_is_named_with_the_way_out(tmp_path, row):
+def test_a_comma_that_separates_cells_and_decimals_is_named_with_the_remedy(tmp_path, row):
     words = r"line 2 has \d+ cells, not 7, none with a decimal point; where commas are decimal separators too, export"
     with pytest.raises(TakeError, match=words):
         read(tmp_path, OWN + row + "\n")

@@ -109,7 +109,7 @@ def test_a_head_of_qualisys_may_have_a_line_for_each_of_many_events(tmp_path):
     check(read_marker_tracks(path), drawn(), 1e-6)
 
 
-def test_times_and_numbers_of_frames_of_qualisys_are_no_places(tmp_path):
+def test_times_and_numbers_of_frames_of_qualisys_are_no_positions(tmp_path):
     """Where they are exported, a row of names stands above them."""
     path = tmp_path / "a.tsv"
     lines = qualisys(drawn()).splitlines()
@@ -213,7 +213,7 @@ def test_two_exchanged_markers_are_found_whichever_they_are(tmp_path, one, other
         import_marker_take(path, GARMENT)
 
 
-def test_inches_taken_for_centimetres_are_refused(tmp_path):
+def test_inches_read_as_centimetres_are_refused(tmp_path):
     tracks = hanging()
     path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=tracks.positions / 2.54))
     with pytest.raises(TakeError, match=r"neighbouring markers are 0\.39 of their distance .*\? Check the unit"):

@@ -30,13 +30,13 @@ def jumps(time, where):
 
 
 @pytest.mark.parametrize(("far", "shown"), [(0.1, "0.1"), (2.0, "2"), (888.0, "888"), (-41.5, "42")])
-def test_a_place_that_jumps_for_one_frame_is_taken_out_and_reported(far, shown):
+def test_a_position_that_jumps_for_one_frame_is_taken_out_and_reported(far, shown):
     time, where = swing()
     where[AT, 1, 2] += far
     assert jumps(time, where) == (ONE.format("frame 60", "b", shown), [[AT, 1]])
 
 
-def test_two_places_one_after_the_other_and_two_with_a_good_one_between_jump():
+def test_two_positions_one_after_the_other_and_two_with_a_good_one_between_jump():
     time, where = swing()
     where[[AT, AT + 1, 80, 82], 0, 0] += 2
     told, gone = jumps(time, where)
@@ -47,7 +47,7 @@ def test_two_places_one_after_the_other_and_two_with_a_good_one_between_jump():
 
 @pytest.mark.parametrize("far", [0.2, -900.0])
 @pytest.mark.parametrize("frames", [[0], [1], [0, 1], [0, 2], [119], [118], [118, 119], [0, 60, 119]])
-def test_places_at_the_ends_of_a_path_that_jump_are_taken_out(frames, far):
+def test_positions_at_the_ends_of_a_path_that_jump_are_taken_out(frames, far):
     time, where = swing()
     where[30:50, 1] = np.nan
     where[frames, 1, 0] += far
@@ -57,7 +57,7 @@ def test_places_at_the_ends_of_a_path_that_jump_are_taken_out(frames, far):
     assert all(one in told for one in each) or told.startswith(f"frame {frames[0]}: b jumps ")
 
 
-def test_a_place_at_an_end_does_not_come_back_and_is_reported_without_that():
+def test_a_position_at_an_end_does_not_come_back_and_is_reported_without_that():
     time, where = swing()
     where[0, 1] += 5
     assert jumps(time, where)[0] == "frame 0: b jumps 8.7 m away, so it counts as not seen there"
@@ -74,7 +74,7 @@ def test_an_end_jumps_by_twice_as_much_as_the_marker_does_elsewhere():
 
 
 @pytest.mark.parametrize("begin", [3, 4, 5, 6])
-def test_steps_that_stay_near_an_end_and_ends_far_from_the_next_places_are_read(begin):
+def test_steps_that_stay_near_an_end_and_ends_far_from_the_next_positions_are_read(begin):
     """Another marker until then; or one that was seen for two frames, a second before the others, 0.9 m away."""
     time, where = swing()
     for changed in (slice(begin), slice(-begin, None)):
@@ -139,7 +139,7 @@ def test_a_lost_point_in_a_text_is_reported_by_its_line_and_in_c3d_by_its_frame(
     assert np.argwhere(np.isnan(found.positions).any(2)).tolist() == [[AT, 1]]
 
 
-def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_place(tmp_path):
+def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_position(tmp_path):
     lines = vicon(WRITERS["%.3f"], places() + np.array([0, 0, 0, 500, 0, 0]))
     cells = lines[AT].split(",")
     lines[AT] = ",".join([*cells[:2], *cells[5:]])
@@ -148,7 +148,7 @@ def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_place(tmp_
     assert np.isnan(found.positions[AT]).all()
 
 
-def test_a_place_that_does_not_come_back_is_no_jump():
+def test_a_position_that_does_not_come_back_is_no_jump():
     """Rounded to 0.1 m, a path turns by steps: off its lines by 71, 141 and 100 mm, between places 141 mm apart."""
     where = np.ones((120, 2, 3))
     where[AT:, 0] = [0.9, 0.9, 1.0]

@@ -61,7 +61,7 @@ def test_a_rate_is_that_of_all_frames_and_not_of_the_median_step():
 
 
 @pytest.mark.parametrize(("off", "is_steady"), [(0.24, True), (0.3, False)])
-def test_a_frame_lies_within_a_quarter_of_an_interval_of_its_place(off, is_steady):
+def test_a_frame_lies_within_a_quarter_of_an_interval_of_its_time(off, is_steady):
     time = np.arange(101) / 50
     time[50] += off / 50
     if is_steady:
@@ -71,7 +71,7 @@ def test_a_frame_lies_within_a_quarter_of_an_interval_of_its_place(off, is_stead
         at_one_rate(at(*time), "t")
 
 
-def test_what_c3d_cannot_count_is_refused():
+def test_numbers_beyond_the_limits_of_c3d_are_refused():
     with pytest.raises(TakeError, match="has one frame, and so no rate"):
         at_one_rate(at(0.0), "t")
     for last, is_held in ((65534, True), (65535, False)):
@@ -327,7 +327,7 @@ def test_a_unit_that_is_unknown_lacking_or_contradicted_is_refused():
      (39.4, "inches that were taken for metres"), (1210.0, "millimetres that were taken for metres"),
      (0.01, "metres that were taken for centimetres")],
 )  # fmt: skip
-def test_lengths_that_are_so_many_times_too_long_were_taken_for_another_unit(times, words):
+def test_lengths_that_are_so_many_times_too_long_were_read_in_another_unit(times, words):
     assert other_unit(times) == f"; are these {words}?"
 
 

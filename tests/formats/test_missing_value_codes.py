@@ -63,7 +63,7 @@ def test_a_whole_number_or_nines_to_which_no_path_leads_is_a_sign(tmp_path, numb
 
 @pytest.mark.parametrize("sign", ["-1", "9999", "-100"])
 @pytest.mark.parametrize("kind", ["begin", "end", "never seen", "once in each", "nines within the room"])
-def test_a_sign_of_one_path_is_a_sign_at_every_place(tmp_path, sign, kind):
+def test_a_sign_of_one_path_is_a_sign_at_every_position(tmp_path, sign, kind):
     """Also of a marker that was never seen, and where others lie as far out."""
     lines, gone = with_sign(sign), set(range(CUT, CUT + 10))
     other = {"begin": range(5), "end": range(FRAMES - 5, FRAMES), "never seen": range(FRAMES)}.get(kind, range(7, 8))
@@ -82,7 +82,7 @@ def test_a_sign_of_one_path_is_a_sign_at_every_place(tmp_path, sign, kind):
 
 
 @pytest.mark.parametrize(("frames", "times"), [(15, 3), (20, 3), (120, 1)])
-def test_one_place_of_a_path_or_places_beside_a_short_one_are_no_signs(frames, times):
+def test_one_position_of_a_path_or_positions_beside_a_short_one_are_no_signs(frames, times):
     """A take may hold a point at (1, 1, 1) once, which other rules look at, or too few others to tell of its path."""
     where = np.random.default_rng(0).normal(0, 0.01, (frames, 2, 3))
     where[5 : 5 + times, 0] = 1.0
@@ -101,7 +101,7 @@ def test_nines_once_are_a_sign_only_twice_as_far_out_as_all_others():
 
 @pytest.mark.parametrize("rate", [5, 20, 100])
 @pytest.mark.parametrize("unit", [1, 10, 100])
-def test_paths_through_places_of_one_whole_number_are_read(rate, unit):
+def test_paths_through_positions_of_one_whole_number_are_read(rate, unit):
     """Whole millimetres, centimetres and decimetres with x = y = z, also fast, with gaps, and a marker at rest."""
     time = np.arange(150) / rate
     swing = np.rint((600 + 500 * np.sin(2 * np.pi * time)) / unit)[:, None, None] * np.ones((1, 2, 3)) * unit / 1e3
@@ -112,7 +112,7 @@ def test_paths_through_places_of_one_whole_number_are_read(rate, unit):
     assert remove_missing_value_codes(rests, np.full(3, unit / 1e3), str) == ""
 
 
-def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_places(tmp_path):
+def test_two_cells_of_one_number_and_a_table_of_nothing_else_are_positions(tmp_path):
     lines = [line.replace("-9999,-9999,-9999", "-9998.00,-9999.00,-9999.00") for line in with_sign("-9999")]
     assert np.isfinite(imported(tmp_path, lines).positions).all()
     alone = [f"{k + 1},0,2.5,2.5,2.5,,," for k in range(30)]

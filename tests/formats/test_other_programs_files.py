@@ -206,7 +206,7 @@ HALF_A_DIGIT = {"trc": 5e-9, "vicon.csv": 5e-9, "motive.csv": 5e-7, "qualisys.ts
 @pytest.mark.parametrize("name", WRITERS)
 @given(data=st.data())
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_places_of_any_size_and_sign_come_back_to_half_a_digit_and_gaps_as_gaps(tmp_path, name, data):
+def test_positions_of_any_size_and_sign_come_back_to_half_a_digit_and_gaps_as_gaps(tmp_path, name, data):
     """Up to 50 m; a place at the origin means a gap, so that no coordinate is smaller than a millimetre."""
     frames = data.draw(st.integers(1, 12))
     size = st.floats(1e-3, 50.0) | st.floats(-50.0, -1e-3)
@@ -328,7 +328,7 @@ def test_a_label_beyond_ascii_is_kept_and_a_byte_of_no_sign_is_shown_by_its_code
     assert read_marker_tracks(path).labels == (read, *LABELS[1:])
 
 
-def test_a_long_c3d_file_costs_little_more_than_its_places(tmp_path):
+def test_a_long_c3d_file_costs_little_more_than_its_positions(tmp_path):
     """60,000 frames of 10 points: 14 MB of places."""
     path = tmp_path / "a.c3d"
     path.write_bytes(c3d_bytes(np.ones((60_000, 10, 3)), [f"m{k}" for k in range(10)], scale=0.1))

@@ -21,7 +21,7 @@ from formats.plain_text import LONGEST_TEXT, counted, in_one_line, lines_of, pla
         ("a" * (LONGEST_TEXT + 1), "a" * LONGEST_TEXT + " ..."),
     ],
 )
-def test_what_is_no_letter_is_shown_by_its_code(text, shown):
+def test_a_character_that_cannot_be_printed_is_shown_by_its_code(text, shown):
     """A byte of a name that is no UTF-8 stays, but for those that are control characters to a terminal."""
     assert plain(text) == shown
 

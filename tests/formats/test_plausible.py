@@ -71,7 +71,7 @@ def test_each_layer_of_cloth_weighs_twenty_grams_to_one_and_a_half_kilograms(den
         assert refused(check_plausible_garment, garment) == f"a file: mass_kg = {garment.mass_kg:g} {words}"
 
 
-def test_grams_in_the_place_of_kilograms_are_named_with_the_number_that_was_meant():
+def test_grams_instead_of_kilograms_are_named_with_the_number_that_was_meant():
     assert refused(check_plausible_garment, panel(0.5, 0.4, 40.0)) == (
         "a file: mass_kg = 40 makes 200 kg/m2, fabric has 0.02 to 1.5; were 40 grams meant, mass_kg = 0.04 "
         "(0.2 kg/m2)? Weigh it and give kilograms"

@@ -18,21 +18,21 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         ((0.25, 0.5), (0.5, 0.75, 0.5, 0.25)),
     ],
 )
-def test_a_side_is_as_far_as_its_nearest_place_and_no_line_through_it(place, apart):
+def test_a_side_is_as_far_as_its_nearest_point_and_no_line_through_it(place, apart):
     assert distances_to_sides(np.array([place]), SQUARE)[0] == pytest.approx(apart)
 
 
-def test_only_a_place_outside_is_away():
+def test_only_a_point_outside_is_away():
     places = np.array([[0.25, 0.5], [-3.0, -4.0]])
     assert distances_outside(places, SQUARE) == pytest.approx([0.0, 5.0])
 
 
-def test_a_place_beside_a_dent_is_outside():
+def test_a_point_beside_a_dent_is_outside():
     dented = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [1.0, 1.0], [0.0, 1.0]])
     assert inside(np.array([[0.25, 0.5], [0.75, 0.5], [0.75, 0.2], [2.0, 0.1]]), dented).tolist() == [1, 0, 1, 0]
 
 
-def test_more_places_than_are_compared_at_once_keep_their_order():
+def test_more_points_than_are_compared_at_once_keep_their_order():
     count = CELLS_AT_ONCE // len(SQUARE) + 3
     places = np.stack([np.linspace(0.0, 2.0, count), np.full(count, 0.5)], axis=1)
     far = np.maximum(places[:, 0] - 1, 0)

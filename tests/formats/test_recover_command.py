@@ -37,7 +37,7 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
 
 
 @pytest.mark.unmutated
-def test_recover_goes_on_after_a_file_that_cannot_be_written_and_tells_of_each(tmp_path):
+def test_recover_goes_on_after_a_file_that_cannot_be_written_and_reports_each(tmp_path):
     for name in "abc":
         (tmp_path / name).mkdir()
         write_take(tmp_path / name / f"{name}.mcap", a_take())

@@ -69,7 +69,7 @@ def test_every_reader_of_text_reads_thousands_as_they_are_stated(tmp_path, name,
     assert found.warning == ""
 
 
-def test_the_option_is_the_way_out_of_two_readings(tmp_path):
+def test_the_option_decides_between_two_readings(tmp_path):
     """1,200 is 1200 mm or 1.2 mm; a stated frame count has a thousands separator as well."""
     path = tmp_path / "a.tsv"
     path.write_text(table(lambda value: f"{value:,.0f}")[0])

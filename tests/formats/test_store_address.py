@@ -99,7 +99,7 @@ def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
          "address again"),
     ],
 )  # fmt: skip
-def test_what_the_library_would_leave_out_or_change_is_refused(url, words):
+def test_values_that_the_library_would_leave_out_or_change_are_refused(url, words):
     """It writes to `run`, or to `run` of the bucket itself, or says so in words of its own."""
     with pytest.raises(AddressError) as caught:
         open_bucket(url, extra="batch")
@@ -282,7 +282,7 @@ def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_setting_of_a_servers_address_is_looked_at_as_well():
+def test_a_setting_of_a_servers_address_is_checked_as_well():
     with pytest.raises(AddressError, match="endpoint lacks http://"):
         open_bucket("s3://bkt/takes", extra="batch", config={"endpoint": "example.org"})
 

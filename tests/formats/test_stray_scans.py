@@ -69,7 +69,7 @@ def test_a_scan_before_the_first_frame_of_a_take_that_was_cut_short_is_doubted(t
     )  # fmt: skip
 
 
-def test_commands_tell_of_a_stray_scan_and_a_recovered_take_keeps_the_doubt(tmp_path):
+def test_commands_report_a_stray_scan_and_a_recovered_take_keeps_the_doubt(tmp_path):
     told = doubt("a scan of 1005.250000")
     assert written(tmp_path, HEADER, *BLOCKS, *SCANS, scan_at(1005.25), HEADER, END) == (told,)
     verified = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)

@@ -17,7 +17,7 @@ from tests.formats.test_motion import TIME, moved, turned
 @pytest.mark.parametrize(
     ("way", "direction"), [("sideways", [1, 0, 0.3]), ("face-on", [0.3, 1, 0]), ("up-and-down", [0, 0.3, 1])]
 )
-def test_the_picture_shows_the_way_in_which_most_is_moved(way, direction):
+def test_the_picture_shows_the_direction_of_most_motion(way, direction):
     """The points move with the bar; the named share of their motion is 0.05 m times a wave."""
     take = moved(direction)
     shown, names, paths = paths_of(take)

@@ -39,7 +39,7 @@ def test_codes_go_before_and_behind_a_text_and_none_of_its_own_reaches_the_termi
     assert capsys.readouterr().err == f"{CLEAR_LINE}a\\r\\x1b[Kb\r"
 
 
-def test_progress_tells_the_time_that_is_left_from_the_speed_of_this_process(capsys):
+def test_progress_shows_the_time_that_is_left_from_the_speed_of_this_process(capsys):
     """It goes on at 40 %; 10 s for 20 % more leave 20 s for the last 40 %."""
     clock = Clock()
     line = ProgressLine("annealing", clock)
@@ -60,7 +60,7 @@ def test_slow_work_has_a_line_a_minute_where_no_terminal_is(capsys):
     assert said == ["fit: 0 %, step", "fit: 2 %, step, about 49 min left"]
 
 
-def test_progress_tells_no_time_before_it_can_know_it(capsys):
+def test_progress_shows_no_time_before_it_can_know_it(capsys):
     clock = Clock()
     line = ProgressLine("fit", clock)
     for after, share in ((0.0, 0.0), (1.0, 0.5), (4.0, 1.0)):

@@ -227,7 +227,7 @@ def test_a_path_on_a_clock_that_is_too_far_off_is_refused_with_the_offset(shift,
 
 
 @pytest.mark.parametrize("kind", ["still", "covered in part"])
-def test_an_offset_that_the_corners_do_not_tell_is_not_invented(kind):
+def test_an_offset_that_the_corners_do_not_determine_is_not_invented(kind):
     """At rest no shift is nearer."""
     time = np.arange(0, 10, 0.11)
     if kind == "still":
@@ -260,7 +260,7 @@ def test_of_the_shifts_of_a_swing_that_repeats_itself_the_smallest_is_named(peri
 
 
 @pytest.mark.parametrize(("noise", "least"), [(1e-3, 0.005), (0.01, 0.02), (0.02, 0.03)])
-def test_a_shift_is_told_from_none_where_noise_lets_it(noise, least):
+def test_a_shift_is_distinguished_from_none_where_noise_lets_it(noise, least):
     """In recordings of 10 s, one in 300 of which may be wrong: never without a shift, always from `least` on."""
     time, arm = np.arange(0, 10, 0.11), swept_arm()
     rng = np.random.default_rng(5)

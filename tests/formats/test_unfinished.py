@@ -69,7 +69,7 @@ def test_a_take_that_another_process_is_recording_is_not_touched(recorder, tmp_p
     assert names(tmp_path) == ["t.mcap"]
 
 
-def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(recorder, tmp_path):
+def test_a_name_that_a_killed_recording_left_is_free_and_replaced_only_when_asked_to(recorder, tmp_path):
     """Two blocks of a second and a little are on the disk: more than 60 frames at 30 a second."""
     recorder.send_signal(signal.SIGKILL)
     recorder.wait()
@@ -83,7 +83,7 @@ def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(rec
     assert 60 < len(read_take(tmp_path / "t.left-1.mcap.partial").time) < 70
 
 
-def test_what_is_too_large_to_be_read_is_put_aside_all_the_same(tmp_path):
+def test_a_file_that_is_too_large_to_be_read_is_put_aside_as_well(tmp_path):
     """300 GB without a block in sight."""
     partial = tmp_path / "t.mcap.partial"
     with partial.open("wb") as file:
@@ -148,7 +148,7 @@ def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_p
     assert names(tmp_path) == ["t.left-1.mcap.partial", "t.left-2.mcap.partial", "t.mcap.partial"]
 
 
-def test_a_link_in_the_place_of_a_partial_file_is_not_followed(tmp_path):
+def test_a_link_at_the_path_of_a_partial_file_is_not_followed(tmp_path):
     (tmp_path / "mine").write_text("mine")
     (tmp_path / "t.mcap.partial").symlink_to(tmp_path / "mine")
     with pytest.raises(OutputError, match=r"t\.mcap\.partial: is a link to another file"):
@@ -156,7 +156,7 @@ def test_a_link_in_the_place_of_a_partial_file_is_not_followed(tmp_path):
     assert (tmp_path / "mine").read_text() == "mine"
 
 
-def test_a_link_in_the_place_of_a_take_is_replaced_and_not_followed(tmp_path):
+def test_a_link_at_the_path_of_a_take_is_replaced_and_not_followed(tmp_path):
     (tmp_path / "mine").write_text("mine")
     (tmp_path / "t.mcap").symlink_to(tmp_path / "mine")
     with a_writer(tmp_path, overwrite=True) as writer:
@@ -231,7 +231,7 @@ def test_the_name_of_a_recording_is_on_the_disk_before_its_first_block(tmp_path,
     writer.keep()
 
 
-def test_what_a_recording_left_that_ended_before_its_first_block_blocks_no_name(tmp_path):
+def test_a_recording_that_ended_before_its_first_block_blocks_no_name(tmp_path):
     (tmp_path / "t.mcap.partial").touch()
     refuse_to_replace(tmp_path / "t.mcap")
     writer = a_writer(tmp_path, overwrite=False)

@@ -50,7 +50,7 @@ SPARE, LATE, EARLY = (20, 16), (50, 3), (20, 3)
 
 
 @DAMAGED
-def test_damage_to_a_marker_that_the_garment_lacks_is_not_told(tmp_path, damage, ending):
+def test_damage_to_a_marker_that_the_garment_lacks_is_not_reported(tmp_path, damage, ending):
     path = written(tmp_path, with_another(**{damage: SPARE}), ending)
     assert read_marker_tracks(path).warning
     take = import_marker_take(path, GARMENT)
@@ -61,7 +61,7 @@ def test_damage_to_a_marker_that_the_garment_lacks_is_not_told(tmp_path, damage,
 
 
 @DAMAGED
-def test_damage_behind_the_frames_that_are_kept_is_not_told(tmp_path, damage, ending):
+def test_damage_behind_the_frames_that_are_kept_is_not_reported(tmp_path, damage, ending):
     path = written(tmp_path, with_another(**{damage: LATE}), ending)
     assert "file" in import_marker_take(path, GARMENT).notes
     take = import_marker_take(path, GARMENT, MarkerOptions(frames=40))
@@ -111,7 +111,7 @@ def test_markers_that_were_not_seen_in_the_kept_frames_are_those_of_the_garment(
     assert len(import_marker_take(path, GARMENT).time) == FRAMES
 
 
-def test_of_markers_of_one_name_those_of_the_subject_are_looked_at():
+def test_of_markers_of_one_name_those_of_the_subject_are_used():
     wanted = Wanted(("a", "b"), "Jane")
     assert wanted.markers(["John:a", "Jane:b ", "Jane:a", "c"]) == [1, 2]
     assert Wanted(("a", "b")).markers(["John:a", "Jane:b", "Jane:a", "c"]) == [0, 1, 2]

@@ -93,7 +93,7 @@ def test_a_file_is_for_whom_the_users_umask_says(tmp_path, umask, mode):
     assert (tmp_path / "a").stat().st_mode & 0o777 == mode
 
 
-def test_a_file_takes_no_devices_or_pipes_place(tmp_path):
+def test_a_file_replaces_no_device_or_pipe(tmp_path):
     pipe, link = tmp_path / "pipe", tmp_path / "link"
     os.mkfifo(pipe)
     link.symlink_to(pipe)

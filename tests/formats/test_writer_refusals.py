@@ -62,7 +62,7 @@ def first_set(array, value):
         (lambda take: {"scans": (a_scan(time="now"),)}, "time is an array of <U3, not of real numbers"),
     ],
 )  # fmt: skip
-def test_what_a_reader_would_refuse_or_change_is_refused_by_its_name(tmp_path, change, says):
+def test_values_that_a_reader_would_refuse_or_change_are_refused_by_its_name(tmp_path, change, says):
     take = a_take(frames=3)
     with pytest.raises(HangtimeError) as refused:
         write_take(tmp_path / "a.mcap", replace(take, **change(take)))

@@ -72,7 +72,7 @@ def test_a_number_beyond_its_bound_is_said_with_the_bound(kind: msgspec.Meta, va
     assert wrong_field(raised.value, ()) == said
 
 
-def test_what_is_no_json_is_called_damaged() -> None:
+def test_a_file_that_is_no_json_is_called_damaged() -> None:
     with pytest.raises(msgspec.DecodeError) as raised:
         msgspec.json.decode(b'{"name": ', type=Whole)
     assert wrong_field(raised.value, (Whole,)) == "the file is damaged or no JSON"

@@ -32,7 +32,7 @@ def shim(tmp_path):
     return offset, {"LD_PRELOAD": str(library), "CLOCK_OFFSET": str(offset)}
 
 
-def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_and_loses_no_take(
+def test_a_wall_clock_of_1970_that_jumps_and_runs_backwards_changes_no_duration_and_loses_no_take(
     tmp_path, recording, shim
 ):
     offset, environment = shim
@@ -75,7 +75,7 @@ def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_
         assert seconds - lost < after_press < seconds + LATE
 
 
-def test_a_sensor_that_is_silent_while_the_clock_leaps_is_named_all_the_same(tmp_path, recording, shim):
+def test_a_sensor_that_is_silent_while_the_clock_jumps_is_named_all_the_same(tmp_path, recording, shim):
     """Silence by the wall clock would be named at once or after five hours, and not after a second."""
     offset, environment = shim
     with VirtualAppliance(tmp_path / "a", recording) as appliance:

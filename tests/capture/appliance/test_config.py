@@ -199,7 +199,7 @@ def pre_roll_in_force(file):
         return 0.0
 
 
-def test_every_power_cut_leaves_the_copy_of_before_or_the_new_one_and_no_litter_stays(file, tmp_path, monkeypatch):
+def test_every_power_cut_leaves_the_copy_of_before_or_the_new_one_and_no_temporary_file(file, tmp_path, monkeypatch):
     held = load_or_last_good(file)
     copy_of(file).unlink()
     file.write_text("")  # so that only a copy can be in force

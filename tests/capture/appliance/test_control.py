@@ -49,7 +49,7 @@ def serve(server):
 
 
 @pytest.mark.parametrize("question", [b"[" * (LONGEST_QUESTION - 1), b"\xff\xfe", b"5", b'{"do": ["x"]}', b"1" * 4095])
-def test_a_question_that_is_none_is_answered_and_ends_nothing(server, path, question):
+def test_a_malformed_request_is_answered_and_ends_nothing(server, path, question):
     """Of these, 4095 brackets once were deeper than Python reads, and ended the daemon."""
     with connected(path) as asker:
         asker.sendall(question + b"\n")
@@ -57,7 +57,7 @@ def test_a_question_that_is_none_is_answered_and_ends_nothing(server, path, ques
         assert json.loads(asker.recv(4096))["ok"]
 
 
-def test_forty_programs_that_connect_and_ask_nothing_keep_nobody_out(server, path):
+def test_forty_idle_connections_keep_no_other_program_out(server, path):
     silent = []
     for _ in range(40):
         silent.append(connected(path))
@@ -71,7 +71,7 @@ def test_forty_programs_that_connect_and_ask_nothing_keep_nobody_out(server, pat
         one.close()
 
 
-def test_a_file_in_the_sockets_place_is_named_as_such_and_stays(path):
+def test_a_file_where_the_socket_should_be_is_named_as_such_and_stays(path):
     path.write_text("mine")
     with pytest.raises(ControlError, match="something else has this name"):
         ControlServer(path)
@@ -85,7 +85,7 @@ def test_a_socket_that_a_dead_daemon_left_is_replaced(path):
     assert not path.exists()
 
 
-def test_a_daemon_too_busy_to_answer_is_not_taken_for_a_dead_one(path):
+def test_a_daemon_too_busy_to_answer_does_not_count_as_dead(path):
     """Its queue is full; a further connection would wait for ever."""
     waiting = []
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as busy:
@@ -120,7 +120,7 @@ def test_an_answer_that_breaks_off_is_named(path):
 
 
 @pytest.mark.parametrize(("do", "lines"), [("status", 0), ("watch", 1)])
-def test_an_answer_that_dribbles_is_waited_for_no_longer_than_a_silent_one(path, monkeypatch, do, lines):
+def test_an_answer_that_arrives_slowly_times_out_like_a_silent_one(path, monkeypatch, do, lines):
     """A byte every 50 ms, and never a whole line: 0.4 s, where each byte would begin the time anew.
 
     Who waits for every byte meets the end of the answer instead, after a hundred of them. Between the lines of
@@ -168,7 +168,7 @@ def test_lines_that_come_together_are_answers_of_their_own(path):
         thread.join()
 
 
-def test_a_path_that_is_too_long_for_a_socket_is_told_with_its_length(tmp_path):
+def test_a_path_that_is_too_long_for_a_socket_is_reported_with_its_length(tmp_path):
     """107 bytes are taken: `bind` and `connect` say no more than that it is too long."""
     fits = tmp_path / ("\u00fc" * ((106 - len(os.fsencode(tmp_path))) // 2))
     ControlServer(fits).close()
@@ -178,7 +178,7 @@ def test_a_path_that_is_too_long_for_a_socket_is_told_with_its_length(tmp_path):
             use(long)
 
 
-def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_there(server, path, monkeypatch):
+def test_whoever_finds_the_line_full_waits_and_gets_no_error_that_no_daemon_is_there(server, path, monkeypatch):
     """The kernel refuses a caller at once when as many wait as the daemon lets wait; once it did so after 16."""
     monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 0.3)
     waiting = [socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) for _ in range(300)]
@@ -199,7 +199,7 @@ def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_the
         one.close()
 
 
-def test_a_hundred_programs_that_watch_hold_64_connections_and_the_last_one_is_told(server, path):
+def test_a_hundred_programs_that_watch_hold_64_connections_and_the_last_one_is_reported(server, path):
     watchers = []
     for _ in range(100):
         watchers.append(connected(path))

@@ -118,7 +118,7 @@ def test_only_the_group_may_use_the_socket(appliance):
         ControlServer(appliance.socket)
 
 
-def test_watch_tells_every_change_of_state(appliance):
+def test_watch_prints_every_change_of_state(appliance):
     appliance.start()
     appliance.wait_for("armed")
     news = listen(appliance.socket, "watch")

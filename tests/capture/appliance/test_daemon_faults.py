@@ -154,7 +154,7 @@ def test_a_disk_that_fails_on_fsync_is_named_and_what_is_shown_as_kept_is_readab
 
 
 @pytest.mark.slow
-def test_a_disk_that_fills_up_or_turns_read_only_is_named_and_mends_by_itself(tmp_path, recording):
+def test_a_disk_that_fills_up_or_turns_read_only_is_named_and_recovers(tmp_path, recording):
     disk = tmp_path / "disk"
     with (
         small_disk(disk, "80M"),

@@ -70,7 +70,7 @@ def test_the_minute_that_a_slow_processor_judges_is_not_the_disks(tmp_path, monk
     disk.close(LONGEST)
 
 
-def test_a_folder_in_the_place_of_the_counter_is_named_by_its_path(disk):
+def test_a_folder_where_the_counter_should_be_is_named_by_its_path(disk):
     (disk._folder / "sequence").mkdir(parents=True)
     disk.begin(None)
     (said,) = [one.failure for one in news_of(disk) if one.failure]

@@ -30,7 +30,7 @@ def test_two_seconds_are_two_seconds_at_every_rate_with_a_third_of_jitter(fps):
 
 
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=200), st.floats(0.0, 5.0))
-def test_what_is_held_covers_the_time_and_no_entry_more(steps, seconds):
+def test_the_held_entries_cover_the_time_and_no_more(steps, seconds):
     times = np.cumsum(steps)
     ring = held_after(times, seconds)
     held = [entry.time for entry in ring.take()]

@@ -95,7 +95,7 @@ def test_a_crash_between_the_last_frame_and_the_name_costs_nothing(spool):
     assert len(read_take(kept.path).time) == 50
 
 
-def test_what_cannot_be_read_is_set_aside_and_an_empty_file_is_not(spool):
+def test_an_unreadable_file_is_set_aside_and_an_empty_file_is_not(spool):
     running, other = spool.begin(), spool.begin()
     running.partial.with_name(running.partial.name + ".partial").write_bytes(b"\0" * 4096)
     other.partial.with_name(other.partial.name + ".partial").touch()
@@ -231,7 +231,7 @@ def test_a_receipt_that_cannot_be_read_is_none(spool):
 
 
 @pytest.mark.parametrize("spoilt", ["sequence", "take"])
-def test_a_number_with_13_digits_is_given_to_no_take_for_nobody_would_find_it(spool, spoilt):
+def test_a_number_with_13_digits_is_given_to_no_take_because_it_could_not_be_found(spool, spoilt):
     take = record(spool, 40)
     if spoilt == "sequence":
         (spool.folder / "sequence").write_text("9999999999999")

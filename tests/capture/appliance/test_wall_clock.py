@@ -29,7 +29,7 @@ def test_a_board_without_network_and_battery_says_that_nobody_set_its_clock(undi
     assert wall_time(2.0, clock=lambda: 1.0, rtcs=tmp_path).utc.startswith("1970-01-01T00:00:00")  # none before 1970
 
 
-def test_the_sources_are_told_apart(undisciplined, tmp_path, monkeypatch):
+def test_the_sources_are_distinguished(undisciplined, tmp_path, monkeypatch):
     (tmp_path / "rtc0").mkdir()
     (tmp_path / "rtc0/hctosys").write_text("1\n")
     assert wall_time(rtcs=tmp_path).source == "RTC"
@@ -56,7 +56,7 @@ def seen(time_s):
 
 
 @pytest.mark.parametrize("leap", [-3600.0 * 24 * 365 * 50, -7200.0, 7200.0])
-def test_a_wall_clock_that_leaps_in_mid_take_changes_no_duration(monkeypatch, leap):
+def test_a_wall_clock_that_jumps_in_mid_take_changes_no_duration(monkeypatch, leap):
     """Two seconds before the press and four after it, while the clock steps by hours or back to 1970."""
     real = time.time
     take = TakeInProgress(None, [seen(t) for t in np.arange(0.0, 2.01, 0.1)], 1, by="button", now=50.0)

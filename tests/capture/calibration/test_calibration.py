@@ -115,7 +115,7 @@ def test_the_report_names_each_value_its_deviation_and_what_to_look_after(measur
     assert "px, right and down, depth against colour; recording allows for it" in said
 
 
-def test_with_its_calibration_the_tracker_places_the_markers_where_they_are(frames, measured):
+def test_with_its_calibration_the_tracker_finds_the_positions_of_the_markers(frames, measured):
     """Without it they are 32 mm off: 2 % of 1.6 m."""
 
     def worst(rig):
@@ -195,7 +195,7 @@ def test_ids_that_are_used_twice_and_a_short_plumb_line_are_refused():
         calibrated([pictures(short, rng)] * 15)
 
 
-def test_a_marker_distance_that_was_measured_wrong_is_told(hanger_alone):
+def test_a_marker_distance_that_was_measured_wrong_is_reported(hanger_alone):
     """300 mm in the picture, 220 in the rig: a depth scale of 1.36 that no sensor has."""
     wrong = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, marker_distance_m=0.22))
     sensor = StageSensor(hanger_alone)
@@ -235,7 +235,7 @@ def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_p
     assert "without the accelerometer" not in left_out.output
 
 
-def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_it_is_told(frames, tmp_path, monkeypatch):
+def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_of_its_options(frames, tmp_path, monkeypatch):
     """Named the other way round, gravity points up, and the left end of the held edge is on the right.
 
     No rig is written of those, unless somebody asks for it: `record` would refuse it.

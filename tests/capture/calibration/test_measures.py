@@ -60,7 +60,7 @@ def test_medians_are_taken_of_each_value_and_of_the_frames_that_show_it():
     assert float(median_of_frames(np.array([4.0, 4.0])).sd) == 0.0
 
 
-def test_the_place_of_a_marker_keeps_what_averaging_does_not_remove():
+def test_the_position_of_a_marker_keeps_what_averaging_does_not_remove():
     """At 2 m a step is 4 / (0.6 x 500) = 13.3 mm, by sqrt 12 3.85 mm; x and y get their share along the ray."""
     found = place_of_frames(np.tile([0.5, -1.0, 2.0], (9, 1)), CAMERA)
     assert found.value.tolist() == [0.5, -1.0, 2.0]
@@ -73,7 +73,7 @@ def test_the_place_of_a_marker_keeps_what_averaging_does_not_remove():
     assert noisy.sd == pytest.approx(np.hypot(expected, scatter), rel=1e-3)
 
 
-def test_what_the_markers_stray_along_a_plumb_line_does_not_turn_it():
+def test_scatter_of_the_markers_along_a_plumb_line_does_not_turn_it():
     """0.5 m down: sds of 3 and 4 mm across, 100 mm along. (9 + 16 + 0) / 2 + 2 mm^2 over 500 mm."""
     upper = Estimate(np.array([0.0, 0.0, 1.5]), np.array([3e-3, 0.1, 0.0]))
     lower = Estimate(np.array([0.0, 0.5, 1.5]), np.array([0.0, 0.1, 4e-3]))
@@ -209,7 +209,7 @@ def test_a_plate_without_depth_or_beyond_the_picture_has_no_offset():
 
 
 @pytest.mark.parametrize(("behind", "is_seen"), [(1555, True), (1540, False)])
-def test_what_lies_less_than_half_a_marker_behind_belongs_to_the_plate(behind, is_seen):
+def test_a_surface_less_than_half_a_marker_behind_belongs_to_the_plate(behind, is_seen):
     """30 mm and four pixel noises of 5.3 mm at 1.5 m: 51 mm."""
     assert np.isfinite(offset_of(plate_image(287, 187, 313, 213, behind))).all() == is_seen
 
@@ -238,7 +238,7 @@ def corners_at(*centres):
 
 @pytest.mark.parametrize(("stray", "still"), [(0.69, 4), (0.71, 1)])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_frames_are_still_in_which_no_marker_strays_by_seven_tenths_of_a_pixel(stray, still, axis):
+def test_frames_are_still_in_which_no_marker_scatters_by_seven_tenths_of_a_pixel(stray, still, axis):
     """Of two markers far from each other the second strays, to one side and back; one that is gone says nothing."""
     run, aside = StillRun(), np.zeros(2)
     aside[axis] = stray
@@ -250,7 +250,7 @@ def test_frames_are_still_in_which_no_marker_strays_by_seven_tenths_of_a_pixel(s
     assert run.add(corners_at((100.0, 50.0), (300.0 + aside[0], 220.0 + aside[1]))) == still + 1
 
 
-def test_what_moves_on_is_still_for_as_long_as_it_stays_within_the_limit():
+def test_slow_motion_counts_as_still_as_long_as_it_stays_within_the_limit():
     """0.3 px a frame: three frames are within 0.6 px, a fourth is not."""
     run = StillRun()
     assert [run.add(corners_at((100.0 + 0.3 * k, 50.0))) for k in range(5)] == [1, 2, 3, 3, 3]

@@ -46,7 +46,7 @@ def test_an_exact_plane_is_found_with_its_slope_its_height_and_its_deviation():
     assert fitted(u, v, z, correlated=9.0).sd == pytest.approx(3 * plane.sd)
 
 
-def test_pixels_of_another_surface_are_cut_and_told_by_how_far_they_are_behind():
+def test_pixels_of_another_surface_are_cut_and_reported_with_how_far_they_are_behind():
     """Forty millimetres are eight pixel noises at 1.6 m, and within the spread of the first cut."""
     u, v = grid()
     z = 1.0 / (A + B * u + C * v)

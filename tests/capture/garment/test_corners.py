@@ -74,7 +74,7 @@ def test_a_line_of_pixels_has_no_four_corners():
         assert np.isnan([found.pixels, found.sd]).all()
 
 
-def test_a_shirts_upper_corners_are_its_outermost_places():
+def test_a_shirts_upper_corners_are_its_outermost_points():
     """A T of 160 px whose sleeves end slanted, 20 px lower outside than a panel's corner would be."""
     mask = rectangle(60, 20, 139, 139)
     for k in range(40):

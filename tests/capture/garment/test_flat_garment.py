@@ -45,7 +45,7 @@ def test_a_skirts_measures_are_those_of_its_trapeze():
     assert found.from_ends == pytest.approx(ways[:2], rel=0.06, abs=0.04)  # to the nearest node and back
 
 
-def test_the_grid_has_the_places_inside_the_outline():
+def test_the_grid_has_the_positions_inside_the_outline():
     """Steps of 25 mm from half a step inside; at the depth d the skirt is 0.2 + d / 5 wide to either side."""
     grid = _laid_flat(OUTLINE)
     assert grid.shape == (20, 24, 3)
@@ -80,7 +80,7 @@ def centre_found(centre=(0.17, -0.02)):
     return [float(part) for part in said.split("at_m = [")[1].split("]")[0].split(",")], said
 
 
-def test_a_centre_elsewhere_is_refused_with_the_place_that_is_farthest_from_the_corners():
+def test_a_centre_elsewhere_is_refused_with_the_position_that_is_farthest_from_the_corners():
     """On the axis |p - a| = |p - d|: 0.04 + d^2 = 0.09 + (0.5 - d)^2 at a depth d of 0.3 m."""
     (x, y), said = centre_found()
     assert (x, y) == pytest.approx((0.0, -0.3), abs=0.02)

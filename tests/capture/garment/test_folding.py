@@ -33,13 +33,13 @@ def seen(change=lambda depth: None, cut=0.14):
     return peeking_area(silhouette, middle, cut / np.sqrt(2), held, tracker.flat.from_ends[:, 2], RIG.sensor), sight
 
 
-def test_a_fold_with_nothing_beside_it_shows_no_other_layer_and_is_told_as_hidden():
+def test_a_fold_with_nothing_beside_it_shows_no_other_layer_and_counts_as_hidden():
     peeking, sight = seen()
     assert peeking < 3e-5
     assert sight.hidden.tolist() == [False, False, True, False, False]
 
 
-def test_cloth_that_peeks_out_behind_a_fold_is_measured_by_its_area_and_makes_hidden_doubtful():
+def test_cloth_that_is_visible_behind_a_fold_is_measured_by_its_area_and_makes_hidden_doubtful():
     """20 x 20 pixels 0.12 m farther away, just outside the fold: 400 px (1.6 m / 575.8)^2 = 3.1e-3 m^2."""
 
     def peek(depth):
@@ -51,7 +51,7 @@ def test_cloth_that_peeks_out_behind_a_fold_is_measured_by_its_area_and_makes_hi
 
 
 @pytest.mark.parametrize(("before", "hides"), [(0.1, False), (0.4, True)])
-def test_what_is_nearer_than_a_fold_hides_a_corner_only_where_missing_cloth_cannot_reach(before, hides):
+def test_a_surface_nearer_than_a_fold_hides_a_corner_only_where_missing_cloth_cannot_reach(before, hides):
     """Beside the outline's corner, where 0.1 m of cloth is missing: that, folded forwards, may be 0.1 m nearer."""
 
     def put(depth):
@@ -94,7 +94,7 @@ def test_the_slant_at_the_rim_is_the_angle_outwards_with_its_sign_and_along_the_
     assert slanted(away, along) == pytest.approx((np.arctan(away), np.arctan(abs(along))), abs=np.radians(4.0))
 
 
-def test_a_rim_whose_depth_is_missing_is_taken_for_level():
+def test_a_rim_whose_depth_is_missing_counts_as_level():
     world = hung("swatch", 1.6)
     depth, _ = world.frame(0, world.renderer())
     tracker = garment_tracker(world.garment, RIG)
@@ -130,7 +130,7 @@ def test_less_missing_cloth_hides_the_tip_of_a_sleeve_than_the_corner_of_a_hem()
     assert probability(tip) > probability(hem)
 
 
-def test_what_was_before_counts_and_is_forgotten():
+def test_log_odds_of_earlier_frames_count_and_decay():
     """By hand: p' = R + (p - R) exp(-f dt), half of the way to R after ln 2 / f."""
     unclear = np.zeros((2, len(TRACES)))
     belief = Belief(2)
@@ -180,7 +180,7 @@ def test_the_fit_finds_the_weights_that_made_the_examples():
     assert weights.before == pytest.approx(FITTED.before, abs=0.1)
 
 
-def test_one_trace_that_decides_alone_gets_its_weight():
+def test_one_feature_that_decides_alone_gets_its_weight():
     """One in three is hidden whatever is seen: the constant is ln(1/2), the coefficient 0, within three errors."""
     rng = np.random.default_rng(7)
     constant, weights = fit(rng.standard_normal((9000, 1)), (rng.random(9000) < 1 / 3).astype(float))

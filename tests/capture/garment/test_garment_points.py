@@ -66,7 +66,7 @@ def test_the_stated_deviation_is_the_scatter_of_the_noise(kind):
 
 
 @pytest.mark.parametrize("kind", GARMENTS)
-def test_a_corner_folded_behind_the_cloth_is_told_as_hidden_and_not_guessed(kind):
+def test_a_corner_folded_behind_the_cloth_is_reported_as_hidden_and_not_guessed(kind):
     corner = np.array(GARMENTS[kind]().points[2].at_m)
     # The fold cuts 0.14 m off both sides: the corner comes to lie 0.1 m beyond it, behind the cloth.
     world = hung(kind, 1.6, fold=(corner - [0.14, 0.0], corner + np.array([0.0, 0.14])))
@@ -78,7 +78,7 @@ def test_a_corner_folded_behind_the_cloth_is_told_as_hidden_and_not_guessed(kind
 
 
 @pytest.mark.parametrize("kind", GARMENTS)
-def test_a_corner_behind_an_arm_is_told_as_hidden(kind):
+def test_a_corner_behind_an_arm_is_reported_as_hidden(kind):
     world = hung(kind, 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)
     reaching = Panel(x - 0.6, x + 0.06, y - 0.06, y + 0.06, 1.25, 150.0)
@@ -89,7 +89,7 @@ def test_a_corner_behind_an_arm_is_told_as_hidden(kind):
 
 
 @pytest.mark.parametrize(("kind", "inwards"), [("skirt", 0.06), ("swatch", 0.045)])
-def test_a_corner_behind_an_arm_is_told_where_the_outline_has_its_corner_away_from_the_arm(kind, inwards):
+def test_a_corner_behind_an_arm_is_hidden_also_where_the_outline_has_its_corner_away_from_the_arm(kind, inwards):
     """The arm ends 30 mm above the corner: the outline turns there, 14 pixels and more from the arm."""
     world = hung(kind, 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)
@@ -97,7 +97,7 @@ def test_a_corner_behind_an_arm_is_told_where_the_outline_has_its_corner_away_fr
     assert seen(replace(world, in_front=((reaching,),) * 2)).hidden.tolist() == [False, False, False, True, False]
 
 
-def test_a_thing_beside_a_corner_that_covers_nothing_hides_nothing():
+def test_an_object_beside_a_corner_that_covers_nothing_hides_nothing():
     world = hung("skirt", 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)
     beside = Panel(x - 0.6, x - 0.02, y - 0.06, y + 0.06, 1.25, 150.0)
@@ -106,7 +106,7 @@ def test_a_thing_beside_a_corner_that_covers_nothing_hides_nothing():
 
 
 @pytest.mark.parametrize(("kind", "corner"), [("swatch", 2), ("skirt", 3), ("t-shirt", 2)])
-def test_a_corner_that_the_outline_has_elsewhere_is_found_by_ways_along_the_cloth(kind, corner):
+def test_a_corner_that_the_outline_has_elsewhere_is_found_by_paths_along_the_cloth(kind, corner):
     """A strip of 60 x 16 pixels in touch with the corner: the outline's corner is 0.17 m away, the cloth's is not."""
     world = hung(kind, 1.6)
     depth, _ = world.frame(0, world.renderer())
@@ -121,7 +121,7 @@ def test_a_corner_that_the_outline_has_elsewhere_is_found_by_ways_along_the_clot
     assert (np.abs(apart) < 3.5 * sight.sd[corner]).all()
 
 
-def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
+def test_furniture_behind_and_beside_is_not_mistaken_for_the_garment():
     for seed in range(4):
         world = hung("skirt", 2.5, surroundings=cluttered(2.5, seed), seed=seed)
         outline = seen(world).outline
@@ -134,7 +134,7 @@ def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
 @pytest.mark.parametrize("kind", SKIRT_FIRST)
 @pytest.mark.parametrize(("distance", "gap", "is_found"), [(1.6, 0.0, False), (1.6, 0.05, False), (2.5, 0.05, False),
                                                            (1.6, 0.1, True), (2.5, 0.15, True)])  # fmt: skip
-def test_a_wall_right_behind_is_not_taken_for_the_garment(kind, distance, gap, is_found):
+def test_a_wall_right_behind_is_not_mistaken_for_the_garment(kind, distance, gap, is_found):
     """A wall up to 3 cm and six pixel noises behind is in one piece with it: 6 cm at 1.6 m, 10 to 12 cm at 2.5 m."""
     world = hung(kind, distance)
     depth, _ = world.frame(0, world.renderer())
@@ -187,7 +187,7 @@ def test_the_garment_file_chooses_where_the_top_corners_are():
 
 
 @pytest.mark.parametrize("kind", ["skirt", "swatch", "t-shirt"])
-def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_that_place(kind):
+def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_that_position(kind):
     """The skirt's middle at half its height is 25 mm above the place 0.320 m from each corner."""
     garment = GARMENTS[kind]()
     *corners, centre = garment.points
@@ -204,7 +204,7 @@ def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_
             garment_tracker(wrong, RIG)
 
 
-def test_a_centre_is_not_refused_where_another_place_is_as_far_from_the_corners():
+def test_a_centre_is_not_refused_where_another_position_is_as_far_from_the_corners():
     """On this uneven panel two places are 0.394 m from three of its corners each, 26 mm apart."""
     outline = ((-0.349, 0.0), (0.349, 0.0), (0.339, -0.43), (-0.336, -0.39))
     places = [*zip(("a", "b", "c", "d"), outline, strict=True), ("centre", (0.0, -0.184))]
@@ -226,7 +226,7 @@ def test_the_garment_and_the_rig_in_the_text_on_files_can_be_copied(tmp_path):
     garment_tracker(garment, rig)
 
 
-def test_ways_along_the_flat_garment_are_as_long_as_by_hand():
+def test_paths_along_the_flat_garment_are_as_long_as_by_hand():
     """A swatch's are straight; from a sleeve's tip to the hem the way turns at the underarm, 0.1393 + 0.41 m."""
     garment = swatch()
     corners = PanelCorners().flat_corners(np.array(garment.outline_m))

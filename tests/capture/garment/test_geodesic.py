@@ -11,7 +11,7 @@ from capture.garment.geodesic import farthest_place, geodesic_distances
 from tests.capture.garment.flat_cloth import H, sheet
 
 
-def test_ways_on_a_flat_sheet_are_those_of_king_and_knight():
+def test_paths_on_a_flat_sheet_are_those_of_king_and_knight():
     """5 straight, 4 diagonal, a knight's (2, 1) and (1, 2) twice, and a straight step after a knight's."""
     ways, _ = geodesic_distances(sheet(), sheet()[0, 0][None])
     steps = {(0, 5): 5, (5, 0): 5, (4, 4): 4 * math.sqrt(2), (2, 1): math.sqrt(5), (2, 4): 2 * math.sqrt(5),
@@ -22,7 +22,7 @@ def test_ways_on_a_flat_sheet_are_those_of_king_and_knight():
         assert ways[(0, *node)] == pytest.approx(count * H, rel=1e-5), node
 
 
-def test_ways_lead_in_every_direction_and_from_every_source_to_every_other():
+def test_paths_lead_in_every_direction_and_from_every_source_to_every_other():
     surface = sheet()
     sources = np.stack([surface[0, 11], surface[8, 0], surface[4, 5] + [0.3 * H, 0, 0], np.full(3, np.nan)])
     ways, apart = geodesic_distances(surface, sources)
@@ -38,7 +38,7 @@ def test_ways_lead_in_every_direction_and_from_every_source_to_every_other():
     assert np.isinf(apart[3, :3]).all()
 
 
-def test_ways_on_a_steep_sheet_are_longer():
+def test_paths_on_a_steep_sheet_are_longer():
     """Depth rises by 1 m/m: every step across is sqrt 2 times as long."""
     surface = sheet(slope=1.0)
     ways, _ = geodesic_distances(surface, surface[4, 0][None])
@@ -46,7 +46,7 @@ def test_ways_on_a_steep_sheet_are_longer():
 
 
 @pytest.mark.parametrize(("jump", "way"), [(1.7, math.hypot(1, 1.7)), (3.8, None), (3.9, math.inf)])
-def test_no_way_leads_over_a_step_twice_as_long_as_it_is_wide(jump, way):
+def test_no_path_leads_over_a_step_twice_as_long_as_it_is_wide(jump, way):
     """Straight across, a jump of sqrt 3 nodes; by a knight's move, sqrt 5 wide, of sqrt 15 = 3.87."""
     surface = sheet()
     surface[:, 6:, 2] += jump * H
@@ -57,7 +57,7 @@ def test_no_way_leads_over_a_step_twice_as_long_as_it_is_wide(jump, way):
         assert ways[0, 4, 6] == pytest.approx(way * H, rel=1e-5)
 
 
-def test_ways_go_around_a_hole_and_not_across_a_gap():
+def test_paths_go_around_a_hole_and_not_across_a_gap():
     surface = sheet()
     surface[:7, 5:7] = np.nan
     ways, apart = geodesic_distances(surface, np.stack([surface[0, 4], surface[0, 7]]))
@@ -76,7 +76,7 @@ def test_a_source_away_from_the_surface_by_three_steps_reaches_nothing():
         assert np.isfinite(ways).all() == leads
 
 
-def test_the_farthest_place_of_a_cone_that_was_cut_off_is_its_tip_between_the_nodes():
+def test_the_farthest_point_of_a_cone_that_was_cut_off_is_its_tip_between_the_nodes():
     """Four ways that grow by 1 a step from the four sides: of 11 x 11 nodes the middle is (5, 5)."""
     r, c = np.indices((11, 11)).astype(np.float32)
     assert farthest_place(np.stack([r, 10 - r, c, 10 - c])) == pytest.approx((5.0, 5.0), abs=0.01)
@@ -88,7 +88,7 @@ def test_the_farthest_place_of_a_cone_that_was_cut_off_is_its_tip_between_the_no
     assert farthest_place(smooth[None].astype(np.float32)) == (4.25, 7.5)
 
 
-def test_no_place_is_farthest_at_a_border_or_on_too_small_a_surface():
+def test_no_point_is_farthest_at_a_border_or_on_too_small_a_surface():
     r, c = np.indices((11, 13)).astype(np.float32)
     assert farthest_place(c[None]) is None
     assert farthest_place(r[None]) is None

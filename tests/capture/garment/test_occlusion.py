@@ -27,7 +27,7 @@ def test_twenty_pixels_nearer_by_a_jump_hide_what_is_beside_them(columns, rows, 
     assert is_behind_something(silhouette(WHOLE, raw=raw), BESIDE, 1.6, 0.1) == is_hidden
 
 
-def test_what_is_nearer_counts_within_twelve_pixels_and_off_the_garment():
+def test_nearer_pixels_count_within_twelve_pixels_and_off_the_garment():
     for shift, is_hidden in ((0, True), (1, False)):
         raw = np.zeros(WHOLE.shape, np.uint16)
         raw[92 + shift, 181:191] = raw[68 - shift, 181:191] = 1400

@@ -47,19 +47,19 @@ def test_a_line_of_single_pixels_is_noise_of_the_rim():
 
 
 @pytest.mark.parametrize(("depth", "counts"), [(1304, False), (1306, True), (1694, True), (1696, False)])
-def test_what_is_looked_for_lies_within_one_and_a_half_times_the_missing_cloth_in_depth(depth, counts):
+def test_the_hidden_corner_is_sought_within_one_and_a_half_times_the_missing_cloth_in_depth(depth, counts):
     """100 mm and 30 more, by 1.5: 195 mm before and behind 1.5 m."""
     assert (peeking(scene(depth)) > 0.0) == counts
 
 
 @pytest.mark.parametrize(("row", "counts"), [(59, True), (55, False)])
-def test_what_is_looked_for_lies_within_the_missing_cloth_in_the_picture(row, counts):
+def test_the_hidden_corner_is_sought_within_the_missing_cloth_in_the_picture(row, counts):
     """0.13 m are 43 pixels at 1.5 m: two rows that end so far above the corner."""
     found = peeking(scene(rows=slice(row, row + 2), columns=slice(115, 126)))
     assert (found > 15.0) == counts
 
 
-def test_more_than_a_quarter_of_a_metre_is_not_looked_for():
+def test_a_corner_more_than_a_quarter_of_a_metre_away_is_not_sought():
     """0.25 and 0.03 m are 93 pixels, of which 90 are looked at."""
     far = scene(rows=slice(11, 16), columns=slice(115, 126))
     assert peeking(far, missing=0.25) == pytest.approx(55.0, abs=12.0)
@@ -74,7 +74,7 @@ def test_cloth_is_no_farther_from_the_held_ends_than_on_the_flat_garment():
     assert peeking(scene(), ways=(0.49, 0.38)) == 0.0
 
 
-def test_what_is_less_than_forty_millimetres_below_the_held_edge_is_the_hangers():
+def test_pixels_less_than_forty_millimetres_below_the_held_edge_are_the_hangers():
     """13 pixels at 1.5 m: of an edge at row 266 of the picture all of the patch, rows 280 to 289, and not at 280."""
     for y, counts in ((0.078, 100.0), (0.12, 0.0)):
         lower = HELD + np.array([0.0, 0.3 + y, 0.0])

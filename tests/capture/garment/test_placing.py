@@ -26,7 +26,7 @@ def plane(normal, distance, shape=WHOLE.shape):
     return distance / np.einsum("i,ihw", np.array(normal), rays)
 
 
-def test_places_are_projected_with_their_own_focal_lengths():
+def test_positions_are_projected_with_their_own_focal_lengths():
     """x/z = 0.1, y/z = -0.2: 319.5 + 57.58 and 239.5 - 100."""
     places = np.array([[0.2, -0.4, 2.0], [0.0, 0.0, 1.0]])
     assert project(places, CAMERA) == pytest.approx(np.array([[377.08, 139.5], [319.5, 239.5]]))
@@ -54,7 +54,7 @@ def test_a_pixel_on_slanted_cloth_is_placed_where_its_ray_meets_the_plane():
 
 
 @pytest.mark.parametrize(("u", "v"), [(22, 70), (177, 70), (90, 22), (90, 137), (20, 20), (179, 139)])
-def test_the_two_outermost_pixels_of_the_cloth_do_not_tell_its_depth(u, v):
+def test_the_two_outermost_pixels_of_the_cloth_do_not_determine_its_depth(u, v):
     """They are 50 mm farther, mixed with what is behind; what is farther in than the patch says nothing, either."""
     depth = np.full(WHOLE.shape, 1.65)
     depth[22:138, 22:178] = 1.6
@@ -73,7 +73,7 @@ def test_cloth_that_fills_the_window_has_its_rim_at_the_windows():
         assert place[2] == pytest.approx(1.6, abs=1e-5)
 
 
-def test_a_pixel_without_cloth_around_it_has_no_place():
+def test_a_pixel_without_cloth_around_it_has_no_position():
     cloth = silhouette(WHOLE)
     for pixel in ([np.nan, np.nan], [LEFT - 40, TOP + 70], [LEFT + 90, TOP + 300], [LEFT + 2, TOP + 2]):
         place, sd = placer(cloth).place(np.array(pixel, float), np.ones(2))

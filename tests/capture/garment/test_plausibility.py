@@ -23,7 +23,7 @@ def test_a_point_that_was_never_lost_counts_at_once_and_with_its_own_deviation()
         np.testing.assert_array_equal(sd, SD)
 
 
-def test_a_leap_is_refused_and_not_remembered():
+def test_an_outlier_is_refused_and_not_remembered():
     """60 m/s^2 dt^2 are 67 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are a leap."""
     gate = MotionGate(1)
     for k in range(3):
@@ -50,7 +50,7 @@ def test_a_point_that_comes_back_counts_from_its_second_sighting_even_when_it_is
     assert [sd[0, 0] for _, sd in back[1:]] == pytest.approx([unsettled, unsettled, SD[0, 0]])
 
 
-def test_a_fold_that_looks_like_a_corner_for_one_frame_is_never_believed():
+def test_a_fold_that_looks_like_a_corner_for_one_frame_is_never_accepted():
     gate = MotionGate(1)
     gate.admit(at(0.0), SD, 0.0)
     gate.admit(at(np.nan), SD, 0.5 - PERIOD)

@@ -11,7 +11,7 @@ from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, SQUARE, 
 CORNERS = RECTANGLE + LEFT_TOP
 
 
-def test_places_along_a_way_are_at_equal_steps_of_its_length():
+def test_points_along_a_path_are_at_equal_steps_of_its_length():
     """Three right and four down are seven long: seven eighths in three and a half."""
     way = np.array([[1.0, 2.0], [4.0, 2.0], [4.0, 6.0]])
     assert _along(way, 8) == pytest.approx(np.array([[1, 2], [2, 2], [3, 2], [4, 2], [4, 3], [4, 4], [4, 5], [4, 6]]))
@@ -80,7 +80,7 @@ def test_depth_is_the_mean_of_what_is_two_pixels_inside_the_rim():
     assert _smooth_depth(silhouette(WHOLE, few))[80, 98] == pytest.approx(1.6, abs=1e-6)
 
 
-def test_a_place_is_put_in_metres_by_the_pixel_that_holds_it():
+def test_a_position_is_converted_to_metres_by_the_pixel_that_holds_it():
     depth = np.full((20, 30), 2.0, np.float32)
     depth[5, 7] = 1.0
     depth[6, 7] = 0.0

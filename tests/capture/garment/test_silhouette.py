@@ -54,7 +54,7 @@ def test_a_garment_lies_between_the_nearest_and_the_farthest(depth, is_found):
     assert (cut(image(depth)) is not None) == is_found
 
 
-def test_what_is_above_the_held_edge_is_no_garment_however_it_tilts():
+def test_pixels_above_the_held_edge_are_no_garment_however_it_tilts():
     """The edge rises by one in five: cloth up to it, in the columns in between as well."""
     depth = image(rows=slice(30, 121))
     found = cut(depth, held=np.array([[80.0, 60.0], [150.0, 46.0]]))

@@ -34,7 +34,7 @@ def test_at_a_slanting_rim_outwards_and_along_are_square_to_each_other(sideways,
     assert slant == pytest.approx((math.atan(outwards), abs(math.atan(along))), abs=1e-4)
 
 
-def test_cloth_farther_than_fifty_millimetres_does_not_tell_the_slant():
+def test_cloth_farther_than_fifty_millimetres_does_not_determine_the_slant():
     """Of 15.6 px; beyond, it bends by half a metre a metre."""
     rows, columns = np.indices(WHOLE.shape)
     far = AROUND * SQUARE.fx / 1.6
@@ -45,7 +45,7 @@ def test_cloth_farther_than_fifty_millimetres_does_not_tell_the_slant():
     assert slant == pytest.approx(UPRIGHT, abs=1e-5)
 
 
-def test_half_the_distance_doubles_the_pixels_that_tell_the_slant():
+def test_half_the_distance_doubles_the_pixels_that_determine_the_slant():
     depth = np.full(WHOLE.shape, 0.8)
     _, columns = np.indices(WHOLE.shape)
     depth += 0.4 * 0.8 / SQUARE.fx * (columns - 119)
@@ -54,7 +54,7 @@ def test_half_the_distance_doubles_the_pixels_that_tell_the_slant():
     assert slant.outwards == pytest.approx(math.atan(0.4), abs=0.02)
 
 
-def test_cloth_at_the_windows_own_corner_tells_the_slant_of_its_rim():
+def test_cloth_at_the_windows_own_corner_determines_the_slant_of_its_rim():
     """Cloth inwards of the first column recedes by a tenth; that column is 15 mm nearer, and counts."""
     _, columns = np.indices(WHOLE.shape)
     depth = 1.6 + np.where(columns == 0, -0.015, 0.1 * PIXEL * columns)

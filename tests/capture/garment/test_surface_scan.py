@@ -51,7 +51,7 @@ def test_a_garment_with_a_hidden_corner_has_a_contour_but_no_grid():
     assert np.isfinite(scan.contour).all(1).mean() > 0.95
 
 
-def test_a_shirts_grid_has_no_places_beside_the_cloth():
+def test_a_shirts_grid_has_no_points_beside_the_cloth():
     world, scan = scanned("t-shirt", grid=15)
     seen = np.isfinite(scan.grid).all(-1)
     assert seen.mean() > 0.8

@@ -61,7 +61,7 @@ def test_a_corner_may_be_off_by_half_of_what_its_worst_distance_is_beyond_a_fift
     assert tracker._mismatch(PLACES, NONE, 1.0199 * FLAT) == pytest.approx(np.zeros(4))
 
 
-def test_what_is_held_is_off_by_nothing_and_what_has_no_place_tells_nothing(tracker):
+def test_held_points_and_points_without_a_position_have_no_mismatch(tracker):
     along = FLAT.copy()
     along[0, 2] = along[2, 0] = 0.53
     assert tracker._mismatch(PLACES, np.array([True, False, False, False]), along) == pytest.approx([0, 0, 0.01, 0])
@@ -135,7 +135,7 @@ def test_a_corner_is_hidden_by_belief_or_at_the_pictures_border(hides):
     assert hides(pixels=at_border, places=gone)[0] == [False] * 4
 
 
-def test_beside_a_nearer_thing_a_corner_is_hidden_that_misses_a_fortieth_of_its_longest_way(hides):
+def test_beside_a_nearer_object_a_corner_is_hidden_that_misses_a_fortieth_of_its_longest_path(hides):
     """0.025 of 0.5 m are 12.5 mm."""
     for missing, is_hidden in ((0.013, True), (0.012, False)):
         along = FLAT.copy()
@@ -166,7 +166,7 @@ def test_a_corner_is_covered_where_the_cloth_next_to_it_ends_at_a_nearer_thing(t
     assert asked == [(PLACES[n].tolist(), 0.013) for n in (0, 1, 3)]
 
 
-def test_a_nearer_thing_is_nearer_than_lost_cloth_can_be(tracker, monkeypatch):
+def test_an_occluder_is_nearer_than_lost_cloth_can_be(tracker, monkeypatch):
     """By a jump of 30 mm and six noises of a pixel, and by the lost cloth."""
     asked = []
     monkeypatch.setattr(module, "is_behind_something", lambda *given: asked.append(given[1:]) or True)
@@ -207,7 +207,7 @@ def test_the_last_window_grows_by_what_the_hem_may_move_for_a_fifth_of_a_second(
     ("held", "is_found"),
     [(HELD, True), (HELD * [1, 1, np.nan], False), (HELD * [1, 1, 0.0625], False), (HELD * [1, 1, 0.0626], False)],
 )
-def test_a_garment_is_looked_for_below_a_hanger_that_is_somewhere(tracker, held, is_found):
+def test_a_garment_is_sought_below_a_hanger_that_is_somewhere(tracker, held, is_found):
     depth = np.zeros((480, 640), np.uint16)
     depth[242:340, 260:380] = 1600
     assert (tracker._silhouette(depth, held, 0.0) is not None) == is_found
@@ -253,7 +253,7 @@ def test_the_centre_is_the_middle_of_its_cell(tracker, monkeypatch):
     assert np.isnan(sd)
 
 
-def test_ways_from_a_corner_without_a_place_are_unknown(tracker):
+def test_paths_from_a_corner_without_a_position_are_unknown(tracker):
     surface, _ = tracker._surface(silhouette(rectangle(10, 10, 180, 140)))
     places = np.vstack([surface[2, 3], surface[2, 15], surface[12, 15], np.full((2, 3), np.nan)])
     _, along = tracker._ways_between(surface, places)
@@ -299,7 +299,7 @@ def test_traces_look_at_the_outlines_corner_and_at_the_nearest_cloth(tracker, mo
     assert given["args"][:3] == (0.04, 0.0, 0.0)
 
 
-def test_points_are_admitted_each_by_its_own_leap():
+def test_points_are_admitted_each_by_its_own_step():
     """Of three points one leaps by 0.5 m and one goes on at 1.5 m/s along all axes."""
     gate, period = MotionGate(3), 1 / 30
     sd = np.full((3, 3), 0.002)

@@ -125,7 +125,7 @@ def test_two_pairs_are_no_answer_until_one_is_picked_or_its_colours_are_known():
     assert not DotTracker(wrong).track(colour, depth, 0.0).is_found
 
 
-def test_things_of_the_same_colour_but_another_size_are_no_dots():
+def test_objects_of_the_same_colour_but_another_size_are_no_dots():
     depth, colour = view(*dots(), plain_plate([-0.3, 0.1, 1.5], (0.3, 0.2), RED), plain_plate(
         [0.3, 0.1, 1.5], (0.012, 0.012), GREEN
     ))  # fmt: skip
@@ -145,7 +145,7 @@ def test_a_dot_that_is_partly_covered_is_marked_and_not_guessed():
     assert tracker.track(colour, depth, 2 / 30).is_found
 
 
-def test_of_two_dots_of_one_colour_the_hidden_one_is_not_taken_for_the_other():
+def test_of_two_dots_of_one_colour_the_hidden_one_is_not_mistaken_for_the_other():
     """The left dot is covered for a third of a second; half a second later both are placed again."""
     tracker = DotTracker(RIG)
     hand = plain_plate(MIDDLE + SIDES[0] + [0.0, 0.0, -0.05], (0.08, 0.08), (205, 160, 140))
@@ -159,7 +159,7 @@ def test_of_two_dots_of_one_colour_the_hidden_one_is_not_taken_for_the_other():
     assert found[15:] == [[True, True]] * 15
 
 
-def test_a_recording_without_dots_is_told_about_dots(tmp_path):
+def test_a_recording_without_dots_gets_advice_about_dots(tmp_path):
     with pytest.raises(NoMarkersError, match=r"the rig says two dots of 30 mm, 300 mm apart"):
         record(StageSensor([view()[:]] * 3), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
 

@@ -136,7 +136,7 @@ def test_blur_keeps_a_bright_spots_middle_and_sum():
     assert (blurred * (u - 10) ** 2).sum() / 100 == pytest.approx(3.17, abs=0.1)
 
 
-def test_the_best_place_is_found_between_pixels():
+def test_the_best_position_is_found_between_pixels():
     """A smooth hill moved by 0.3 px right and 0.4 px down of where it was cut out."""
     v, u = np.mgrid[0:40, 0:40].astype(np.float32)
 
@@ -148,7 +148,7 @@ def test_the_best_place_is_found_between_pixels():
     assert place == pytest.approx([10.3, 8.4], abs=0.05)
 
 
-def test_ids_of_moving_markers_are_read_where_they_are_looked_for():
+def test_ids_of_moving_markers_are_read_where_they_are_expected():
     """Swung at 1.5 m/s with 8 ms of exposure, up to 4.3 px of way: of 16, with OpenCV's own squares 8 are read."""
     rng, detector, read = np.random.default_rng(4), MarkerDetector("DICT_4X4_50", (0, 1)), 0
     for k in range(8):

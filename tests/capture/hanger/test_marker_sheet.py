@@ -75,7 +75,7 @@ def test_only_svg_is_written(tmp_path):
         write_sheet(tmp_path / "markers.png", "DICT_4X4_50", [0, 1], 0.05)
 
 
-def test_the_command_draws_the_markers_of_the_dictionary_at_the_size_that_it_is_told(tmp_path):
+def test_the_command_draws_the_markers_of_the_dictionary_at_the_size_that_is_asked_for(tmp_path):
     words = ["--dictionary", "DICT_6X6_250", "--ids", "7,200", "--size", "0.08", "--out", "m.svg"]
     assert hangtime_here("markers", "print", *words, folder=tmp_path).returncode == 0
     assert (tmp_path / "m.svg").read_text() == draw_sheet("DICT_6X6_250", [7, 200], 0.08)

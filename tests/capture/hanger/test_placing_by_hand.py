@@ -60,7 +60,7 @@ def test_two_plates_are_averaged_by_their_variances():
     assert hanger_pitch(LEVEL_HANGER, [None, leaning(0.3, 2.0)], RIG) == pytest.approx((0.3, 2.0))
 
 
-def test_pitch_needs_both_places_and_a_plate():
+def test_pitch_needs_both_positions_and_a_plate():
     lost = LEVEL_HANGER.copy()
     lost[1] = np.nan
     assert np.isnan(hanger_pitch(lost, [leaning(0.1, 1.0), None], RIG)).all()
@@ -75,7 +75,7 @@ def test_the_range_of_a_marker_by_its_size():
     assert math.isnan(placer.pose_depth(np.full((4, 2), np.nan)))
 
 
-def test_a_place_on_a_ray_and_its_deviation_by_hand():
+def test_a_position_on_a_ray_and_its_deviation_by_hand():
     """Half a focal length right, a quarter up at 2 m: x = 1, y = -0.5; a pixel is 2 / 575.8 m, depth is within 8 mm."""
     at = np.array([CAMERA.cx + 0.5 * CAMERA.fx, CAMERA.cy - 0.25 * CAMERA.fy])
     position, sd = PlatePlacer(CAMERA, SIZE).on_ray(at, Plate(2.0, 0.008, leaning(0.0, 1.0)), 1.5)
@@ -84,7 +84,7 @@ def test_a_place_on_a_ray_and_its_deviation_by_hand():
     assert sd == pytest.approx([math.hypot(across, 0.004), math.hypot(across, 0.002), 0.008])
 
 
-def test_only_what_lies_within_the_outline_tells_a_plates_depth():
+def test_only_what_lies_within_the_outline_determines_a_plates_depth():
     """Around the marker everything is 50 mm farther, within the spread of one marker size."""
     place = np.array([0.1, -0.2, 1.6])
     quad = quad_at(place)
@@ -97,7 +97,7 @@ def test_only_what_lies_within_the_outline_tells_a_plates_depth():
     assert slope.normal == pytest.approx([0, 0, 1 / 1.6], abs=1e-6)
 
 
-def test_a_part_in_view_tells_the_depth_where_the_rest_is_covered():
+def test_a_part_in_view_gives_the_depth_where_the_rest_is_covered():
     place = np.array([0.1, -0.2, 1.6])
     quad = quad_at(place, 0.12)
     middle = quad.mean(0)
@@ -112,7 +112,7 @@ def test_a_part_in_view_tells_the_depth_where_the_rest_is_covered():
 
 
 @pytest.mark.parametrize(("off", "is_placed"), [(0.1, True), (-0.1, True), (0.2, False), (-0.2, False)])
-def test_a_depth_that_contradicts_the_markers_size_places_nothing(off, is_placed):
+def test_a_depth_that_contradicts_the_markers_size_gives_no_position(off, is_placed):
     """Half a pixel of 21.6 at 1.6 m is 37 mm, four of them are 148 mm."""
     quad = quad_at([0.1, -0.2, 1.6])
     position, sd, slope = PlatePlacer(CAMERA, SIZE).place(quad, quad.mean(0), depth_of(1.6 + off))
@@ -144,7 +144,7 @@ def test_a_plate_at_the_pictures_border_is_fitted_to_the_part_inside():
     assert PlatePlacer(CAMERA, SIZE).plate_depth(thin[:, ::-1], thin.mean(0), depth) is None
 
 
-def test_a_missing_plate_places_nothing():
+def test_a_missing_plate_gives_no_position():
     quad = quad_at([0.1, -0.2, 1.6])
     unknown = PlatePlacer(CAMERA, SIZE).place(quad, quad.mean(0), depth_of(0.0))
     assert np.isnan([*unknown.position, *unknown.sd]).all()
@@ -185,7 +185,7 @@ def test_markers_as_far_apart_as_the_rig_says_within_five_per_cent_are_kept():
         assert distances(share * apart) == (pytest.approx(share * apart), [is_kept, is_kept])
 
 
-def test_deviations_of_both_places_allow_for_four_of_their_root_sum_of_squares():
+def test_deviations_of_both_positions_allow_for_four_of_their_root_sum_of_squares():
     """5 mm along each of six axes: 4 x 12.25 = 49 mm more."""
     apart, more = HANGER.marker_distance_m, 4 * math.sqrt(6) * 5e-3
     assert distances(1.05 * apart + more - 1e-4, 5e-3)[1] == [True, True]

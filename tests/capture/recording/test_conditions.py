@@ -57,7 +57,7 @@ def test_twelve_good_frames_have_no_bits(good, tmp_path):
     assert report.conditions == {Condition.GOOD: 12}
 
 
-def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_told(good, tmp_path):
+def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_reported(good, tmp_path):
     """12 frames of 132 are one in eleven; 21 of 60 are enough. Most of the others are of a bare wall."""
     report, take = recorded(tmp_path, [*good * 4, *unseen(good) * 59, *nothing() * 30, nothing()[0]])
     assert take.is_complete
@@ -75,7 +75,7 @@ def test_a_take_of_nineteen_frames_with_the_hanger_is_kept_and_no_fit_can_use_it
     assert words in str(report.doubt)
 
 
-def test_a_hanger_that_is_out_of_view_for_over_half_a_second_in_between_is_told(good, tmp_path):
+def test_a_hanger_that_is_out_of_view_for_over_half_a_second_in_between_is_reported(good, tmp_path):
     """Thirty frames a second: from one sight to the next 20 frames later are 0.67 s, 14 frames later 0.47 s."""
     empty = unseen(good)
     report, take = recorded(tmp_path, [*good, *empty * 19, *good * 6, *empty * 16, *good])
@@ -150,7 +150,7 @@ def test_a_garment_is_covered_by_what_is_half_a_metre_nearer_over_a_quarter_of_i
     assert not is_garment_covered(depth, held, CAMERA)
 
 
-def test_lost_depth_lost_colour_and_another_size_are_told_frame_by_frame(good, tmp_path):
+def test_lost_depth_lost_colour_and_another_size_are_reported_frame_by_frame(good, tmp_path):
     changes = {
         12: {"depth": np.zeros_like(good[0][0])},
         13: {"colour": None},
@@ -196,7 +196,7 @@ class Live(Spoilt):
     ("kind", "dropped", "bit"),
     [(Spoilt, 300, FrameState.FRAMES_DROPPED_BEFORE), (Live, 300, FrameState.FRAMES_DROPPED_BEFORE), (Live, 0, 0)],
 )
-def test_a_pause_of_ten_seconds_is_a_gap_and_told_and_not_a_clock_that_was_set(good, tmp_path, kind, dropped, bit):
+def test_a_pause_of_ten_seconds_is_a_gap_and_reported_and_not_a_clock_that_was_set(good, tmp_path, kind, dropped, bit):
     """Frame 3 comes 10 s late, after 300 that were dropped; where none were counted, the host's clock says so."""
     changes = {number: {"time_s": (number + 1) / 30 + 10.0} for number in range(3, 24)}
     for number in changes:
@@ -221,7 +221,7 @@ def test_the_hosts_clock_says_when_a_recording_is_played_and_nothing_about_when_
     assert take.state[12] == FrameState.CLOCK_JUMPED
 
 
-def test_drops_before_a_frame_that_is_left_out_are_told_by_the_next_one(good, tmp_path):
+def test_drops_before_a_frame_that_is_left_out_are_reported_with_the_next_one(good, tmp_path):
     """Frame 12 has a time of before; 13 is placed."""
     _, take = recorded(tmp_path, good * 5, {12: {"time_s": 0.1, "dropped_before": 2}})
     assert take.state.tolist() == [0] * 12 + [FrameState.FRAMES_DROPPED_BEFORE | FrameState.CLOCK_JUMPED, 0]
@@ -241,7 +241,7 @@ def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_wa
 
 
 @pytest.mark.parametrize("wrong", [{"marker_distance_m": 0.4}, {"marker_size_m": 0.1}])
-def test_a_rig_with_another_size_than_the_markers_is_told_from_markers_that_are_not_seen(good, tmp_path, wrong):
+def test_a_rig_with_other_marker_sizes_is_distinguished_from_markers_that_are_not_seen(good, tmp_path, wrong):
     """60 mm and 0.3 m apart in the picture."""
     hanger = msgspec.structs.replace(HANGER, **wrong)
     said = []
@@ -263,7 +263,7 @@ def test_a_rig_with_another_size_than_the_markers_is_told_from_markers_that_are_
         (lambda picture: np.full_like(picture, 90), "apart)"),
     ],
 )
-def test_markers_that_are_never_seen_are_looked_for_in_other_ways(good, tmp_path, seen, hint):
+def test_markers_that_are_never_seen_are_sought_in_other_ways(good, tmp_path, seen, hint):
     otherwise = [(depth, np.ascontiguousarray(seen(colour))) for depth, colour in good * 2]
     with pytest.raises(NoMarkersError) as caught:
         record(StageSensor(otherwise), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
@@ -331,7 +331,7 @@ def told(conditions):
     return [entry for entry in said if entry[1]]
 
 
-def test_faults_that_take_turns_are_told_by_the_one_of_most_frames_and_the_lamp_keeps_its_rhythm():
+def test_of_alternating_faults_the_one_of_most_frames_is_reported_and_the_lamp_keeps_its_rhythm():
     """Good frames, then not one for ten seconds: 13 frames are over 0.4 s. As many of both: the more basic one."""
     one, none, cloth = Condition.ONE_MARKER, Condition.NO_MARKERS, Condition.NO_GARMENT
     begin = (0, Condition.GOOD)

@@ -53,7 +53,7 @@ def test_frames_wait_for_a_reader_that_is_late():
     assert not any(frame.dropped_before for frame in frames)
 
 
-def test_what_does_not_fit_is_counted_in_the_next_frame_that_does():
+def test_frames_that_do_not_fit_are_counted_in_the_next_one_that_does():
     """Room for two, seven frames: the first two wait; after both are read, there is room again."""
     gate = threading.Semaphore(0)
     put = threading.Semaphore(0)

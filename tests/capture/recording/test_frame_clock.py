@@ -22,7 +22,7 @@ def test_one_frame_an_hour_ahead_is_left_out_and_those_after_it_are_where_they_w
     assert clock.has_jumped
 
 
-def test_two_leaps_in_different_ways_are_no_clock_that_was_set():
+def test_two_jumps_in_different_directions_are_no_clock_that_was_set():
     """Only the last three agree with each other."""
     clock = FrameClock(10.0)
     times = [1.0, 500.0, 0.3, 200.0, 200.1]
@@ -35,13 +35,13 @@ def test_a_gap_of_five_seconds_is_a_gap_and_not_a_clock_that_was_set():
     assert [clock.place(time) for time in (1.0, 6.0, 11.1)] == [1.0, 6.0, None]
 
 
-def test_a_clock_that_runs_backwards_all_the_time_never_places_a_frame():
+def test_a_clock_that_runs_backwards_all_the_time_never_dates_a_frame():
     clock = FrameClock(30.0)
     assert [clock.place(9.0 - 0.1 * number) for number in range(40)] == [9.0, *[None] * 39]
     assert clock.now == pytest.approx(9.0 + 39 / 30)
 
 
-def test_a_leap_that_the_dropped_frames_account_for_is_a_pause():
+def test_a_jump_that_the_dropped_frames_account_for_is_a_pause():
     """300 dropped of 30 a second are 10 s; 100 are 3.4 s, and then the clock was set."""
     clock = FrameClock(30.0)
     assert [clock.place(1.0), clock.place(11.0, dropped=300), clock.place(11.1)] == [1.0, 11.0, 11.1]
@@ -49,7 +49,7 @@ def test_a_leap_that_the_dropped_frames_account_for_is_a_pause():
     assert clock.place(21.0, dropped=100) is None
 
 
-def test_a_leap_that_the_hosts_clock_shows_too_is_a_pause_and_another_one_is_not():
+def test_a_jump_that_the_hosts_clock_shows_too_is_a_pause_and_another_one_is_not():
     """The host's clock is 500 s ahead. A frame that waited meanwhile is handed over late, the next one at once."""
     clock = FrameClock(30.0)
     assert [clock.place(time, host_time=time + 500.0) for time in (1.0, 1.1)] == [1.0, 1.1]

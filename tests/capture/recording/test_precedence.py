@@ -48,7 +48,7 @@ def give_up_the_right():
     ctypes.CDLL(None).prctl(DROP_FROM_BOUNDS, SYS_NICE)
 
 
-def test_what_fetches_comes_before_what_tracks_and_both_before_all_others():
+def test_fetching_precedes_tracking_and_both_precede_all_others():
     if os.geteuid() != 0 and resource.getrlimit(resource.RLIMIT_RTPRIO)[0] < FETCHING:
         pytest.skip("this user may not have real-time priorities")
     assert asked() == {

@@ -77,7 +77,7 @@ LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "del
 
 @pytest.mark.openni
 @pytest.mark.parametrize("name", [pytest.param(one, marks=[] if one in QUICK else pytest.mark.slow) for one in CASES])
-def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
+def test_a_fault_is_printed_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
     """The command on a recording, a second and more: good frames, twenty bad ones; the lamp is real files."""
     if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
@@ -153,7 +153,7 @@ def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_pat
 
 
 @pytest.mark.openni
-def test_the_surface_is_scanned_as_often_and_as_finely_as_the_command_is_told(good, tmp_path):
+def test_the_surface_is_scanned_as_often_and_as_finely_as_the_command_asks(good, tmp_path):
     """Five times in a second: every sixth of 27 frames, 4 x 4 places and 32 around."""
     write_swing(tmp_path, good * 9)
     done = CliRunner().invoke(app, ["record", *words(tmp_path), "--scan-rate=5", "--scan-points=4"])
@@ -241,7 +241,7 @@ def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
     "what",
     ["a connection that drops", *(pytest.param(one, marks=pytest.mark.slow) for one in ("SIGTERM", "Ctrl-C twice"))],
 )
-def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(good, tmp_path, what):
+def test_a_recording_that_is_asked_to_stop_ends_its_take_and_gives_the_lamp_back(good, tmp_path, what):
     """On a terminal of its own (a pty): when our end closes, the kernel sends SIGHUP, as when a connection drops.
 
     There are 201 frames, so that a busy machine does not come to their end before the signal. Tests that `nohup` or a

@@ -177,7 +177,7 @@ def test_an_error_in_a_frame_keeps_the_frames_before_it(drawn, tmp_path):
     assert len(read_take(tmp_path / "t.mcap.partial").time) >= 11
 
 
-def test_who_watches_and_fails_is_not_taken_for_the_disk(drawn, tmp_path):
+def test_who_watches_and_fails_does_not_count_as_a_disk_fault(drawn, tmp_path):
     def fail(frames, total, seen):
         if frames == 15:
             raise BrokenPipeError("nobody reads")
@@ -214,7 +214,7 @@ def test_a_take_that_has_come_there_meanwhile_stays_and_this_one_is_kept_beside_
         recorded(sensor, path, overwrite=False)
 
 
-def test_what_an_interrupted_recording_left_is_put_aside_and_named(drawn, tmp_path):
+def test_the_file_that_an_interrupted_recording_left_is_put_aside_and_named(drawn, tmp_path):
     partial, told = tmp_path / "t.mcap.partial", []
     partial.write_bytes(b"mine")
     with Every(drawn, 15) as sensor, contextlib.suppress(HangtimeError):  # so few frames are no take
@@ -228,7 +228,7 @@ def test_a_folder_is_not_replaced_by_a_take(drawn, tmp_path):
         recorded(sensor, tmp_path)
 
 
-def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(drawn, tmp_path):
+def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_reported_frame_by_frame(drawn, tmp_path):
     def spoil(frame):
         if frame.index == 30:
             return changed(frame, depth=np.zeros_like(frame.depth))

@@ -130,7 +130,7 @@ def test_a_sensor_that_is_waited_for_is_given_up_at_once(good, tmp_path, is_queu
     assert len(take.time) == 12
 
 
-def test_what_is_ignored_outside_does_not_end_a_recording(good, tmp_path):
+def test_a_signal_that_is_ignored_outside_does_not_end_a_recording(good, tmp_path):
     """As SIGINT is for what a shell's script starts with `&`."""
 
     def end(frames, total, seen):

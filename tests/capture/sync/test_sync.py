@@ -57,7 +57,7 @@ def test_takes_go_in_the_order_of_their_numbers_whatever_the_clock_said(far, spo
     assert len(server.objects()) == 3
 
 
-def test_what_an_earlier_run_sent_is_found_and_not_sent_again(far, spool, three):
+def test_files_that_an_earlier_run_sent_are_found_and_not_sent_again(far, spool, three):
     """The receipts are lost: three takes are looked for, read back and not sent."""
     server, proxy, authority = far
     setup = setup_of(spool.folder, proxy, authority)
@@ -146,7 +146,7 @@ def test_a_store_that_may_not_be_read_and_gives_a_wrong_checksum_verifies_nothin
     assert receipts(spool.folder) == []
 
 
-def test_what_was_damaged_on_the_way_back_is_no_receipt(far, spool, three):
+def test_a_receipt_that_was_damaged_in_transfer_is_none(far, spool, three):
     _, proxy, authority = far
     proxy.fault = lambda method, path: "damaged answer" if method == "GET" else ""
     fault = sync_of(setup_of(spool.folder, proxy, authority))[0].once()
@@ -309,7 +309,7 @@ def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_a
     assert (stands.safe, stands.elsewhere) == (3, 0)
 
 
-def test_a_take_of_another_device_under_a_number_with_a_receipt_is_sent_and_not_taken_for_safe(tmp_path, spool, three):
+def test_a_take_of_another_device_under_a_number_with_a_receipt_is_sent_and_not_considered_safe(tmp_path, spool, three):
     setup = folder_of(tmp_path, spool, retention=Retention(quota_bytes=0, least_free_bytes=0))
     assert sync_of(setup)[0].once() is None
     assert spool.takes() == []

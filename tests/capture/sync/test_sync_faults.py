@@ -69,14 +69,14 @@ def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, na
     assert advice in fault.advice
 
 
-def test_an_address_without_tls_that_is_not_allowed_is_a_persons_to_mend(far, spool, three):
+def test_an_address_without_tls_that_is_not_allowed_is_a_users_error(far, spool, three):
     _, proxy, authority = far
     fault = sync_of(setup_of(spool.folder, proxy, authority, endpoint="http://127.0.0.1:9"))[0].once()
     assert fault.what == "http://127.0.0.1:9 is an address without TLS, to which nothing is sent unasked"
     assert (fault.kind, fault.advice[:30]) == ("person", "set allow_http = true in [sync")
 
 
-def test_keys_that_are_not_set_are_told_as_such_and_not_as_the_refusal_of_another_server():
+def test_keys_that_are_not_set_are_reported_as_such_and_not_as_the_refusal_of_another_server():
     """Without keys the library asks the machine's own cloud for some, whose answer is no server's of ours."""
     text = "Generic S3 error: Error performing PUT http://169.254.169.254/latest - status code: 403 Forbidden: no"
     fault = fault_of(RuntimeError(text), "s3://b")

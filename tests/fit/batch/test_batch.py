@@ -161,14 +161,14 @@ def test_a_cluster_that_is_not_there_is_one_sentence(takes, tmp_path):
         ("http://127.0.0.1:9", "no scheduler answers there (unknown address scheme 'http'"),
     ],
 )
-def test_an_address_that_cannot_be_is_told_at_once(takes, tmp_path, address, sentence):
+def test_an_impossible_address_is_reported_at_once(takes, tmp_path, address, sentence):
     done = hangtime_here("batch", takes, "--out", "out", "--scheduler", address, folder=tmp_path)
     assert done.returncode == 2, done.stderr
     assert sentence in done.stderr
 
 
 @pytest.mark.parametrize("text", ["what?", "[]", '{"adress": "tcp://127.0.0.1:9"}'])
-def test_a_file_that_is_no_scheduler_file_is_told_at_once(takes, tmp_path, text):
+def test_a_file_that_is_no_scheduler_file_is_reported_at_once(takes, tmp_path, text):
     (tmp_path / "s.json").write_text(text)
     done = hangtime_here("batch", takes, "--out", "out", "--scheduler", "s.json", folder=tmp_path)
     assert done.returncode == 2, done.stderr
@@ -270,7 +270,7 @@ def test_an_unfinished_search_that_does_not_go_on_here_is_begun_anew(takes, tmp_
     assert not unfinished.exists()
 
 
-def test_what_a_worker_lacks_is_no_fault_of_the_take(takes, tmp_path):
+def test_a_folder_that_a_worker_cannot_make_is_no_fault_of_the_take(takes, tmp_path):
     """A file lies where the folder of unfinished searches is to be made."""
     job = job_of(takes / "swing0.mcap", tmp_path)
     (tmp_path / search_name(job.key)).parent.write_text("")

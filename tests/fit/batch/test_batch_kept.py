@@ -49,7 +49,7 @@ def state_of(night):
     ("spacing", "sentence"),
     [(0.0005, r"gives it about \d+ nodes where 40000 are the most; choose a spacing from 0\.00"), (0.05, None)],
 )
-def test_a_spacing_that_gives_a_take_no_mesh_is_told_before_the_night(night, spacing, sentence):
+def test_a_spacing_that_gives_a_take_no_mesh_is_reported_before_the_night(night, spacing, sentence):
     (night[0].path("") / "torn.mcap").write_bytes(b"torn")
     found = survey(*night, replace(PLAN, spacing=spacing))
     assert [job.take for job in found.jobs] == (["torn.mcap"] if sentence else ["torn.mcap", "a.mcap"])

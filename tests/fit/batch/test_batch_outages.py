@@ -147,7 +147,7 @@ class Listed(Bucket):
         return ["a.mcap", "b.mcap"] if suffix == ".mcap" else []
 
 
-def test_a_network_that_is_lost_while_takes_are_looked_at_is_no_fault_of_theirs(tmp_path, monkeypatch):
+def test_a_network_that_is_lost_while_takes_are_read_is_no_fault_of_theirs(tmp_path, monkeypatch):
     for name, value in keys_for(free_port()).items():
         monkeypatch.setenv(name, value)
     with pytest.raises(UnreachableError, match=r"a\.mcap: cannot be read"):
@@ -175,7 +175,7 @@ def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is
     assert ("1 fitted" if is_back else "1 waiting") in (tmp_path / "out/summary.html").read_text()
 
 
-def test_results_that_cannot_be_read_back_now_are_not_taken_for_broken(tmp_path, monkeypatch):
+def test_results_that_cannot_be_read_back_now_are_not_considered_broken(tmp_path, monkeypatch):
     for name, value in keys_for(free_port()).items():
         monkeypatch.setenv(name, value)
     found = Survey(keys={"a.mcap": "k"}, outcomes={"k": Outcome(key="k", state="known")})
@@ -285,7 +285,7 @@ def test_a_batch_shows_the_stage_and_share_of_the_garment_at_work():
     assert shown == [(1.4, 2, "skirt: refitting air_drag")]
 
 
-def test_a_worker_tells_of_its_diagnosis_every_few_seconds_and_nobody_outside_of_a_worker(monkeypatch):
+def test_a_worker_reports_on_its_diagnosis_every_few_seconds_and_nobody_outside_of_a_worker(monkeypatch):
     told, clock = [], SimpleNamespace(now=100.0)
     heard_by = SimpleNamespace(log_event=lambda topic, message: told.append((topic, message)))
     monkeypatch.setattr("fit.batch.diagnosing.time", SimpleNamespace(monotonic=lambda: clock.now))

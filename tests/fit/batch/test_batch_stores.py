@@ -40,7 +40,7 @@ def store(request, tmp_path):
     return open_store(f"s3://takes/{request.node.name.split('[')[0]}/")
 
 
-def test_what_was_written_is_listed_and_read_back(store):
+def test_a_written_file_is_listed_and_read_back(store):
     assert store.names("fits", ".json") == []
     for name in ("fits/b.json", "fits/a.json", "fits/deep/c.json", "fits/a.txt", "other/d.json"):
         store.write(name, name.encode())
@@ -59,7 +59,7 @@ def test_the_second_writer_wins_and_what_is_removed_is_gone(store):
     assert not store.has("fits/a.json")
 
 
-def test_what_is_not_there_is_one_sentence_with_its_place(store):
+def test_a_missing_file_is_one_sentence_with_its_path(store):
     with pytest.raises(BatchError, match=r"fits/gone\.json: cannot be read"):
         store.read("fits/gone.json")
 

@@ -105,7 +105,7 @@ def test_of_three_strengths_of_one_kind_the_middle_one_is_judged_on(takes, judge
     assert len(skirt.training) == len(takes) - len(judged)
 
 
-def test_every_kind_of_motion_has_a_place_in_that_order():
+def test_every_kind_of_motion_has_a_rank_in_that_order():
     assert sorted(ERROR_REMOVED) == sorted(set(MOTION_KINDS) - {"still"})
 
 

@@ -275,7 +275,7 @@ def test_effects_that_cannot_be_planted_are_refused():
         OWN_GENERATOR.plants(["self_contact"])
 
 
-def test_looks_tell_nothing_of_the_label():
+def test_appearances_do_not_reveal_the_label():
     """Nearest centroid on every look and the case's place, in ten folds: two classes of 300, chance is 50 %.
 
     The share of right guesses of 600 has a deviation of 2 %; 57 % would be 3.4 of them.
@@ -291,7 +291,7 @@ def test_looks_tell_nothing_of_the_label():
     assert guessed(leaking, kinds) > 0.6
 
 
-def test_looks_tell_nothing_of_the_effect():
+def test_appearances_do_not_reveal_the_effect():
     """24 effects, 20 cases each: chance is 4.2 %, its deviation for 480 guesses 0.9 %."""
     truths = plan({"single": 480, "null": 0, "pair": 0, "unknown": 0}, PLANTS, 8)
     features = np.array([[*t.look.features(), k] for k, t in enumerate(truths)])

@@ -152,7 +152,7 @@ def test_tilted_gravity_tilts_the_hanging_sheet(generator):
 
 @pytest.mark.slow
 @with_engine(*FOREIGN)
-def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
+def test_a_draught_tilts_the_sheet_as_the_plates_law_says(generator):
     """Rigid plate in 0.5 m/s face-on: 0.5 x 1.2041 x 1.2 x 0.25 Pa against 0.2 x 9.80665 Pa: tan a = 0.092.
 
     A chain under an even side load hangs straight, so that the middle hangs as the bottom does; gusts start at 0.
@@ -196,7 +196,7 @@ def swung_without(name):
         (planted("hidden_magnet", 0.05), 1e-3),
     ],
 )
-def test_what_is_planted_moves_the_cloth(generator, one, least):
+def test_a_planted_effect_moves_the_cloth(generator, one, least):
     """Points of a swung sheet with and without differ by more than the least [m] that a plant of this size does."""
     assert np.abs(swung_with(generator, one) - swung_without(generator.name)).max() > least
 
@@ -230,7 +230,7 @@ def test_nothing_public_says_whose_cloth_it_was(generator, tmp_path):
     assert open_labels(tmp_path / "set").generator == generator.name
 
 
-def test_looks_tell_nothing_of_the_label_whoever_makes_the_cloth():
+def test_appearances_do_not_reveal_the_label_whoever_makes_the_cloth():
     """Nearest centroid, two classes of 240: chance is 50 %, its deviation 2.3 %; 58 % would be 3.5 of them."""
     for generator in FOREIGN:
         numbers = {"single": 240, "null": 240, "pair": 0, "unknown": 0}
@@ -305,14 +305,14 @@ def test_an_engine_that_is_not_there_is_named_before_anything_is_written(monkeyp
 
 
 @with_engine(MUJOCO)
-def test_cloth_that_flies_apart_is_told_and_does_not_begin_anew(generator):
+def test_cloth_that_flies_apart_is_reported_and_does_not_begin_anew(generator):
     """With twice its step; MuJoCo by itself would hang it up flat again, a metre off at most, and go on."""
     cloth = Cloth(width=0.1, height=LENGTH)
     with pytest.raises(BlowUpError, match="cloth flew apart"):
         generator.points(cloth, bar(0.1, nudged(0.3)), 0.3, np.array([(0.0, -0.1)]), side=0.04, share=2.0)
 
 
-def test_a_program_that_ends_in_the_middle_is_told_with_its_last_words(tmp_path):
+def test_a_program_that_ends_in_the_middle_is_reported_with_its_last_words(tmp_path):
     script = tmp_path / "dies.py"
     script.write_text("import sys\nprint('ready 1', flush=True)\ninput()\nprint('no memory', file=sys.stderr)\n")
     process = ForeignProcess(Foreign("Thing", "json", "thing", "HANGTIME_THING_PYTHON", script))
@@ -334,7 +334,7 @@ def test_arrays_go_to_another_python_and_come_back(tmp_path):
     process.close()
 
 
-def test_what_a_simulator_writes_where_it_is_started_is_not_left_there(monkeypatch, tmp_path):
+def test_files_that_a_simulator_writes_to_its_working_folder_are_removed(monkeypatch, tmp_path):
     """And a Python that is named from here is found from there."""
     script, here = tmp_path / "writes.py", tmp_path / "here"
     script.write_text(

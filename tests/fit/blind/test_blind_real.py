@@ -105,7 +105,7 @@ def test_a_clock_that_runs_1_percent_ahead_stamps_the_second_second_at_2_02(unto
     assert drifted.time[at] == pytest.approx(untouched.time[at] / 0.99)
 
 
-def test_turned_gravity_leans_by_the_planted_angles_in_the_world_of_the_rig(untouched):
+def test_turned_gravity_tilts_the_cloth_by_the_planted_angles_in_the_world_of_the_rig(untouched):
     true = np.asarray(untouched.rig.gravity)
     tilted = planted_take(untouched, planted("gravity_tilt", 0.03, x=0.02, y=-0.02))
     assert (world_of(tilted.rig) @ true)[:2] == pytest.approx([0.02, -0.02], abs=2e-4)
@@ -144,7 +144,7 @@ def test_the_ends_are_left_out_of_every_take(untouched):
     assert untouched.time[-1] - kept.time[-1] == pytest.approx(2 * TIME_MARGIN, abs=2 / 30)
 
 
-def test_frames_and_gravity_tell_nothing_of_the_label(untouched):
+def test_frames_and_gravity_do_not_reveal_the_label(untouched):
     """Nearest centroid on length, gravity and the first place: 120 cases, chance 50 %, its deviation 4.6 %.
 
     64 % would be three of them. Clocks that drift change the stamps, which is their fault, and are left out.

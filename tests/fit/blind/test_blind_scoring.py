@@ -184,7 +184,7 @@ def test_the_cost_is_counted_for_each_take_and_the_most_expensive_case_is_seen(a
     assert (overall.seconds, overall.seconds_most) == (80.0, 280.0)
 
 
-def test_the_brier_score_of_groups_adds_up_what_cannot_be_told_apart(a_set, tmp_path):
+def test_the_brier_score_of_groups_adds_up_effects_that_cannot_be_distinguished(a_set, tmp_path):
     name = truth_of(a_set, "single").planted[0].id
     both = [finding("draught", probability=0.6), finding(name, group="draught", probability=0.4)]
     found = judged(a_set, tmp_path, "single", diagnosis("ambiguous", ["draught", name], both))
@@ -314,7 +314,7 @@ def test_the_report_is_one_file_with_nothing_from_outside(a_set, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["answers/score.json", "answers/a/report.html", "looks.jsonl", "sealed/page.html"])
-def test_a_page_takes_the_place_of_no_file_of_the_set_or_its_answers(tmp_path, name):
+def test_a_page_replaces_no_file_of_the_set_or_its_answers(tmp_path, name):
     folders = (tmp_path, tmp_path / "answers")
     with pytest.raises(FitError, match="belongs to the set or its answers"):
         check_page_name(tmp_path / name, folders)
@@ -322,7 +322,7 @@ def test_a_page_takes_the_place_of_no_file_of_the_set_or_its_answers(tmp_path, n
         check_page_name(fine, folders)
 
 
-def test_a_named_local_effect_says_its_place_and_else_the_largest_residual_does(a_set, tmp_path):
+def test_a_named_local_effect_states_its_region_and_else_the_largest_residual_does(a_set, tmp_path):
     truth = msgspec.structs.replace(truth_of(a_set, "single"), planted=())
     (slip,) = (plant for plant in PLANTS if plant.id == "clip_slip")
     planted = slip.draw(np.random.default_rng(0), Cloth(width=0.3, height=0.3))

@@ -35,7 +35,7 @@ def test_any_changed_byte_breaks_it(place):
         unseal(bytes(sealed), KEY, where="labels")
 
 
-def test_what_is_no_seal_is_refused():
+def test_a_file_that_is_no_seal_is_refused():
     with pytest.raises(FitError, match="is not a seal"):
         unseal(b"hello", KEY, where="labels")
     with pytest.raises(FitError, match="is not a seal"):

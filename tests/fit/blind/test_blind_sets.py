@@ -193,7 +193,7 @@ with alone(make_folder(pathlib.Path(sys.argv[1]))):
 """
 
 
-def test_two_runs_do_not_write_the_same_answers_and_a_killed_one_is_in_nobodys_way(a_set, tmp_path):
+def test_two_runs_do_not_write_the_same_answers_and_a_killed_one_blocks_no_other(a_set, tmp_path):
     program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
     program.write_text(STAND_IN)
     (tmp_path / "fails.txt").write_text("nobody")

@@ -251,7 +251,7 @@ def test_a_seed_of_jitter_moves_a_simulation_by_more_than_nothing_and_less_than_
         assert 0.0 < np.abs(one - other).max() < 1e-4
 
 
-def test_no_candidates_are_no_trouble():
+def test_a_batch_without_candidates_is_accepted():
     garment, time = sheet(), np.arange(0, 1, 1 / 30)
     simulator = Simulator(prepare(take_of(garment, time, swing(time), hung(garment, time))))
     assert simulator.run(np.zeros((0, len(mat.MATERIAL_NAMES)))).points.shape == (0, 30, 5, 3)
@@ -355,7 +355,7 @@ def test_a_take_counts_from_the_first_to_the_last_sight_of_the_hanger():
     assert recording.held(recording.time[5:-5]) == pytest.approx(whole.held(time[35:90]), abs=5e-4)
 
 
-def test_points_that_are_hardly_ever_seen_pull_at_nothing():
+def test_points_that_are_hardly_ever_seen_exert_no_pull():
     """Five frames tell no curve; the point is not taken to be at the origin of the world."""
     garment, time = sheet(), np.arange(0, 3, 1 / 30)
     away = swing(time) + np.array([0.0, 2.0, 0.0])

@@ -205,7 +205,7 @@ def test_forces_are_the_slope_of_the_energy(cloth):
         assert (force * way).sum() == pytest.approx(-slope / (2 * step), rel=0.05, abs=0.02 * np.abs(force).sum())
 
 
-def test_what_moves_apart_is_damped_but_never_held_back(cloth):
+def test_separating_layers_are_damped_but_never_held_back(cloth):
     """Closing at 10 cm/s at its end adds c x 10 cm/s = 6 Pa there; opening at 37 m/s leaves nothing."""
     mesh, _ = cloth
     places, is_back = folded(mesh, 0.003)
@@ -274,6 +274,6 @@ def test_a_body_pushes_straight_out_by_its_stiffness_times_overlap(name, cloth):
         (lambda: half_space((0, 0, 0), (0, 0, 0)), "has no direction"),
     ],
 )
-def test_what_cannot_touch_is_refused(make, says):
+def test_contact_that_cannot_be_simulated_is_refused(make, says):
     with pytest.raises(FitError, match=says):
         make()

@@ -31,7 +31,7 @@ FLOOR = half_space((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
 
 
 @pytest.mark.slow  # a body carries a sheet below, and another floor bounces one
-def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_weighs_what_it_weighs():
+def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_presses_with_its_weight():
     """-50 mm + 2 mm - g / omega^2 = -48.01 mm; 18 g are 0.1765 N."""
     ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.25, 1.5, 1.75)]
     assert ended[-1].shapes[0, -1, :, 2] == pytest.approx(-0.048 - GRAVITY / CONTACT_OMEGA**2, abs=5e-5)
@@ -105,7 +105,7 @@ def test_front_and_back_of_a_swung_skirt_do_not_pass_through_each_other():
     assert passed[1] == [0] * 15
 
 
-def test_layers_that_hit_each_other_make_no_energy():
+def test_layers_that_hit_each_other_create_no_energy():
     """A sheet falls over a rod without friction or damping: kinetic and potential energy never exceed the first."""
     rod = capsule((-0.5, 0.0, -0.03), (0.5, 0.0, -0.03), 0.02)
     rate = 240
@@ -124,7 +124,7 @@ def test_layers_that_hit_each_other_make_no_energy():
 
 
 @pytest.mark.slow  # `test_contact.py` has a quicker test of candidates side by side
-def test_a_candidate_in_contact_does_not_depend_on_its_company():
+def test_a_candidate_in_contact_does_not_depend_on_its_batch():
     """Alone, or beside seven others that are thicker or heavier: the same to the last bit."""
     from fit.effects import find_effects
 

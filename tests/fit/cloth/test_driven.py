@@ -87,7 +87,7 @@ def test_paths_and_bodies_must_be_as_many():
         Contact(bodies=(Body(centre=(0, 0, 0), half_size=(1, 1, 1)),), motion=BodyMotion(0.1, np.zeros((3, 2, 12))))
 
 
-def test_a_way_through_a_triangle_is_told_from_one_beside_it():
+def test_a_path_through_a_triangle_is_distinguished_from_one_beside_it():
     triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     start = np.array([[0.2, 0.2, 1], [0.9, 0.9, 1], [0.2, 0.2, 2]])
     end = np.array([[0.2, 0.2, -1], [0.9, 0.9, -1], [0.2, 0.2, 1]])

@@ -17,7 +17,7 @@ from fit.recordings.recording import Windows, prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 
-def test_results_do_not_depend_on_company_lanes_or_threads():
+def test_results_do_not_depend_on_batch_lanes_or_threads():
     garment = sheet()
     time = np.arange(0, 2, 1 / 30)
     recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
@@ -61,7 +61,7 @@ VISCOUS = pytest.param("stretch_viscosity", marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize("effect", [CONTACT, "hanger_compliance", VISCOUS, "filter_lag"])
-def test_effects_of_every_kind_do_not_mind_other_recordings_in_their_lanes(effect):
+def test_effects_of_every_kind_do_not_depend_on_other_recordings_in_their_lanes(effect):
     """Contact, a driven path, viscosity and a filter of what is seen; one recording counts in windows, under a pull."""
     chosen, garment, recordings = find_effects([effect]), sheet(), []
     for length, rate, reach in ((1.2, 30, 0.08), (0.9, 45, 0.05)):

@@ -159,7 +159,7 @@ def test_threads_that_cross_the_elements_have_at_their_own_samples_only_what_she
         assert Simulator(recording).kernel_rows(rows, none)[:, columns].tolist() == expected
 
 
-def test_even_strain_pulls_alike_wherever_it_is_sampled(monkeypatch):
+def test_uniform_strain_gives_equal_forces_wherever_it_is_sampled(monkeypatch):
     """All nodes held and drawn apart evenly: forces with stiffening, damping and viscosity, or with viscosity alone.
 
     Both candidates are viscous, so that they share a kernel.
@@ -200,7 +200,7 @@ def test_holes_that_touch_the_outline_cannot_be_meshed():
 
 
 @pytest.mark.processor_time(20)
-def test_corners_in_one_place_end_in_a_sentence_too():
+def test_coinciding_corners_are_refused_in_one_sentence_too():
     """Their piece of a side is never an edge, however often it is halved."""
     corners = sheet().outline_m
     with pytest.raises(FitError, match="cannot be meshed"):
@@ -237,7 +237,7 @@ def test_a_hem_that_ends_in_a_point_is_the_two_sides_that_meet_there():
     assert (moved > even).any()
 
 
-def test_a_notch_of_a_millimetre_is_refused_and_told_how_large_it_may_be():
+def test_a_notch_of_a_millimetre_is_refused_with_how_large_it_may_be():
     notched = (*sheet().outline_m[:2], (0.2, -0.2), (0.199, -0.2005), (0.2, -0.201), *sheet().outline_m[2:])
     with pytest.raises(FitError, match=r"too small for any step.*12 mm or more"):
         build_mesh(cut(outline_m=notched), 0.05)

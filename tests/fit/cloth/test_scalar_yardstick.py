@@ -62,7 +62,7 @@ def test_scalar_c_goes_where_the_kernel_goes(gentle, tmp_path, candidate):
 
 @pytest.mark.slow
 @needs_gcc
-def test_c_is_not_of_one_mesh_only(gentle, tmp_path):
+def test_the_c_program_works_for_other_meshes(gentle, tmp_path):
     """A single element, which has no bends across the side of another."""
     simulator, rows = gentle
     coarse = Simulator(simulator.recording, resolution=Resolution(spacing=0.1))
@@ -75,7 +75,7 @@ def test_c_is_not_of_one_mesh_only(gentle, tmp_path):
 
 @pytest.mark.slow
 @needs_gcc
-def test_what_the_c_does_not_know_is_refused(gentle, tmp_path):
+def test_the_c_program_refuses_effects_that_it_lacks(gentle, tmp_path):
     """An observer's pull, and threads that run askew to the mesh."""
     simulator, rows = gentle
     turned = replace(simulator.recording.garment, grain_degrees=20.0)
@@ -96,7 +96,7 @@ def test_the_benchmark_prints_each_ratio_beside_its_target(monkeypatch, capsys):
     assert float(re.search(r"any C and the kernel: (\S+) mm", said)[1]) < 1e3 * NEAR
 
 
-def test_without_a_compiler_it_says_so_and_ends_well(tmp_path):
+def test_without_a_compiler_the_benchmark_says_so_and_succeeds(tmp_path):
     done = subprocess.run(
         [sys.executable, scalar.__file__], env={**os.environ, "PATH": str(tmp_path)}, capture_output=True, text=True
     )
@@ -105,7 +105,7 @@ def test_without_a_compiler_it_says_so_and_ends_well(tmp_path):
 
 
 @pytest.mark.slow  # eight processes, none of which does what no other test does
-def test_the_start_of_a_fit_is_told_in_time_and_imports(capsys):
+def test_the_start_of_a_fit_is_reported_in_time_and_imports(capsys):
     start.main(["--rounds", "1"])
     said = capsys.readouterr().out
     found = re.findall(r"progress with --iterations (\d+): (\S+) s .*?, (\S+) s of the processor", said)

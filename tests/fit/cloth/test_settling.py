@@ -17,7 +17,7 @@ def test_taut_cloth_held_at_an_edge_finds_its_rest_whatever_its_points_show():
     assert measure(scene, rows, 0.5)[SHOWN[2]].min() > 5.0
 
 
-def test_what_the_points_show():
+def test_the_rest_that_the_points_show():
     """Two fabrics: their own rests, each other's, and a rest swung aside by 60 mm at the bottom."""
     rests = [Hung(np.array([[0.0, 0.0, 0.0], [0.0, y, -0.4]]), np.zeros((0, 3))) for y in (0.01, -0.02)]
     assert shown_by(SHOWN[0], rests, 1)[1, 1] == -0.02

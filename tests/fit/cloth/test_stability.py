@@ -90,7 +90,7 @@ def test_an_undamped_membrane_takes_a_step_of_safety_times_two_over_omega(model)
         (PLATE, {"bending_ratio": 1.0}, np.exp(-1 / 4)),
     ],
 )
-def test_what_makes_cloth_stiffer_or_heavier_changes_the_step_by_its_root(model, base, changes, ratio):
+def test_an_effect_that_makes_cloth_stiffer_or_heavier_changes_the_step_by_its_root(model, base, changes, ratio):
     # 2e-3: what is left of shear and, of the plate, of stretch
     assert step(model, base, **changes) == pytest.approx(ratio * step(model, base), rel=2e-3)
 

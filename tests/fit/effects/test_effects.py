@@ -299,7 +299,7 @@ def test_a_bar_rolls_in_the_upright_plane_through_itself_however_it_stands():
         assert ends[:, :2] == pytest.approx(np.cos(0.05) * np.array([-arm[:2], arm[:2]]))
 
 
-def test_what_neither_drives_nor_observes_moves_no_held_edge():
+def test_an_effect_that_neither_drives_nor_observes_moves_no_held_edge():
     moving = {e.name for e in LIBRARY if e.moves_edge}
     assert {"clip_slack", "time_offset", "corner_erosion"} <= moving
     assert not moving & {"gravity_tilt", "air_drag", "hem"}

@@ -244,7 +244,7 @@ def test_the_command_writes_a_gif(tmp_path):
         (["--motion", "twist", "--out", "a.glb", "--size", "64x64"], "--size: changes nothing here: a mesh has no pix"),
     ],
 )
-def test_options_are_looked_at_before_the_take_is_read(words, says, tmp_path):
+def test_options_are_checked_before_the_take_is_read(words, says, tmp_path):
     """The take is none, which is said where nothing else is wrong."""
     save_fit_result(tmp_path / "fit.json", a_fit())
     order = ["animate", ".", "--take", "none.mcap", "--out", "new/a.gif", *words]

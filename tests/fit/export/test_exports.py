@@ -105,7 +105,7 @@ def test_a_kinect_skirt_has_no_file_of_a_fabric(kind, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_there_stays_unless_it_is_to_be_overwritten(tmp_path):
+def test_an_existing_file_stays_unless_it_is_to_be_overwritten(tmp_path):
     path = tmp_path / "fabric.csv"
     path.write_text("mine")
     with pytest.raises(OutputError):

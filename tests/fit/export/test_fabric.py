@@ -116,7 +116,7 @@ def test_the_table_by_hand():
     assert "not published" in " ".join(text.split())
 
 
-def test_the_table_gives_no_number_where_the_takes_tell_none():
+def test_the_table_gives_no_number_where_the_takes_determine_none():
     result = a_fit(unknown=("stretch_stiffness",))
     text = software_table(result, fabric_of(result))
     line = next(line for line in text.splitlines() if line.startswith("Stretch warp"))

@@ -102,7 +102,7 @@ def test_files_that_hold_no_person_are_refused(text, reason, tmp_path):
         read_bvh(path, 1.7)
 
 
-def test_a_joint_that_leaps_is_refused_with_its_frames(tmp_path):
+def test_a_joint_that_jumps_is_refused_with_its_frames(tmp_path):
     """Everything 3 m farther from one frame on: 94 m/s at 32 ms."""
     source = walk(3.0)
     for places in source.joints.values():
@@ -120,7 +120,7 @@ def test_a_moment_is_no_motion(tmp_path):
         read_bvh(path, 1.7)
 
 
-def test_a_figure_whose_joints_are_all_in_one_place_is_refused(tmp_path):
+def test_a_figure_whose_joints_are_all_at_one_position_is_refused(tmp_path):
     head, step, rows = re.split(r"(Frame Time:.*\n)", bvh_of(walk(3.0)))
     path = tmp_path / "point.bvh"
     path.write_text(re.sub(r"OFFSET .*", "OFFSET 0 0 0", head) + step + re.sub(r"\S+", "0", rows))

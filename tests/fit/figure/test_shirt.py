@@ -70,7 +70,7 @@ def test_the_first_sides_length_is_a_neck_where_it_is_no_longer():
         (((-0.03, 0), (0.03, 0), *plain_shirt(0.2).outline_m[2:]), "0.06 m wide, which goes over no head"),
     ],
 )
-def test_what_is_no_t_shirt_is_refused(outline, reason):
+def test_an_outline_that_is_no_t_shirt_is_refused(outline, reason):
     with pytest.raises(FitError, match=reason):
         sewn_shirt(msgspec.structs.replace(plain_shirt(0.2), outline_m=outline))
 
@@ -119,7 +119,7 @@ def test_arms_are_as_thick_as_narrow_sleeves_allow():
     assert 2 * np.pi * thin < cuff
 
 
-def test_places_near_a_body_move_to_its_surface_and_others_stay():
+def test_points_near_a_body_move_to_its_surface_and_others_stay():
     body = capsule((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1)
     places = np.array([[0.05, 0.0, 0.5], [0.0, 0.104, 0.2], [0.3, 0.0, 0.5]])
     _push_out(places, body, 0.01)

@@ -40,7 +40,7 @@ def test_a_hem_of_several_pieces_is_left_open():
     assert sewn_skirt(wide)[0].seams == ((1, 2), (2, 3), (5, 0))
 
 
-def test_what_is_no_skirt_is_refused():
+def test_an_outline_that_is_no_skirt_is_refused():
     with pytest.raises(FitError, match="the figure wears skirts and T-shirts, and sheet is a swatch"):
         sewn_skirt(sheet())
 
@@ -68,7 +68,7 @@ def test_a_skirt_for_a_doll_fits_no_grown_figure():
     assert figure_in(sewn_skirt(doll)[0], walk(0.1, height=0.9)).half_side < 0.04
 
 
-def test_the_first_frame_of_trouble_is_named():
+def test_the_first_frame_that_fails_is_named():
     deep = np.full((5, 3), -0.01)
     through = np.zeros((5, 3), bool)
     assert Trouble(deep, through).first() is None

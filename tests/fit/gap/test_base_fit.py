@@ -96,7 +96,7 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     assert names == ["looks-1-60-18", "looks-0-50-10", "base-0-0", "base-0-1", *beyond]
 
 
-def test_places_are_looked_at_on_the_coarse_mesh_under_a_pull_and_then_on_the_fine_one(world, monkeypatch):
+def test_candidates_are_simulated_on_the_coarse_mesh_under_a_pull_and_then_on_the_fine_one(world, monkeypatch):
     """18 places under 1 Hz; the best eight of them and two more under the pull that was chosen at the best."""
     at = pulls(monkeypatch, 0.5)
     _, chosen, _ = ended(world)

@@ -38,7 +38,7 @@ def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_p
         assert kept.recall_vectors("places", lambda: np.zeros((1, 3))).shape == (1, 3)
 
 
-def test_what_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
+def test_a_size_that_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
     kept = Checkpoint(tmp_path / "p", {})
     free = Fitted(np.ones(1), np.zeros(2), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
     pinned = dataclasses.replace(free, pinned=Pinned(np.array([0.5, 0.0]), np.array([0.1, np.inf]), 7.0))
@@ -58,13 +58,13 @@ def test_a_folder_whose_key_a_kill_left_empty_is_begun_anew(tmp_path):
         Checkpoint(tmp_path / "p", {"takes": ["b"]})
 
 
-def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
     (tmp_path / "diagnosis.partial").touch()
     with pytest.raises(FitError, match=r"diagnosis\.partial: is a file"):
         Checkpoint(tmp_path / "diagnosis.partial", {})
 
 
-def test_a_fit_that_no_disk_holds_leaves_no_half_of_it(tmp_path):
+def test_a_fit_that_a_full_disk_cannot_hold_leaves_no_part_of_it(tmp_path):
     """A fit takes about 2 kB."""
     kept = Checkpoint(tmp_path / "p", {})
     one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)

@@ -113,7 +113,7 @@ def test_an_error_is_above_a_known_one_where_both_its_mean_and_its_lowest_draws_
     assert exceeds(errors_of(*np.linspace(18, 24, 101)), HUNDRED, 17.0)
 
 
-def test_draws_are_as_far_apart_as_few_and_correlated_blocks_ask_for():
+def test_draws_are_as_wide_as_few_correlated_blocks_require():
     """sqrt(8/7) t(7) / z for eight independent blocks; with n_eff = 8 / (1 + 7/2) of 1.78 three are counted."""
     rng = np.random.default_rng(0)
     z = norm.ppf(0.95)

@@ -11,7 +11,7 @@ from fit.gap.detectable import in_words, mesh_share, resolvable, smallest_detect
 from tests.fit.gap.verdict_scene import KINDS, evidence_of
 
 
-def test_components_whose_typical_size_would_not_show_are_told_the_nearest_to_it_first():
+def test_components_whose_typical_size_would_not_show_are_listed_the_nearest_to_it_first():
     smallest = {
         "gravity_tilt": np.array([0.056, 0.02]), "air_drag": np.array([1.3]), "hem": np.array([0.0099]),
         "draught": np.array([np.inf, np.inf]),

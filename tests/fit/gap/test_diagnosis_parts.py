@@ -139,7 +139,7 @@ def test_screening_says_how_much_nearer_the_points_would_be():
 
 
 @pytest.mark.parametrize(("nearer", "refitted"), [(10.0, {"first", "nearer", "twin"}), (1.0, {"first"})])
-def test_what_brings_the_points_nearer_is_refitted_though_it_saves_little_cost(nearer, refitted):
+def test_an_effect_that_brings_the_points_nearer_is_refitted_though_it_saves_little_cost(nearer, refitted):
     """A constant offset is one number beside those of hundreds of frames; its twin is refitted with it."""
     found = {
         "first": signature((0, 1, 0), predicted=100.0, predicted_mm2=4.0),
@@ -255,7 +255,7 @@ def test_residuals_are_put_back_to_the_frames_points_and_axes_that_they_are_of()
     assert not np.isfinite(grids[1][20:40, 12]).any()
 
 
-def test_places_are_within_bounds_and_the_initial_parameters_come_first():
+def test_candidates_are_within_bounds_and_the_initial_parameters_come_first():
     places = scattered(Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE), 0)
     assert ((places >= SI.minimum) & (places <= SI.maximum)).all()
     assert places[0].tolist() == SI.initial.tolist()

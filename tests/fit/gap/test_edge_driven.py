@@ -55,7 +55,7 @@ def test_frames_that_show_too_little_of_the_edge_are_bridged():
 
 
 @pytest.mark.parametrize("gone", [slice(30, 50), slice(10, 90), slice(0, 20), slice(70, 90)])
-def test_an_edge_that_is_lost_for_long_tells_no_path(gone):
+def test_an_edge_that_is_lost_for_long_gives_no_path(gone):
     def hide(points):
         points[gone, :5] = np.nan
         return points
@@ -79,7 +79,7 @@ def a_swung_take(name, astray, hz):
 
 
 @pytest.mark.slow
-def test_a_hanger_that_is_said_to_be_elsewhere_is_told_as_such():
+def test_a_hanger_stated_at_a_wrong_position_is_reported_as_such():
     takes = [a_swung_take(f"take{k}", ASTRAY * (1 - 2 * k), 0.7 + 0.3 * k) for k in range(2)]
     options = {"effects": find_effects(["hem", "air_drag"]), "resolution": Resolution(spacing=0.1)}
     found = diagnose(takes[:1], takes[1:], **options).diagnosis

@@ -52,7 +52,7 @@ def stretched(observer, size):
     return residual
 
 
-def test_what_is_off_constantly_counts_once_however_many_takes_show_it():
+def test_a_constant_error_counts_once_however_many_takes_show_it():
     """Six deviations in each of three takes: 36 as in one alone, since a marker's own offset is in all of them."""
     for takes in (1, 3):
         observer = an_observer(takes)
@@ -63,7 +63,7 @@ def test_what_is_off_constantly_counts_once_however_many_takes_show_it():
     assert edge_errors(*(np.zeros(0, int),) * 2, *(np.zeros(0),) * 2) == EdgeErrors()
 
 
-def test_noise_that_takes_state_too_large_hides_nothing_that_is_off_constantly():
+def test_noise_that_takes_state_too_large_hides_no_constant_error():
     """Of 1150 that noise may make of what varies there are 800; 54 is 50 above chance, twice what is certain."""
     found = EdgeErrors(moving=800.0, count=1000, resting=54.0)
     assert found.beyond_noise == pytest.approx(50.0 / RESTING_CERTAIN)
@@ -73,7 +73,7 @@ def test_noise_that_takes_state_too_large_hides_nothing_that_is_off_constantly()
     assert EdgeErrors(moving=1270.0, count=1000).beyond_noise == pytest.approx(120.0 / MOVING_CERTAIN)
 
 
-def test_the_cloth_believes_itself_too_much_by_what_mesh_and_solver_are_wrong_by():
+def test_the_cloths_certainty_is_lowered_by_the_error_of_mesh_and_solver():
     """Ten numbers of 1 mm noise, wrong by 3 mm a point or sqrt(3) a number: 1 + 10 x 3 / (9 x 1)."""
     assert trust_in_edge(an_observer(), 3.0) == pytest.approx(1 + 30 / 9)
     assert trust_in_edge(an_observer(), 0.0) == 1.0
@@ -91,7 +91,7 @@ def fitted_to(observer, size, effect=SLACK, slope=-1.0):
     return Fitted(SI.initial, amplitudes, (effect,), stretched(observer, size), jacobian, np.ones(6), True)
 
 
-def test_a_size_that_the_edge_would_have_elsewhere_is_taken_from_the_edge():
+def test_a_size_that_the_edge_contradicts_is_taken_from_the_edge():
     """8 deviations at 4 a typical size: two more of them; three takes know it to 1/4, as one does alone."""
     for takes in (1, 3):
         observer = an_observer(takes)
@@ -103,7 +103,7 @@ def test_a_size_that_the_edge_would_have_elsewhere_is_taken_from_the_edge():
         assert pinned.trust == 7.0
 
 
-def test_a_size_that_the_edge_agrees_with_or_cannot_mend_stays():
+def test_a_size_that_the_edge_confirms_or_cannot_correct_stays():
     observer = an_observer()
     without = stretched(observer, 10.0)
     assert disputed(observer, without, fitted_to(observer, 1.9, slope=-4.0), 7.0) is None  # within two deviations
@@ -116,7 +116,7 @@ def test_a_size_that_the_edge_agrees_with_or_cannot_mend_stays():
     assert disputed(observer, without, air, 7.0) is None
 
 
-def test_a_component_that_the_edge_cannot_tell_stays_where_the_cloth_has_it():
+def test_a_component_that_the_edge_does_not_determine_stays_where_the_cloth_has_it():
     """A scale of the points moves the edge; one of the whole scene only by a solver's last digits."""
     observer, scale = an_observer(), "depth_scale"
     points, scene = np.arange(len(observer.off))[observer.columns[scale]]
@@ -195,7 +195,7 @@ def screened(observer, **slopes):
     }
 
 
-def test_what_would_put_the_edge_right_is_refitted_whatever_the_cloth_promises():
+def test_an_effect_that_would_explain_the_edge_is_refitted_whatever_the_cloth_promises():
     observer = an_observer()
     seen = screened(observer, air_drag=4.0, clip_slack=4.0, time_offset=0.0, attachment_offset=-2.0)
     assert leads(observer, seen, stretched(observer, 8.0)) == ["clip_slack", "attachment_offset"]
@@ -272,7 +272,7 @@ def test_clips_too_far_apart_are_named_though_the_cloth_hardly_shows_it():
 
 
 @pytest.mark.parametrize(("slope", "is_told"), [(0.97, False), (0.99, True)])
-def test_the_edge_tells_a_component_that_it_knows_to_a_typical_size(slope, is_told):
+def test_the_edge_determines_a_component_that_it_knows_to_a_typical_size(slope, is_told):
     """One deviation a typical size, beside a prior of five: 1 / (s^2 + 1/25) is 1 at 0.98."""
     observer = an_observer()
     start = dataclasses.replace(fitted_to(observer, 0.0, slope=-4.0), pinned=known_slack(observer))

@@ -76,7 +76,7 @@ def test_the_held_edge_identifies_a_size_that_is_something_by_the_librarys_own_l
 
 
 @pytest.mark.parametrize(("squares", "verdict"), [(1250, "effect"), (1270, "unknown")])
-def test_an_effect_that_puts_the_held_edge_surely_off_is_contradicted_by_itself(squares, verdict):
+def test_an_effect_that_moves_the_held_edge_surely_off_is_contradicted(squares, verdict):
     """The edge is where it was tracked without it, to 1200; 60 more are certain."""
     evidence = evidence_of({"clip_slack": 6.0})
     singles = {k: with_edge(one, squares) for k, one in evidence.singles.items()}
@@ -94,7 +94,7 @@ def test_nor_is_it_added_to_another(squares, verdict):
 @pytest.mark.parametrize(("squares", "verdict", "named"), [
     ((1100, 1120), "ambiguous", ["attachment_offset", "depth_scale"]), ((1200, 1100), "effect", ["depth_scale"]),
 ])  # fmt: skip
-def test_what_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, verdict, named):
+def test_an_effect_that_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, verdict, named):
     """Both close 91 %, the offset a little more."""
     evidence = evidence_of({"attachment_offset": 5.98, "depth_scale": 6.0, "hem": 11.5})
     evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 2000))
@@ -113,7 +113,7 @@ def test_what_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, ve
 
 
 @pytest.mark.parametrize(("squares", "twins"), [(1180, {"time_offset": ["filter_lag"]}), (1400, {})])
-def test_a_twin_that_the_held_edge_contradicts_is_not_told(squares, twins):
+def test_a_twin_that_the_held_edge_contradicts_is_not_listed(squares, twins):
     pair = with_edge(hypothesis(("air_drag", "filter_lag"), 5.6), squares)
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
     (drag,), ((both, p_value),) = evidence.singles, evidence.joint
@@ -124,7 +124,7 @@ def test_a_twin_that_the_held_edge_contradicts_is_not_told(squares, twins):
 
 
 @pytest.mark.parametrize(("name", "verdict"), [("depth_scale", "effect"), ("time_offset", "several")])
-def test_what_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, verdict):
+def test_error_that_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, verdict):
     """Of 18850 a late clock or a depth scale leaves 300, 1.6 %; an offset closes them, and 3 mm^2 of 119."""
     evidence = evidence_of({name: 6.0}, joint=[((name, "attachment_offset"), 5.8)])
     (first,), ((both, p_value),) = evidence.singles, evidence.joint
@@ -156,13 +156,13 @@ def told(closed_mm, *, base=12.0, before=(900, 100.0), after=(900, 2.0), other=N
         (told(11.9, before=(900, 20.0)), "unknown"),  # 18 less are not certain
     ],
 )
-def test_what_the_held_edge_tells_is_named_whatever_the_cloth_does(evidence, verdict):
+def test_an_effect_that_the_held_edge_shows_is_named_whatever_the_cloth_does(evidence, verdict):
     found = decide(evidence)
     assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
     assert (probabilities(evidence, None)[SLACK] > 0.8) == (verdict == "effect")
 
 
-def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
+def test_the_sentence_states_what_the_edge_shows_and_what_no_effect_explains():
     """0.02 sqrt(900) = 0.6 mm vary, and 100 or 2 squared deviations more stand for 1 or 0.02 mm."""
     sentence = decide(told(10.5)).sentence
     assert (
@@ -179,7 +179,7 @@ def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
 
 
 @pytest.mark.parametrize(("base", "verdict"), [(5.1, "none"), (12.0, "unknown")])
-def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
+def test_an_edge_that_no_effect_explains_is_reported(base, verdict):
     found = decide(told(base - 0.1, base=base, after=(900, 90.0)))
     assert found.verdict == verdict
     assert found.sentence.endswith("The base model puts the held edge 1.6 mm off, beyond noise.")
@@ -187,7 +187,7 @@ def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
     assert "edge" not in quiet.sentence
 
 
-def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_that_it_tells_of():
+def test_an_effect_that_leaves_the_edge_off_is_not_named_instead_of_one_that_the_edge_shows():
     """Drag closes 60 % of the cloth's gap; both together are `several` if either needs the other."""
     evidence = told(10.5, other={"air_drag": 8.0})
     assert passing_effects(evidence) == ["clip_slack", "air_drag"]  # a rival, were it not told
@@ -205,20 +205,20 @@ def test_nothing_is_added_to_an_effect_that_the_edge_shows_which_closes_nothing_
         assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)])).named == named
 
 
-def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
+def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_shows():
     for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
         assert decide(dataclasses.replace(told(10.5), gates=[gate])).verdict == "effect"
 
 
 @pytest.mark.parametrize(("with_slack", "verdict"), [(8.1, "several"), (8.6, "effect")])
-def test_what_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains_nothing(with_slack, verdict):
+def test_an_effect_that_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains_nothing(with_slack, verdict):
     """A draught leaves 8 mm; clips closer together put the edge right, and half a millimetre more is surely worse."""
     evidence = draught_and_slack(with_slack, without=2000, with_slack=1150)
     assert decide(evidence).verdict == verdict
 
 
 @pytest.mark.parametrize(("after", "verdict"), [((900, 2.0), "effect"), ((900, 90.0), "inconclusive")])
-def test_chaotic_cloth_does_not_hide_what_the_held_edge_tells(after, verdict):
+def test_chaotic_cloth_does_not_hide_what_the_held_edge_shows(after, verdict):
     """Drag closes more of the gap, which in takes that nobody can predict says nothing."""
     evidence = told(11.0, after=after, other={"air_drag": 6.0})
     evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])

@@ -152,7 +152,7 @@ def test_the_p_value_of_an_effect_is_that_of_the_family():
     assert worse.p_value("air_drag") == 1.0
 
 
-def test_what_may_be_noise_is_within_one_more_draw_of_it():
+def test_an_error_that_may_be_noise_is_within_one_more_draw_of_it():
     """5 mm, known to 0.1: t of two degrees of freedom, 2.92, times sqrt(3) sqrt(4/3) of that: 5.584 mm."""
     found = flat_evidence({"hem": 6.0}, floor_error_mm=0.1)
     assert found.is_within_noise(level(found.base, 5.58))
@@ -207,7 +207,7 @@ def test_draws_are_won_by_what_leaves_least_in_them():
 
 
 @pytest.mark.parametrize(("mm", "is_named"), [(10.6, True), (10.75, False)])
-def test_what_closes_less_than_a_quarter_of_the_gap_is_not_worth_naming(mm, is_named):
+def test_an_effect_that_closes_less_than_a_quarter_of_the_gap_is_not_worth_naming(mm, is_named):
     """119 / 4 of 144 mm^2: 114.25 mm^2, 10.69 mm."""
     assert flat_evidence({"hem": mm}).worth_naming["hem"].all() == is_named
 

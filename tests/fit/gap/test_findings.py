@@ -78,7 +78,7 @@ def test_an_interval_ends_with_the_range():
     assert (first.interval_low, first.interval_high) == (ONE.minimum, ONE.maximum)
 
 
-def test_effects_that_were_not_looked_for_are_listed_up_to_three():
+def test_effects_that_were_not_tested_are_listed_up_to_three():
     titles = [effect.title for effect in LIBRARY]
     assert left_out(LIBRARY, LIBRARY) == ""
     assert left_out(LIBRARY[1:], LIBRARY) == f" Not looked for, as asked: {titles[0]}."
@@ -118,7 +118,7 @@ def test_notes_say_what_limits_the_figures_and_nothing_else():
 
 
 @pytest.mark.usefixtures("statics")
-def test_every_note_is_told_whole_and_in_its_order():
+def test_every_note_is_shown_whole_and_in_its_order():
     assert said(1, 0, frequency=2.0, is_static=False, stated=2.0, by="evidence") == [
         "Observer pull of 2 Hz; mesh of 50 mm.",
         "Errors are root mean square distances of the tracked points that are not on the held edge. Points on the "
@@ -138,7 +138,7 @@ def test_every_note_is_told_whole_and_in_its_order():
     )
 
 
-def test_the_gap_is_told_with_the_floors_interval_and_what_the_named_effect_leaves():
+def test_the_gap_is_stated_with_the_floors_interval_and_what_the_named_effect_leaves():
     """Three replicas: 2.92 standard errors of 0.08 mm."""
     evidence = evidence_of({"air_drag": 6.0})
     drag = evidence.singles["air_drag"]
@@ -158,7 +158,7 @@ def test_the_gap_is_told_with_the_floors_interval_and_what_the_named_effect_leav
     assert wide.closure_held_by_edge.value == pytest.approx(gap.closure.value)
 
 
-def test_the_edge_is_told_where_it_was_tracked():
+def test_the_error_of_the_edge_is_stated_where_it_was_tracked():
     evidence = evidence_of({"air_drag": 6.0})
     evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 1e4))
     gap = describe_gap(evidence, with_edge(evidence.singles["air_drag"], 2500), None)
@@ -193,7 +193,7 @@ def described(monkeypatch):
     return go
 
 
-def test_refitted_effects_are_told_by_what_they_close_most_first(described):
+def test_refitted_effects_are_listed_by_what_they_close_most_first(described):
     evidence, found = described({"hem": 11.0, "air_drag": 6.0, "draught": 9.0}, "air_drag")
     assert list(found) == ["air_drag", "draught", "hem"]
     drag, draught, hem = found.values()
@@ -213,7 +213,7 @@ def test_refitted_effects_are_told_by_what_they_close_most_first(described):
     assert hem.note == "stopped by its bound, so that its size has no interval; best effect in 0 % of bootstrap draws"
 
 
-def test_masses_are_told_in_the_place_of_shares_of_draws(described):
+def test_masses_are_stated_instead_of_shares_of_draws(described):
     _, found = described({"hem": 11.0, "air_drag": 6.0}, "air_drag", weighed={"air_drag": 0.7})
     assert (found["air_drag"].probability, found["hem"].probability) == (0.7, 0.0)
     assert (found["air_drag"].p_value, found["air_drag"].note) == (None, "")
@@ -231,7 +231,7 @@ def test_effects_that_are_named_together_have_their_sizes_beside_each_other(desc
     assert drag.closure.value == pytest.approx((144 - 81) / (144 - 25))
 
 
-def test_what_was_screened_only_or_is_in_the_base_model_has_no_closure(monkeypatch, described):
+def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure(monkeypatch, described):
     evidence, _ = described({"air_drag": 6.0, "filter_lag": 7.0})
     alone = dataclasses.replace(evidence, singles={"air_drag": evidence.singles["air_drag"]})
     effects = (KINDS["shear_stiffness"], KINDS["filter_lag"], KINDS["air_drag"])

@@ -73,7 +73,7 @@ def test_what_the_prior_supplies_by_hand():
     assert from_prior(np.zeros((1, 2)), np.array([1.5, 5.0])) == pytest.approx([1.5, 5.0])
 
 
-def test_an_amplitude_that_is_known_from_elsewhere_is_weighed_by_how_well_and_by_trust():
+def test_an_amplitude_that_is_known_from_other_data_is_weighted_by_its_precision_and_by_trust():
     """40^2 a^2 of data wants 0.75, and what is known 0.25 of a typical size to 0.1 / sqrt(4) = 0.05, or 1/0.05^2."""
     row, other, _ = rows(1)
     observer = an_observer(-30.0 * row + 5.0 * other, hem=40.0 * row / HEM.typical)
@@ -85,7 +85,7 @@ def test_an_amplitude_that_is_known_from_elsewhere_is_weighed_by_how_well_and_by
     assert found.pinned is known
 
 
-def test_what_is_searched_are_parameters_and_amplitudes_in_typical_sizes_with_weak_priors():
+def test_the_search_varies_parameters_and_amplitudes_in_typical_sizes_with_weak_priors():
     observer = an_observer(np.zeros(NUMBERS))
     problem = Problem(observer, ("gravity_tilt", "hem"))
     columns = np.arange(len(observer.off))
@@ -110,7 +110,7 @@ def test_what_is_searched_are_parameters_and_amplitudes_in_typical_sizes_with_we
 
 
 @pytest.mark.parametrize(("deviations", "is_known"), [(4.9, True), (5.1, False)])
-def test_what_is_known_worse_than_its_prior_is_not_known(deviations, is_known):
+def test_a_value_known_worse_than_its_prior_counts_as_unknown(deviations, is_known):
     """2 x 4.9 typical sizes of a trust of 4 are 4.9."""
     observer = an_observer(np.zeros(NUMBERS))
     known = pinned_at(observer, 0.3 * HEM.typical, 2 * deviations * HEM.typical, 4.0)

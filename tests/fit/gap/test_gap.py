@@ -65,7 +65,7 @@ def test_data_shifted_by_one_frame_fail_the_observer_loudly():
 
 @pytest.mark.parametrize(("effect", "amplitude", "left"), [("depth_scale", 0.01, 0.1), ("tracker_smoothing", 0.4, 0.6)])
 @pytest.mark.parametrize("hz", [1.0, pytest.param(3.0, marks=pytest.mark.slow)])
-def test_what_a_tracker_makes_of_the_points_is_no_reason_to_pull(effect, amplitude, left, hz):
+def test_distortion_by_a_tracker_is_no_reason_to_pull(effect, amplitude, left, hz):
     """Noise-free data of the model with that effect: it leaves a small share of what is missed without it.
 
     An observer that pulled to the tracked points as they are would leave more with the effect than without it. Wrinkles
@@ -188,7 +188,7 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
 
 
 @pytest.mark.slow
-def test_two_effects_of_which_neither_passes_alone_are_looked_for_together(monkeypatch):
+def test_two_effects_of_which_neither_passes_alone_are_tried_together(monkeypatch):
     """Alone a drifting clock closes half of the gap and cloth hung 12 mm off two fifths: too little, if 60 % are asked.
 
     Without the second one, the gap would be said to be unknown.

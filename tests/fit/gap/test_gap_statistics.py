@@ -53,7 +53,7 @@ def test_white_noise_is_above_three_hertz_up_to_half_the_frame_rate():
 
 
 @pytest.mark.parametrize(("spacing", "coarser"), [(0.03, 0.045), (0.05, 0.06), (0.06, 0.06), (0.08, 0.08)])
-def test_starts_are_never_looked_for_on_a_finer_mesh(spacing, coarser):
+def test_starts_are_never_searched_on_a_finer_mesh(spacing, coarser):
     asked = []
     resolution = SimpleNamespace(spacing=spacing, step_share=1.0)
     coarsened(SimpleNamespace(resolution=resolution, at_resolution=lambda r: asked.append(r.spacing)))

@@ -94,7 +94,7 @@ def test_a_refits_parameters_begin_where_the_linear_model_has_them(method, step,
     assert task.amplitudes[observer.columns["hem"]] == pytest.approx(hem.typical, rel=1e-3)
 
 
-def test_one_component_that_is_seen_is_guess_enough():
+def test_one_visible_component_is_enough_for_a_guess():
     """Of a tilt the first component explains 0.8 of its typical size; the second moves nothing, and stays at none."""
     row = np.linalg.qr(np.random.default_rng(3).normal(size=(NUMBERS, 1)))[0].T[0]
     tilt = KINDS["gravity_tilt"]
@@ -115,11 +115,11 @@ def promising(**figures):
 
 
 @pytest.mark.parametrize(("nearer", "chosen"), [(5.1, ["first", "nearest", "second"]), (4.9, ["first", "nearest"])])
-def test_what_saves_half_of_the_most_distance_is_refitted_too(nearer, chosen):
+def test_an_effect_that_saves_half_of_the_largest_distance_is_refitted_too(nearer, chosen):
     assert shortlist(promising(first=(100.0, 0.0), second=(1.0, nearer), nearest=(2.0, 10.0))) == chosen
 
 
-def test_what_brings_no_point_nearer_is_not_refitted_for_that():
+def test_an_effect_that_brings_no_point_nearer_is_not_refitted_for_that():
     assert shortlist(promising(first=(100.0, -3.0), second=(1.0, -1.0))) == ["first"]
 
 

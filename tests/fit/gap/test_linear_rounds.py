@@ -54,7 +54,7 @@ def test_the_first_round_refits_the_effect_that_is_there_to_its_size(world):
     assert search.least is min((h.fitted for h in search.singles.values()), key=lambda f: f.cost)
 
 
-def test_without_a_gap_only_what_was_asked_for_is_refitted(world):
+def test_without_a_gap_only_a_requested_effect_is_refitted(world):
     search, _ = rounds_of(world)
     search.first_round((), has_gap=False)
     assert search.singles == {}
@@ -64,7 +64,7 @@ def test_without_a_gap_only_what_was_asked_for_is_refitted(world):
     assert abs(size_of(world, search.singles["hem"], "hem")) < 0.2
 
 
-def test_what_was_asked_for_is_refitted_beside_the_shortlist_and_once(world):
+def test_a_requested_effect_is_refitted_beside_the_shortlist_and_once(world):
     world.missed = world.missed - 1.5 * world.rows["air_drag"][0]
     search, _ = rounds_of(world)
     search.first_round(("air_drag", "draught"), has_gap=True)
@@ -112,7 +112,7 @@ def solvers(world):
     return {name for name, effect in world.library.items() if effect.differs_by_solver}
 
 
-def test_the_family_of_a_further_effect_is_what_was_looked_at(world, monkeypatch):
+def test_the_family_of_a_further_effect_is_what_was_tested(world, monkeypatch):
     """All that was tested where the takes chose it too; else what was refitted; no more than one."""
     search, _ = rounds_of(world)
     monkeypatch.setattr(module, "puts_edge_right", lambda *_: False)

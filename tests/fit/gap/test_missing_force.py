@@ -19,7 +19,7 @@ from tests.fit.gap.test_diagnosis_parts import COARSE, a_take, truth_vector
     [(0.8, "mostly along the cloth's normal (80 %)"), (0.3, "in all directions, also along the cloth's normal (30 %)"),
      (0.08, "within the cloth and hardly along the cloth's normal (8 %)")],
 )  # fmt: skip
-def test_the_missing_forces_direction_is_told_in_words(normal, words):
+def test_the_missing_forces_direction_is_stated_in_words(normal, words):
     said = sentence_of(normal, 0.03, 0.6, None, {"top": 0.1, "bottom": 0.9}, power=-1.0)
     assert words in said
     assert "acts like inertia or a constant load" in said
@@ -27,7 +27,7 @@ def test_the_missing_forces_direction_is_told_in_words(normal, words):
 
 
 @pytest.mark.parametrize(("damping", "words"), [(0.3, "opposes motion"), (5.0, "drives motion")])
-def test_what_the_base_model_damps_too_little_opposes_motion_and_too_much_drives_it(damping, words):
+def test_the_missing_force_opposes_motion_that_is_damped_too_little_and_else_drives_it(damping, words):
     """The cloth is damped by 1.5 1/s: the missing force is -(1.5 - damping) v, along the velocity."""
     recording = prepare(a_take(noise=1e-4))
     observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
@@ -157,7 +157,7 @@ def test_a_force_that_no_power_of_the_speed_explains_has_no_exponent(monkeypatch
         (0.15, 0.06, 2.0, "opposes motion"),
     ],
 )  # fmt: skip
-def test_what_the_force_goes_with_is_told_in_words(odd, even, exponent, words):
+def test_what_the_force_goes_with_is_stated_in_words(odd, even, exponent, words):
     assert words in sentence_of(0.5, odd, even, exponent, {"top": 0.7, "bottom": 0.3}, power=-1.0)
 
 
@@ -210,7 +210,7 @@ def test_the_pull_is_that_of_a_critically_damped_spring_of_three_hertz():
     assert powers[mine, 8] == pytest.approx(squares[moving], abs=0.008)  # a kink passes 2 Hz rounded
 
 
-def test_what_either_kind_of_feature_explains_is_no_share_of_one_of_them(monkeypatch):
+def test_motion_that_either_kind_of_feature_explains_is_no_share_of_one_of_them(monkeypatch):
     """v + a that correlate by 0.6: either alone explains (1 + 0.6) / 2 of it, and beyond the other (1 - 0.6) / 2."""
     rng = np.random.default_rng(2)
     rows = rows_of(rng, 20000, lambda v, a: v + a, point=0, third=1, cosine=0.6)

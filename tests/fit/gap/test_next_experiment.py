@@ -21,7 +21,7 @@ from tests.fit.gap.test_diagnosis_parts import COARSE, a_take, fitted_at, truth_
 
 
 @pytest.mark.slow
-def test_turning_cloth_or_rig_tells_a_draught_from_tilted_gravity():
+def test_turning_cloth_or_rig_separates_a_draught_from_tilted_gravity():
     """Both only lean the cloth; a twist of the hanger, or a turned rig, puts the wind on another side of it."""
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     base = fitted_at(observer, truth_vector())
@@ -73,7 +73,7 @@ def test_an_outline_may_begin_anywhere():
     assert (other.offset_sd, other.held_error) == (0.002, 0.004)
 
 
-def test_an_imagined_recording_has_garment_hanger_and_sensor_of_the_one_at_hand():
+def test_an_imagined_recording_has_garment_hanger_and_sensor_of_the_given_one():
     """Flicked from 0.5 to 0.75 s, it stops hardest at 0.7 s, and a slip follows by three hundredths of a second."""
     recording = prepare(a_take())
     count = recording.points.shape[1]
@@ -234,7 +234,7 @@ def test_a_recording_that_adds_less_than_a_standard_deviation_is_not_proposed(mo
         assert "from no effect by" in found.sentence
 
 
-def test_what_is_more_probable_weighs_more(monkeypatch):
+def test_a_more_probable_effect_weighs_more(monkeypatch):
     """The first motion separates the second and the third by 4 more, the second motion the first from both."""
     now = [X, Y, Z]
     far = [[0 * X, 4.9 * X, 0 * X], [4.9 * X, 0 * X, 0 * X], [0 * X] * 3]
@@ -245,7 +245,7 @@ def test_what_is_more_probable_weighs_more(monkeypatch):
     assert (found.id, found.separates) == ("S1", ["hem", "air_drag"])
 
 
-def test_of_several_pairs_the_one_that_gains_most_is_told(monkeypatch):
+def test_of_several_pairs_the_one_that_gains_most_is_named(monkeypatch):
     """The first two are ten apart with or without the recording, the second and the third one, and then five."""
     now = [10 * X, Y, Z]
     far = [[0 * X, 4.9 * X, 0 * X]] * 3

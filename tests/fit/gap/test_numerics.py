@@ -156,7 +156,7 @@ def test_a_refit_that_makes_it_worse_is_not_taken():
     assert np.sqrt(found.errors.squared_mm) == pytest.approx(float(observer.in_mm(observer.missed)) * (4 / 6) ** 2)
 
 
-def test_what_is_judged_on_says_how_far_the_mesh_is_off():
+def test_the_held_out_takes_show_how_far_the_mesh_is_off():
     shape = np.random.default_rng(0).normal(0, 500.0, NUMBERS)
     none = np.zeros((NUMBERS, len(SI.initial)))
     observer, judge = Meshed(0.1, shape, none), Meshed(0.1, 3 * shape, none)

@@ -67,7 +67,7 @@ def test_a_cause_that_no_effect_imitates_is_a_wide_discrepancy(world):
     assert wide > 0.8
 
 
-def test_what_the_mesh_may_make_is_no_evidence(world):
+def test_an_error_that_the_mesh_may_cause_is_no_evidence(world):
     """An effect's motion of a third of the mesh's error has no more evidence than the odds of an effect."""
     noise = [np.full(r.points.shape[1], NOISE) for r in world.recordings]
     world.missed = world.missed - 0.03 * world.rows["air_drag"][0]  # 0.18 mm, a third of MESH
@@ -78,7 +78,7 @@ def test_what_the_mesh_may_make_is_no_evidence(world):
     assert mass.total[1] < mass.total[0] - 2.0
 
 
-def test_what_lowers_no_cost_when_it_is_fitted_truly_is_refuted(world):
+def test_a_set_whose_refit_lowers_no_cost_is_refuted(world):
     """A secant promises that drag explains the residual, and no size of the effect does."""
     world.missed = world.missed - 1.5 * world.rows["air_drag"][0]
     search, asked = world.search()

@@ -61,7 +61,7 @@ def beside_drag(world, likelihood):
     return Linear(world, likelihood, fitted, rows)
 
 
-def test_what_parameters_imitate_within_their_priors_is_no_signature(world, linear):
+def test_motion_that_parameters_imitate_within_their_priors_is_no_signature(world, linear):
     """Ridge regression is least squares with one row more for each parameter: its prior of e^1.5."""
     jacobian = linear.jacobian
     longer = np.vstack([jacobian, np.eye(jacobian.shape[1]) / PRIOR_LOG])
@@ -86,13 +86,13 @@ def test_effects_of_a_fit_are_taken_out_of_its_residual_and_may_go_to_nothing(wo
     assert beside_drag.columns.high[n] == effect.high / effect.typical
 
 
-def test_the_place_that_is_linear_about_does_not_change_the_masses(linear, beside_drag, world):
+def test_the_parameters_of_the_linearisation_do_not_change_the_masses(linear, beside_drag, world):
     among = [(), ("air_drag",), ("hem",), ("air_drag", "hem")]
     one, other = (found.masses(among, MESH) for found in (linear, beside_drag))
     assert other.known - other.known[0] == pytest.approx(one.known - one.known[0], abs=1e-6)
 
 
-def test_what_moves_nothing_is_in_no_subset(world, likelihood):
+def test_an_effect_that_moves_no_point_is_in_no_subset(world, likelihood):
     rows = dict(world.rows) | {"hem": np.zeros_like(world.rows["hem"])}
     assert "hem" not in Linear(world, likelihood, world.base(), rows).columns.effects
 
@@ -137,7 +137,7 @@ def test_a_size_is_found_within_its_range_and_in_its_own_unit(linear, world):
         linear.columns.high[one_sided] = kept
 
 
-def test_refits_start_on_the_way_to_the_joint_solution(linear, world):
+def test_refits_start_on_the_line_to_the_joint_solution(linear, world):
     """Parameters follow each share of the amplitudes by least squares; the order of the names does not matter."""
     subset = ("hem", "air_drag")
     vectors, amplitudes = linear.starts(subset)
@@ -179,7 +179,7 @@ def test_shares_add_up_to_one_and_the_best_is_a_subset_that_was_fitted():
 FAR = -1e3
 
 
-def test_what_may_win_is_refitted_one_effect_more_a_turn():
+def test_a_set_that_may_win_is_refitted_one_effect_more_a_turn():
     near, far = -REFITTED_WITHIN + 0.1, -REFITTED_WITHIN - 0.1
     mass = mass_of(
         none=(0, FAR, 0), a=(near, FAR, 0), b=(far, FAR, 0), a_and_c=(-0.5, FAR, 0), a_and_c_and_d=(-1, FAR, 0)

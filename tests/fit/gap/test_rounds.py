@@ -142,7 +142,7 @@ def test_what_the_held_edge_shows_is_taken_first_with_the_effect_that_puts_it_ri
 
 
 @pytest.mark.parametrize(("squares", "goes_on"), [(1150, True), (2000, False)])
-def test_what_the_held_edge_shows_is_fitted_on_though_it_closes_little(monkeypatch, squares, goes_on):
+def test_an_effect_that_the_held_edge_shows_is_fitted_further_though_it_closes_little(monkeypatch, squares, goes_on):
     """Of 39 mm^2 that a draught leaves slack clips close 3."""
     search = a_search((12.0, 100.0), {"draught": (8.0, 20.0)})
     search.singles = {k: with_edge(h, 2000) for k, h in search.singles.items()}
@@ -164,7 +164,7 @@ def test_what_the_held_edge_shows_is_fitted_on_though_it_closes_little(monkeypat
     ("name", "squares", "rounds_tried"),
     [("hem", 2000, 1), ("hem", 1200, 0), ("depth_scale", 2000, 0), ("depth_scale", 2500, 1)],
 )
-def test_a_further_effect_is_looked_for_where_the_held_edge_is_not_explained(monkeypatch, name, squares, rounds_tried):
+def test_a_further_effect_is_sought_where_the_held_edge_is_not_explained(monkeypatch, name, squares, rounds_tried):
     """Of 18850 laws of depth may leave 1086."""
     search = a_search((12.0, 100.0), {name: (5.1, 20.0)})
     search.base = with_edge(search.base, 20000)
@@ -202,7 +202,7 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
 
 # Of the 18 mm^2 (or 7.4) that drag leaves alone beyond the noise both together close 14 (or 3.3).
 @pytest.mark.parametrize(("alone", "goes_on"), [(6.5, True), (5.6, False)])
-def test_a_third_effect_is_looked_for_where_two_are_needed_after_each_was_fitted_alone(monkeypatch, alone, goes_on):
+def test_a_third_effect_is_sought_where_two_are_needed_after_each_was_fitted_alone(monkeypatch, alone, goes_on):
     search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
     pair = hypothesis(("air_drag", "hem"), 5.3)
     tried = []
@@ -293,7 +293,7 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
     assert search.singles[pair.effects[1]].fitted.cost == pytest.approx(40.0)
 
 
-def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_has_alone():
+def test_an_effect_that_was_a_start_and_is_not_tried_beside_others_has_the_twins_it_has_alone():
     """Anisotropy is left out where effects are looked for beside drag."""
     search = a_search((12.0, 100.0), {})
     search.screened = like(anisotropy=1.0, hem=0.99, air_drag=0.2)
@@ -301,7 +301,7 @@ def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_h
     assert search._twins("anisotropy", "air_drag") == ("hem",)
 
 
-def test_what_brings_no_point_nearer_is_not_tried_beside_another_effect():
+def test_an_effect_that_brings_no_point_nearer_is_not_tried_beside_another_effect():
     """Of 10 mm^2 that the best would save a twentieth is 0.5; then the three that save most cost, but trifles; then f,
     which saves 9 of 10 mm^2."""
     saved = {

@@ -20,7 +20,7 @@ def drawn(seed):
     return np.random.default_rng(seed)
 
 
-def test_what_an_effect_explains_is_what_the_parameters_cannot_imitate():
+def test_an_effect_explains_only_error_that_the_parameters_cannot_imitate():
     """r = -3 s + q, and s is one third of J's column and two thirds of a row at right angles, of equal length."""
     rng = drawn(0)
     raw = np.linalg.qr(rng.normal(size=(len(NONE), 3)))[0].T * 100.0

@@ -33,7 +33,7 @@ def test_a_parameter_at_its_bound_has_its_whole_range_and_is_named():
     assert at_bounds(SI, hypothesis((), 5.0).fitted) == ""
 
 
-def test_the_way_from_the_raw_points_is_said_with_its_share():
+def test_the_improvement_from_the_raw_points_is_stated_with_its_share():
     """1600 - 144 of 1600 - 25 mm^2 are 92 %."""
     gap = diagnosis().gap
     given = replace(gap, base_mm=replace(gap.base_mm, value=12.0), floor_mm=replace(gap.floor_mm, value=5.0))

@@ -74,7 +74,7 @@ def test_shares_within_ranges_are_those_of_the_normal_distribution():
     assert far == pytest.approx(-0.5 * 40.0**2 - np.log(40.0 * np.sqrt(2 * np.pi)), abs=0.01)
 
 
-def test_every_subset_of_up_to_three_of_two_dozen_effects_is_looked_at():
+def test_every_subset_of_up_to_three_of_two_dozen_effects_is_weighed():
     names = [f"effect {n}" for n in range(24)]
     assert len(subsets(names)) == 1 + 24 + 276 + 2024
     alone = subsets(names, beside={name: name != names[0] for name in names})

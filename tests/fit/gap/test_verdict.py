@@ -88,7 +88,7 @@ def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
     assert amplitudes is single.fitted.amplitudes
 
 
-def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
+def test_an_effect_at_the_end_of_its_range_is_no_rival():
     """A tilt of 0.1 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
     evidence = evidence_of({"gravity_tilt": 6.0, "draught": 7.3})
     tilt = "gravity_tilt"
@@ -104,7 +104,7 @@ def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
 
 
 @pytest.mark.parametrize(("blocks", "verdict"), [(5, "effect"), (1, "unknown")])
-def test_what_acts_in_few_half_seconds_is_named_if_enough_of_them_hold_the_gap(blocks, verdict):
+def test_an_effect_that_acts_in_few_half_seconds_is_named_if_enough_of_them_hold_the_gap(blocks, verdict):
     """Lift closes nine tenths of 400 mm^2 in some half-seconds of twelve, and there is next to no gap in the others."""
     few = np.where(np.arange(BLOCKS) < blocks, 4000.0, 300.0)
     left = few - np.where(np.arange(BLOCKS) < blocks, 3300.0, -15.0 + 30.0 * (np.arange(BLOCKS) % 2))
@@ -180,7 +180,7 @@ def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name,
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "effect")])
-def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
+def test_a_named_effect_is_worth_naming_in_half_of_the_draws(share, verdict):
     evidence = evidence_of({"air_drag": 6.0})
     drag = next(iter(evidence.singles))
     evidence.__dict__["worth_naming"] = {drag: np.arange(400) < 400 * share}
@@ -244,7 +244,7 @@ def test_a_twin_that_leaves_more_takes_nothing_from_the_probability_of_the_bette
     assert probability_of("filter_lag", evidence, together) < 0.05
 
 
-def test_what_mesh_and_solver_may_be_wrong_by_is_not_held_against_an_effect():
+def test_the_error_of_mesh_and_solver_does_not_count_against_an_effect():
     """With 8 mm 39 of 119 mm^2 are left, of which 5.5 mm of mesh and solver make 30."""
     evidence = evidence_of({"air_lift": 8.0})
     coarse = dataclasses.replace(evidence, numerics_mm=5.5)
@@ -269,7 +269,7 @@ def test_effects_that_are_needed_together_are_as_probable_as_their_sum_is():
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.5, "effect"), (0.1, "effect"), (0.01, "unknown")])
-def test_what_a_cause_leaves_beyond_its_law_is_noise_only_as_far_as_the_noise_is_uncertain(error, verdict):
+def test_error_that_a_cause_leaves_beyond_its_law_is_noise_only_as_far_as_the_noise_is_uncertain(error, verdict):
     """Of 119 mm^2 drag may leave 10.7, and the mesh 2; left are 14.3: with noise of 5.2 mm for 5 that is enough."""
     evidence = dataclasses.replace(evidence_of({"air_drag": np.sqrt(39.3)}), floor_error_mm=error)
     assert decide(evidence).verdict == verdict
@@ -293,7 +293,7 @@ def test_the_sentence_says_where_a_local_effect_acts():
 
 
 @pytest.mark.parametrize("given", [{"singles": {"air_drag": 7.0}}, {"singles": {"air_lift": 10.3}}])
-def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(given):
+def test_the_nearest_effect_that_leaves_too_much_is_reported_with_what_it_leaves(given):
     """Drag leaves 24 of 119 mm^2, more than its laws would; lift 81, more than any cause."""
     found = decide(evidence_of(**given))
     left = {

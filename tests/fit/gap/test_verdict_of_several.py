@@ -36,7 +36,7 @@ def test_where_both_of_two_effects_have_twins_the_one_that_shares_neither_is_pas
     assert decide(evidence).alternatives == {"filter_lag": ["time_offset"]}
 
 
-def test_twins_are_told_of_two_effects_and_not_of_three():
+def test_twins_are_listed_for_two_effects_and_not_of_three():
     instead = [hypothesis(("air_lift", "filter_lag"), 5.9)]
     joint = [(("air_lift", "time_offset"), 8.0), (("air_lift", "time_offset", "hem"), 5.4)]
     evidence = evidence_of({"air_lift": 10.0}, joint=joint, instead=instead)
@@ -159,7 +159,7 @@ def test_a_further_effect_that_may_be_nothing_is_not_named():
         ({"clip_slip": (0.008, 0.0), "hanger_rotation": (0.0092, 0.0)}, "several"),
     ],
 )
-def test_what_one_effect_brings_along_is_no_effect_beside_it(sizes, verdict):
+def test_an_amount_that_one_effect_brings_along_is_no_effect_beside_it(sizes, verdict):
     first, _ = sizes
     evidence = evidence_of({first: 6.1}, joint=[(tuple(sizes), 5.1)])
     found, p_value = evidence.joint[0]
@@ -170,7 +170,7 @@ def test_what_one_effect_brings_along_is_no_effect_beside_it(sizes, verdict):
 
 
 @pytest.mark.parametrize(("blocks", "verdict"), [(1, "effect"), (6, "several")])
-def test_what_acts_for_one_moment_of_the_motion_that_judges_is_not_certain(blocks, verdict):
+def test_an_effect_that_acts_for_one_moment_of_the_held_out_motion_is_not_certain(blocks, verdict):
     """A slip moves one block of twelve, or half of them; the motion fitted to has no say."""
     before, after = errors(9.0), errors(9.0)
     before.sums[:blocks], after.sums[:blocks] = 2 * before.sums[:blocks], 0.0

@@ -48,14 +48,14 @@ def test_a_pair_that_was_fitted_before_its_effects_were_known_as_twins_has_no_ma
     assert verdict.verdict == "ambiguous"
 
 
-def test_an_effect_that_holds_a_tenth_in_the_place_of_the_best_is_told_with_it():
+def test_an_effect_that_holds_a_tenth_beside_the_best_is_named_with_it():
     evidence = evidence_of({"time_offset": 5.5, "filter_lag": 5.6, "hem": 11.0})
     shares = {(): (0.01, 0.0), ("time_offset",): (0.7, 0.0), ("filter_lag",): (0.25, 0.0), ("hem",): (0.04, 0.0)}
     verdict = decide_by_mass(evidence, found_of(shares))
     assert (verdict.verdict, verdict.named) == ("ambiguous", ["time_offset", "filter_lag"])
 
 
-def test_of_two_causes_each_has_what_may_stand_in_its_place():
+def test_of_two_causes_each_is_listed_with_its_alternatives():
     evidence = evidence_of({"time_offset": 9.0, "air_drag": 8.0}, joint=[(("air_drag", "time_offset"), 5.4)])
     shares = {
         (): (0.01, 0.0), ("air_drag",): (0.05, 0.0), ("air_drag", "time_offset"): (0.6, 0.0),
@@ -95,7 +95,7 @@ def test_an_effect_whose_size_may_be_nothing_is_not_named():
     assert decide_by_mass(evidence_of({"air_drag": 5.0}, base=5.2, sizes=0.01), shares).verdict == "none"
 
 
-def test_the_likeliest_pair_whose_sizes_may_be_nothing_is_told_with_both():
+def test_the_likeliest_pair_whose_sizes_may_be_zero_is_reported_with_both():
     evidence = evidence_of({}, joint=[(("air_drag", "hem"), 5.4)], sizes=0.01)
     ((pair, p_value),) = evidence.joint
     weak = dataclasses.replace(pair.fitted, amplitudes=0.01 * pair.fitted.amplitudes)
@@ -195,7 +195,7 @@ def test_a_base_fit_whose_starts_disagree_stops_no_verdict_by_masses():
 
 
 @pytest.mark.parametrize(("other", "verdict"), [(0.076, "effect"), (0.079, "ambiguous")])
-def test_in_the_place_of_the_best_counts_what_holds_a_tenth_of_both(other, verdict):
+def test_an_alternative_of_the_best_is_what_holds_a_tenth_of_both(other, verdict):
     """A ninth of 0.7 is 0.0778; a pair is in the place of no single effect, however much it holds."""
     evidence = evidence_of({"time_offset": 5.5, "filter_lag": 5.6})
     shares = {("time_offset",): (0.7, 0.0), ("filter_lag",): (other, 0.0), ("filter_lag", "hem"): (0.1, 0.0)}
@@ -234,7 +234,7 @@ def test_a_cause_is_named_as_surely_as_its_mass(share, words):
     assert words in said
 
 
-def test_what_decides_nothing_is_refused_with_what_does():
+def test_an_unknown_decision_is_refused_with_the_known_ones():
     assert deciding("evidence") == "evidence"
     with pytest.raises(FitError, match="tea leaves is no way to decide") as refused:
         deciding("tea leaves")

@@ -42,7 +42,7 @@ def test_an_error_of_one_point_is_found_there_and_nowhere_else(scene):
     assert sum(v > 1e-6 for v in values) == 1
 
 
-def test_components_add_up_in_squares_and_places_and_phases_in_weighted_squares(scene):
+def test_components_add_up_in_squares_and_regions_and_phases_in_weighted_squares(scene):
     """3, 4 and 12 mm along the axes are 13 mm in all; parts of all points add up, groups of points average."""
     recording, observer = scene
     by = np.zeros(recording.points.shape) + np.array([0.003, 0.004, 0.012])
@@ -91,7 +91,7 @@ def test_an_oscillation_is_found_in_its_band(scene, hertz, band):
     [(6, "top left"), (7, "top centre"), (9, "top right"), (11, "middle left"), (12, "middle centre"),
      (13, "middle right"), (16, "bottom left"), (17, "bottom centre"), (23, "bottom right")],
 )  # fmt: skip
-def test_a_place_is_named_by_its_thirds_of_the_height_and_the_width(scene, point, name):
+def test_a_region_is_named_by_its_thirds_of_the_height_and_the_width(scene, point, name):
     """Of five rows and columns the second lies at a quarter, the third in the middle, the fourth at three quarters."""
     by = np.zeros(scene[0].points.shape)
     by[:, point] = 0.002

@@ -110,7 +110,7 @@ def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
     assert not (out / "fit.partial.json").exists()
 
 
-def test_an_interrupted_fit_says_from_where_it_goes_on(monkeypatch, tmp_path, capsys):
+def test_an_interrupted_fit_says_from_where_it_continues(monkeypatch, tmp_path, capsys):
     """It is interrupted where the first of its forty iterations are shown."""
     write_take(tmp_path / "a.mcap", a_take())
     asked = {"method": "lean", "search": "annealing", "iterations": 40, "spacing": 0.15, "out": tmp_path / "out"}
@@ -182,7 +182,7 @@ def test_combinations_count_effects_that_change_the_cloth():
     assert shear.interval_high == pytest.approx(51.5 + 2.015 * 90 / 12**0.5 / 0.2, rel=0.01)
 
 
-def test_a_narrow_box_tells_nothing_that_the_points_do_not():
+def test_narrow_bounds_identify_nothing_that_the_points_do_not():
     """The engine knows no parameter, so every deviation is the box's own, however narrow that is."""
     result = calibrate([a_take()], [], asked(bounds=["stretch_stiffness=299:301"]))
     stretch = next(c for c in result.combinations if c.name == "stretch stiffness / density")
@@ -204,7 +204,7 @@ def test_a_narrow_box_tells_nothing_that_the_points_do_not():
         (True, "the search is kept in out/fit.partial.json. The same command continues."),
     ],
 )
-def test_what_is_promised_after_an_interruption_is_there(
+def test_the_file_that_an_interruption_names_exists(
     monkeypatch, tmp_path, capsys, search, shown, is_there, sentence
 ):  # fmt: skip
     """And so is what was shown before it."""
@@ -227,7 +227,7 @@ def test_what_is_promised_after_an_interruption_is_there(
     assert (tmp_path / "out/fit.partial.json").exists() == is_there
 
 
-def test_a_range_of_six_times_tells_nothing_that_the_points_do_not():
+def test_a_range_of_six_times_identifies_nothing_that_the_points_do_not():
     """At the lower end of a logarithm's range its flat prior is narrow in N/m; the points still say nothing."""
     result = calibrate([a_take()], [], asked(method="si", bounds=["shear_stiffness=36:216"]))
     assert {p.name: p.fitted for p in result.parameters}["shear_stiffness"] < 60

@@ -57,7 +57,7 @@ def test_a_combination_of_one_parameter_has_its_verdict_and_its_interval(unknown
     assert bending.is_identified
 
 
-def test_what_a_method_holds_fixed_is_left_out():
+def test_fixed_parameters_of_a_method_are_left_out():
     """`lean` has no bending viscosity of its own."""
     assert "bending damping time" not in described(np.diag(REACH**2))
 
@@ -84,7 +84,7 @@ def test_stretching_and_density_that_err_together_leave_their_ratio_known():
     assert stretch.is_identified
 
 
-def test_the_way_to_the_least_squares_counts_for_a_combination_of_several():
+def test_the_remaining_step_to_the_minimum_counts_for_a_combination_of_several():
     """The search stopped 40 N/m, a fifth of the stretching, short; the deviations are 1 % of each parameter."""
     covariance = np.diag((0.01 * np.array(WITH_DENSITY)) ** 2)
     way = np.array([40.0, 0.0, 0.0, 0.0, 0.0])
@@ -93,7 +93,7 @@ def test_the_way_to_the_least_squares_counts_for_a_combination_of_several():
     assert half == pytest.approx(np.hypot(2.92 * 0.01 * np.sqrt(2), 0.2), rel=1e-3)
 
 
-def test_a_combination_of_several_that_hangs_on_one_is_as_little_known_as_that_one():
+def test_a_combination_of_several_that_depends_mainly_on_one_is_identified_only_if_that_one_is():
     """Bending is at its bound of 1e-6 N m; it supplies nearly all of what bending over density may be."""
     vector = (200.0, 1e-6, 1.0, 0.2, 1.0)
     ends = [[199.0, 201.0], [1e-6, 2e-4], [0.99, 1.01], [0.199, 0.201], [0.99, 1.01]]
@@ -124,7 +124,7 @@ def test_a_combination_that_is_not_identified_reaches_the_ends_of_its_unknown_pa
     assert (wide.interval_low, wide.interval_high) == pytest.approx((150.0, 5000.0))
 
 
-def test_a_combination_that_hangs_on_two_may_be_known_though_one_is_at_its_bound():
+def test_a_combination_that_depends_mainly_on_two_may_be_identified_though_one_is_at_its_bound():
     """Stretching alone supplies less than nine tenths of what the ranges allow of its ratio to the density."""
     found = share_of_the_ranges(0.01, unknown=(0,), at_bound=(0,))
     assert (found.is_identified, found.is_at_bound) == (True, False)

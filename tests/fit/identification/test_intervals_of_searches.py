@@ -93,7 +93,7 @@ def intervals_of(monkeypatch, **changes):
     return given
 
 
-def test_ends_of_descents_without_looks_count_a_number_for_every_two_seconds(monkeypatch):
+def test_ends_of_descents_without_samples_count_a_number_for_every_two_seconds(monkeypatch):
     """Six seconds are 3 numbers: an end that costs e^(2/3) times the best one has a weight of e^-1; it is 0.25 off."""
     given = intervals_of(monkeypatch)
     share = np.exp(-1) / (1 + np.exp(-1))

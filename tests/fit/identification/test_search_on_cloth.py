@@ -92,7 +92,7 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung, mo
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
 
-def test_trials_that_end_apart_tell_by_how_much_chance_moves_a_cost():
+def test_trials_with_different_ends_measure_by_how_much_chance_moves_a_cost():
     """Logarithms 0.1 and 0.2 above the least: sqrt((0.01 + 0.04) / 2) = 0.158; a trial that blew up tells nothing."""
     assert scatter_of([100 * np.exp(0.2), 100.0, 100 * np.exp(0.1)]) == pytest.approx(np.sqrt(0.025))
     assert scatter_of([100.0, np.inf]) == scatter_of([100.0]) == 0.0
@@ -210,7 +210,7 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
 
 
 @pytest.mark.slow
-def test_a_fit_that_misses_by_more_than_the_noise_is_begun_from_elsewhere_until_two_agree(swung):
+def test_a_fit_that_misses_by_more_than_the_noise_begins_again_from_other_samples_until_two_agree(swung):
     """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)

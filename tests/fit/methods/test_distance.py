@@ -23,7 +23,7 @@ def test_a_point_is_as_far_away_as_its_three_axes_say():
     assert np.isnan(apart[0, 1])
 
 
-def test_distances_are_between_places_wherever_both_are():
+def test_distances_are_between_positions_wherever_both_are():
     """10 and 13 m along each axis are sqrt(27) m apart."""
     assert distances(np.full((1, 1, 3), 10.0), np.full((1, 1, 3), 13.0)) == pytest.approx(np.sqrt(27))
 

@@ -48,7 +48,7 @@ def test_the_weighed_methods_take_the_density_from_the_scales():
     assert kinect == pytest.approx(KINECT_SKIRT.to_materials(KINECT_SKIRT.initial[None], 0.25))
 
 
-def test_motion_tells_the_same_combinations_of_vectors_that_move_alike():
+def test_motion_identifies_the_same_combinations_of_vectors_that_move_alike():
     """Density, tension and bending times 1.7 at one thickness; and half the density at bending quartered, t doubled."""
     vectors = np.array(
         [
@@ -78,7 +78,7 @@ def test_a_fit_lowers_the_methods_error_and_says_its_parts():
 
 
 @pytest.mark.slow
-def test_a_fit_finds_the_damping_and_says_which_parameters_motion_cannot_tell():
+def test_a_fit_finds_the_damping_and_says_which_parameters_motion_cannot_identify():
     """Sixty iterations from 1 /s towards the true 2.5 /s; density and thickness stay untold, the damping does not."""
     request = request_of(MOCAP_SWATCH, [], iterations=60, seed=1, spacing=COARSE)
     result = calibrate([a_swung_swatch()], [a_swung_swatch("b", hz=0.9)], request)

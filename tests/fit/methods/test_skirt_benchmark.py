@@ -7,7 +7,7 @@ import pytest
 from benchmarks import skirt
 
 
-def test_a_fall_is_told_as_missed_below_the_papers_own():
+def test_a_fall_is_reported_as_missed_below_the_papers_own():
     told = skirt.described([(100.0, 36.0), (200.0, 72.0)])
     assert told.split() == ["100.0", ">", "36.0", "-64", "%", "200.0", ">", "72.0", "-64", "%", "missed"]
 

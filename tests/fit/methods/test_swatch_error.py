@@ -49,7 +49,7 @@ def test_a_swatch_10_mm_aside_costs_alpha_times_10_mm():
     assert terms[0] == pytest.approx([0.01, 0.0, 0.0, 0.0], abs=1e-9)
 
 
-def test_a_swatch_that_moves_steadily_costs_half_its_speed_and_its_mean_place():
+def test_a_swatch_that_moves_steadily_costs_half_its_speed_and_its_mean_position():
     """0.2 m/s for 2 s: 0.5 x 0.2 for the speed, and the mean place is half way, 0.2 m x 239/240 off."""
     moving = hanging() + 0.2 * TIME[:, None, None] * np.array([0.0, 1.0, 0.0])
     terms = error_against(hanging()).terms(moving[None])

@@ -73,7 +73,7 @@ def test_the_numbers_of_an_edge_that_is_where_it_should_be_are_standard_normal(g
     assert np.mean(found) == pytest.approx(1.0, rel=0.15)
 
 
-def test_what_moves_the_edge_or_stretches_it_shows_and_what_turns_it_does_not():
+def test_a_shift_or_stretch_of_the_edge_shows_and_a_rotation_does_not():
     """3 mm of swing to the right, an edge that is 2 % too long, a roll of 0.05 rad about its middle."""
     wave = np.sin(2 * np.pi * TIME)[:, None]
 
@@ -102,7 +102,7 @@ def test_what_moves_the_edge_or_stretches_it_shows_and_what_turns_it_does_not():
     assert found[rolled][0] == pytest.approx(0.0, abs=5e-5)
 
 
-def test_points_that_are_missing_on_one_side_do_not_pass_for_a_moved_edge():
+def test_points_that_are_missing_on_one_side_are_not_mistaken_for_a_moved_edge():
     def longer(points):
         points = points * [1.02, 1.0, 1.0]
         points[::2, :2] = np.nan
@@ -175,7 +175,7 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     assert limits[0] == pytest.approx(limits[1])
 
 
-def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
+def test_the_outline_of_a_skirt_gives_no_evidence_of_how_its_edge_is_held():
     recording, _ = a_recording()
     skirt = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, kind="skirt_panel"))
     swatch, outline = (Observer([r], SI, LIBRARY, frequency=0.0) for r in (recording, skirt))
@@ -190,7 +190,7 @@ def resting(squares):
     return EdgeErrors(resting=squares)
 
 
-def test_an_edges_error_is_counted_in_what_no_noise_makes():
+def test_an_edges_error_counts_beyond_its_noise():
     """60 of what varies and 25 of what is constant are certain; noise makes 1.15 times the count and four."""
     found = EdgeErrors(moving=120.0, count=40, resting=50.0)
     assert found.shown == pytest.approx(2.0 + 2.0)
@@ -210,7 +210,7 @@ def test_an_effect_is_seen_on_the_edge_where_it_removes_a_certain_error_and_half
     assert not is_seen_on_edge(resting(50.0), resting(25.1), by_law=0.5)
 
 
-def test_the_edge_tells_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_law_may_leave():
+def test_the_edge_shows_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_law_may_leave():
     """Without either effect 25 times 25: a twentieth of that less the other's is 1.25 certain errors, or 31.25."""
     other = resting(10.0)
     assert is_favoured_by_edge(resting(35.1), other, other)

@@ -33,7 +33,7 @@ def residual_of(observer, *by):
     return observer.residuals_of([(r.points - b)[None] for r, b in zip(observer.recordings, by, strict=True)])[0]
 
 
-def test_what_varies_is_divided_by_the_noise_and_what_is_constant_by_what_is_known_of_it(still):
+def test_varying_errors_are_divided_by_the_noise_and_constant_ones_by_their_prior_deviation(still):
     """A constant 3 mm along y, and 1 mm to and fro along z: 0.5 deviations, and 3 of sqrt(1 + 4 / 60) mm."""
     observer, by = observer_of(still), np.zeros(still.points.shape)
     by[:, :, 1] = 0.003
@@ -72,7 +72,7 @@ def test_half_seconds_and_thirds_of_the_cloth_are_blocks_of_their_own_in_each_ta
     assert layout.static_of[judged][3600:].tolist() == [*np.tile(7260 + np.arange(60), FRAMES)]
 
 
-def test_what_is_not_seen_has_no_number_and_no_part_in_a_mean(still):
+def test_unseen_points_have_no_residual_and_no_part_in_a_mean(still):
     """Of point 12 half of the frames: 2 mm there, whose mean is known to sd / sqrt(30)."""
     valid = still.valid.copy()
     valid[::2, 12] = valid[:, 24] = False
@@ -89,7 +89,7 @@ def test_what_is_not_seen_has_no_number_and_no_part_in_a_mean(still):
     assert not (layout.point == 24).any()
 
 
-def test_what_blew_up_is_charged_a_thousand_deviations_a_number(still):
+def test_a_simulation_that_blew_up_is_charged_a_thousand_deviations_a_number(still):
     observer = observer_of(still)
     points = np.stack([still.points, still.points, still.points])
     points[1, 30, 10] = np.nan

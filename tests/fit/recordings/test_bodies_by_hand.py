@@ -35,7 +35,7 @@ def test_bodies_are_as_far_away_as_by_hand():
      ({"axes": ((2, 0, 0), (0, 1, 0), (0, 0, 1))}, "three unit vectors"),
      ({"half_size": (0, 0, 1.0), "taper": 0.5}, "has no end"), ({"half_size": (0, 0, 1.0), "taper": -0.5}, "no end")],
 )  # fmt: skip
-def test_what_is_no_body_is_refused(changes, words):
+def test_impossible_bodies_are_refused(changes, words):
     with pytest.raises(FitError, match=words):
         Body(**({"centre": (0, 0, 0), "radius": 0.5} | changes))
     Body(centre=(0, 0, 0), radius=0.5, half_size=(0, 0, 1.0), taper=0.49)
@@ -54,7 +54,7 @@ def pose(centre, degrees=0.0):
     return np.concatenate([centre, [c, s, 0], [-s, c, 0], [0, 0, 1]])
 
 
-def test_a_moving_body_is_on_the_straight_way_with_square_axes():
+def test_a_moving_body_is_on_the_straight_line_with_square_axes():
     motion = BodyMotion(0.5, np.stack([[pose([0.0, 0, 0])], [pose([1.0, 0, 0], 60)], [pose([1.0, 2.0, 0], 60)]]))
     found_poses = motion.at(np.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 9.0]))
     assert found_poses.shape == (7, 1, 12)

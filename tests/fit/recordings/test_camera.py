@@ -81,7 +81,7 @@ def test_skewed_grids_are_left_out_and_counted():
     assert "skewed_grids" not in found_of(swung(silhouette_sheet("material"), time, time, angle=angle))
 
 
-def test_sliding_points_get_their_material_places():
+def test_sliding_points_get_their_material_positions():
     """The grid is laid over 82 to 98 % of the cloth: in the plane its last row is off by up to 54 mm."""
     time = uneven()
     share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
@@ -143,7 +143,7 @@ def test_the_command_makes_a_silhouette_that_slides_as_recordings_do(tmp_path):
     assert not any(found.name == "points_are" for found in describe_camera([recording]))
 
 
-def test_noise_is_not_taken_for_sliding():
+def test_noise_is_not_mistaken_for_sliding():
     """7 mm of white noise change the median length of pairs of 43 mm by 4 % each, and together by 2.9 %."""
     time = np.arange(0, 8, 1 / 20)
     found = [

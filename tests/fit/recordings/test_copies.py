@@ -97,7 +97,7 @@ def test_takes_at_rest_are_no_copies(noise):
         assert not copies(*still)
 
 
-def test_frames_that_come_again_and_cloth_that_has_not_moved_tell_nothing():
+def test_frames_that_come_again_and_cloth_that_has_not_moved_give_no_evidence():
     """The hanger goes by a centimetre after 0.7 s; the lower points are later."""
     take = recorded(amplitude=0.08)
     informative = Track(take).informative
@@ -124,7 +124,7 @@ def test_a_copy_may_keep_one_frame_in_ten(step, is_one, monkeypatch):
     assert copies(take, part(take, slice(0, None, step))) == is_one
 
 
-def test_most_points_of_a_frame_must_be_at_their_places():
+def test_most_points_of_a_frame_must_be_at_their_positions():
     """Three of six free points are half, four are most of them."""
     garment = sheet(grid=3)
     free = Track(recorded(garment=garment)).free
@@ -136,7 +136,7 @@ def test_most_points_of_a_frame_must_be_at_their_places():
 
 
 @pytest.mark.parametrize(("apart", "is_one"), [(0.95e-4, True), (1.05e-4, False)])
-def test_places_are_the_same_within_a_tenth_of_a_millimetre(apart, is_one):
+def test_positions_are_the_same_within_a_tenth_of_a_millimetre(apart, is_one):
     take = recorded()
     assert same_places(take, dataclasses.replace(take, points=take.points + np.array([0.0, apart, 0.0]))) == is_one
 
@@ -153,7 +153,7 @@ def test_a_fifth_of_the_frames_in_common_makes_a_copy(kept, is_one):
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
-def test_long_takes_of_many_equal_places_are_compared_in_a_second(noise, monkeypatch):
+def test_long_takes_of_many_equal_positions_are_compared_in_a_second(noise, monkeypatch):
     """Ten minutes at rest or with a tracker that stands: all places are one, or some hundreds."""
     monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 600, 1 / 30))
     takes = [recorded(hz, noise, seed, start=590.0) for hz, seed in ((0.7, 1), (0.9, 2))]
@@ -163,7 +163,7 @@ def test_long_takes_of_many_equal_places_are_compared_in_a_second(noise, monkeyp
     assert process_time() - begin < 5.0  # s: without a look at equal places it takes minutes
 
 
-def test_a_long_take_is_looked_at_in_parts_and_its_copy_is_known(monkeypatch):
+def test_a_long_take_is_compared_in_parts_and_its_copy_is_known(monkeypatch):
     monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 100, 1 / 30))
     monkeypatch.setattr("fit.recordings.copies.MOST_ASKED", 400)
     take = recorded()

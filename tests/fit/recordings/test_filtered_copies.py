@@ -66,7 +66,7 @@ COPIES = {
 
 
 @pytest.mark.parametrize("change", COPIES)
-def test_a_recording_whose_every_place_has_changed_is_known_by_its_noise(change):
+def test_a_recording_whose_every_position_has_changed_is_known_by_its_noise(change):
     take = recorded(noise=2e-3)
     copy = COPIES[change](take)
     assert are_copies(Track(take), Track(copy))
@@ -161,13 +161,13 @@ def test_lively_motion_that_a_machine_repeats_is_no_copy(rate):
         assert left(one, turned(other)) > 0.25
 
 
-def test_what_taps_magnify_is_no_noise_of_a_copy():
+def test_noise_that_taps_magnify_is_no_noise_of_a_copy():
     """Motion of low frequency leaves the taps free to undo a filter, which magnifies the noise that counts."""
     one, other = (lively(10, seed, 3e-4, hz=0.5, flutter=0.0) for seed in (1, 2))
     assert left(one, smoothed(other, 4.0)) > 0.5
 
 
-def test_places_beside_a_gap_of_the_copy_do_not_count():
+def test_positions_beside_a_gap_of_the_copy_do_not_count():
     take = lively(30, hz=0.9)
     gap = (np.arange(300) > 150) & (np.arange(300) < 185)
     copy = turned(take)
@@ -176,7 +176,7 @@ def test_places_beside_a_gap_of_the_copy_do_not_count():
     assert left(take, copy) < 0.25
 
 
-def test_places_are_smoothed_as_lines_from_frame_to_frame_whatever_the_clock():
+def test_positions_are_smoothed_as_lines_from_frame_to_frame_whatever_the_clock():
     """Against sums over a fine clock; a straight motion stays straight."""
     random = np.random.default_rng(8)
     time = np.sort(random.uniform(0, 3, 60))
@@ -210,7 +210,7 @@ def test_a_point_seen_in_no_frame_of_a_rising_clock_is_not_compared():
     assert noise_left(motion, motion, np.arange(3)) < 1e-6
 
 
-def test_cloth_at_rest_and_short_pieces_tell_nothing():
+def test_cloth_at_rest_and_short_pieces_give_no_evidence():
     still = recorded(amplitude=0.0)
     assert left(still, turned(still)) == math.inf
     take = recorded(garment=sheet(grid=4))

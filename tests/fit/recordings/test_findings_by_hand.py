@@ -79,7 +79,7 @@ def test_long_names_of_takes_are_shown_in_part(monkeypatch):
     assert f"in the take {part} the" in point_kind.describe_contradiction(garment, [take])
 
 
-def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_ends_what_follows():
+def test_a_foreign_clock_is_a_fault_reported_for_the_take_that_explains_least_and_ends_what_follows():
     lost = [recording(n, timing=timing(is_of_hanger=False, explained=e), skewed=0, lean=leaning(0.1))
             for n, e in (("a", 0.66), ("b", 0.64))]  # fmt: skip
     clock = foreign_clock(lost)
@@ -104,7 +104,7 @@ def late(seconds, half=0.01, *, is_retimed=True, name="a", **more):
     return recording(name, timing=own, is_retimed=is_retimed)
 
 
-def test_a_latency_that_was_taken_out_is_told_with_its_interval_and_in_the_clause():
+def test_a_latency_that_was_taken_out_is_reported_with_its_interval_and_in_the_clause():
     (one,) = found(late(0.05))
     assert (one.name, one.figure, one.unit, one.is_left) == ("latency", pytest.approx(0.05), "s", False)
     assert one.interval == pytest.approx((0.04, 0.06))
@@ -118,13 +118,13 @@ def test_a_latency_that_was_taken_out_is_told_with_its_interval_and_in_the_claus
 @pytest.mark.parametrize(
     ("seconds", "half", "is_told"), [(0.021, 0.01, True), (0.019, 0.01, False), (0.03, 0.04, False)]
 )
-def test_a_latency_that_was_left_in_is_told_from_twenty_milliseconds_on(seconds, half, is_told):
+def test_a_latency_that_was_left_in_is_reported_from_twenty_milliseconds_on(seconds, half, is_told):
     told = found(late(seconds, half, is_retimed=False))
     assert [one.name for one in told] == ["latency"] * is_told
     assert all(one.is_left and camera_clause([one]) == "" for one in told)
 
 
-def test_stamps_of_publishing_and_shifts_of_frames_are_told_of_what_was_retimed():
+def test_stamps_of_publishing_and_shifts_of_frames_are_reported_for_what_was_retimed():
     one, two = late(0.0, share=0.8, share_interval=(0.7, 0.9), deviation=0.03), late(0.0, deviation=0.04, name="b")
     publish, shifts = found(one, two)
     assert (publish.name, publish.take_ids, publish.figure) == ("publish_time", ["a"], pytest.approx(0.8))
@@ -137,7 +137,7 @@ def test_stamps_of_publishing_and_shifts_of_frames_are_told_of_what_was_retimed(
     assert "published, 0.80 of the interval" in camera_clause([publish])
 
 
-def test_skewed_grids_are_told_as_a_share_of_all_frames():
+def test_skewed_grids_are_reported_as_a_share_of_all_frames():
     (one,) = found(recording(skewed=10), recording("b"), recording("c", skewed=5, frames=300))
     assert (one.name, one.take_ids, one.figure) == ("skewed_grids", ["a", "c"], pytest.approx(15 / 500))
     assert one.sentence.startswith("15 of 500 grids (3 %) lie askew")
@@ -149,7 +149,7 @@ def test_skewed_grids_are_told_as_a_share_of_all_frames():
     [(0.004, -0.003, "4 mm lower and 3 mm further in"), (-0.004, 0.003, "4 mm higher and 3 mm further out"),
      (0.001, 0.001, None), (0.0, 0.0021, "0 mm lower and 2 mm further out")],
 )  # fmt: skip
-def test_a_held_edge_is_told_where_it_was_moved_to(down, out, words):
+def test_a_held_edge_is_reported_where_it_was_moved_to(down, out, words):
     """The mean of two takes of 0.5 and 1.5 times it."""
     edges = [SimpleNamespace(down=k * down, out=k * out) for k in (0.5, 1.5)]
     told = found(*(recording(n, edge=e) for n, e in zip("ab", edges, strict=True)), recording("c"))
@@ -201,7 +201,7 @@ def test_an_eroded_border_is_the_mean_of_its_three_sides():
 
 
 @pytest.mark.parametrize(("by_pose", "words"), [(0.03, "loses 30 mm"), (-0.03, "gains 30 mm"), (0.009, None)])
-def test_an_outline_that_depends_on_pose_is_told_with_its_sign(by_pose, words):
+def test_an_outline_that_depends_on_pose_is_reported_with_its_sign(by_pose, words):
     told = found(recording(outline=outline(0.0, 0.0, by_pose, 0.002)), recording("b", outline=outline(0.0, 0.0)))
     assert len(told) == (words is not None)
     for one in told:
@@ -212,7 +212,7 @@ def test_an_outline_that_depends_on_pose_is_told_with_its_sign(by_pose, words):
 
 
 @pytest.mark.parametrize(("scale", "words"), [(0.02, "2.0 % [1.5 to 2.5] farther"), (-0.02, "less far"), (0.002, None)])
-def test_a_scale_of_depth_is_told_and_left_in(scale, words):
+def test_a_scale_of_depth_is_reported_and_left_in(scale, words):
     half = 0.005 if words else 0.001
     told = found(recording(timing=timing(scale=scale, scale_interval=(scale - half, scale + half))), recording("b"))
     assert len(told) == (words is not None)
@@ -223,7 +223,7 @@ def test_a_scale_of_depth_is_told_and_left_in(scale, words):
 
 @pytest.mark.parametrize(("angle", "half", "is_told"), [(0.02, 0.01, True), (-0.02, 0.01, True), (0.02, 0.03, False),
                                                        (0.0049, 0.001, False)])  # fmt: skip
-def test_a_lean_at_rest_is_told_in_degrees(angle, half, is_told):
+def test_a_tilt_at_rest_is_reported_in_degrees(angle, half, is_told):
     told = found(recording(lean=leaning(angle, half)))
     assert len(told) == is_told
     for one in told:

@@ -59,7 +59,7 @@ def test_a_grid_that_has_fallen_into_a_line_is_askew_by_a_right_angle():
         assert skew_degrees(points, grid_of(garment)) == pytest.approx(np.full(200, 90.0 * sign), abs=1e-5)
 
 
-def test_a_grid_that_is_laid_over_a_shorter_silhouette_is_put_in_its_place():
+def test_a_grid_that_is_laid_over_a_shorter_silhouette_is_moved_to_its_position():
     """On a cylinder of 0.2 m, laid down to 0.25 m of 0.3 m: places within are on the cylinder, those below unseen."""
     garment, radius = silhouette_sheet(), 0.2
     grid = grid_of(garment)
@@ -78,7 +78,7 @@ def test_a_grid_that_is_laid_over_a_shorter_silhouette_is_put_in_its_place():
     assert length_seen(laid[None], ends(), grid)[0] == pytest.approx(0.25, abs=1e-3)
 
 
-def test_the_way_down_begins_at_the_held_edge_and_not_at_the_first_row():
+def test_the_path_down_begins_at_the_held_edge_and_not_at_the_first_row():
     """A grid whose first row hangs 0.02 m below the edge, 30 degrees out of the vertical."""
     garment = silhouette_sheet()
     grid, down = grid_of(garment), np.array([0.0, 0.5, -np.sqrt(0.75)])

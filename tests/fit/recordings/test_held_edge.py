@@ -66,7 +66,7 @@ def test_the_turn_of_the_edge_is_its_slope_whatever_is_off_or_missing(off, missi
     assert rms[1] == pytest.approx(0.02, rel=0.1)
 
 
-def test_an_edge_of_which_one_side_alone_is_seen_tells_no_turn():
+def test_an_edge_of_which_one_side_alone_is_seen_gives_no_rotation():
     seen = edge(across=np.linspace(-0.2, 0.2, 9))
     seen.points[:, 3:] = np.nan
     course, rms = seen.turn()
@@ -75,7 +75,7 @@ def test_an_edge_of_which_one_side_alone_is_seen_tells_no_turn():
 
 
 @pytest.mark.parametrize(("across", "is_told"), [((), False), ((0.1,), False), ((-0.2, 0.2), True)])
-def test_two_points_tell_a_turn_and_one_or_none_does_not(across, is_told):
+def test_two_points_give_a_rotation_and_one_or_none_does_not(across, is_told):
     course, rms = edge(slip=0.02, noise=0.0, across=np.array(across)).turn()
     assert course(np.array([1.0, 4.0])).shape == (2, 2)
     assert bool(rms.any()) == is_told
@@ -100,12 +100,12 @@ def test_a_step_of_eight_standard_errors_is_a_slip(errors, is_told):
 
 
 @pytest.mark.parametrize(("frames", "is_told"), [(111, True), (95, False)])
-def test_a_step_is_not_told_at_the_end_of_a_take(frames, is_told):
+def test_a_step_is_not_reported_at_the_end_of_a_take(frames, is_told):
     """Of the last five frames no step is told."""
     assert (stepped(0.05, frames).slip_at() == pytest.approx(3.0, abs=1e-6)) == is_told
 
 
-def test_of_few_frames_no_step_is_told():
+def test_of_few_frames_no_step_is_reported():
     """Ten before and nine after it."""
     for last, is_told in ((101, True), (100, False)):
         few = stepped(0.05, last)
@@ -136,7 +136,7 @@ def test_a_slip_follows_the_hardest_jerk_by_three_hundredths_of_a_second(at):
     assert found == pytest.approx(at + 0.03, abs=0.004)
 
 
-def test_yaw_and_roll_are_told_apart_on_a_bar_that_hangs_askew():
+def test_yaw_and_roll_are_separated_on_a_bar_that_hangs_askew():
     """A bar that rises by 0.1 rad in the yz plane: yaw is about the vertical, roll against the bar's own slope."""
     time = np.arange(0, 6, FRAME)
     bar = 0.2 * np.array([0.0, np.cos(0.1), np.sin(0.1)])
@@ -153,7 +153,7 @@ def test_yaw_and_roll_are_told_apart_on_a_bar_that_hangs_askew():
 
 
 @pytest.mark.parametrize(("seen", "is_told"), [((0, 2), False), ((0, 3), True)])
-def test_points_that_have_a_quarter_of_the_edges_spread_tell_its_turn(seen, is_told):
+def test_points_that_have_a_quarter_of_the_edges_spread_give_its_rotation(seen, is_told):
     """0.2 m apart two of five have 0.02 of 0.1 m^2, 0.3 m apart 0.045."""
     some = edge(noise=1e-3)
     hidden = [k for k in range(5) if k not in seen]
@@ -162,13 +162,13 @@ def test_points_that_have_a_quarter_of_the_edges_spread_tell_its_turn(seen, is_t
 
 
 @pytest.mark.parametrize(("frames", "is_told"), [(19, False), (20, True)])
-def test_twenty_frames_tell_a_turn(frames, is_told):
+def test_twenty_frames_give_a_rotation(frames, is_told):
     some = edge(noise=1e-3)
     some.points[frames:] = np.nan
     assert bool(some.turn()[1].any()) == is_told
 
 
-def test_a_place_is_on_the_way_between_two_ends_within_a_millionth():
+def test_a_position_is_on_the_line_between_two_ends_within_a_millionth():
     ends = np.array([[1.0, 0.0], [3.0, 0.0]])
     places = np.array([[1.5, 0.0], [1.0, 0.0], [3.0, 0.0], [3.1, 0.0], [0.9, 0.0], [2.0, 1e-3], [2.0, 1e-6]])
     share, is_on = place_along(places, ends)
@@ -176,7 +176,7 @@ def test_a_place_is_on_the_way_between_two_ends_within_a_millionth():
     assert is_on.tolist() == [True, True, True, False, False, False, True]
 
 
-def test_places_along_the_edge_may_count_from_anywhere():
+def test_positions_along_the_edge_may_count_from_anywhere():
     seen = edge(slip=0.006, at=4.2, noise=0.001)
     aside = HeldEdge(seen.time, seen.points, ACROSS + 0.3, seen.held)
     assert aside.slip_at() == seen.slip_at() == pytest.approx(4.2, abs=0.1)

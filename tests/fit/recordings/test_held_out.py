@@ -21,7 +21,7 @@ def test_takes_of_a_motion_are_held_out():
     assert split_by_motion([FACE_ON, SIDEWAYS], []) == ([FACE_ON, SIDEWAYS], [])
 
 
-def test_what_cannot_be_held_out_is_named():
+def test_takes_that_cannot_be_held_out_are_named():
     with pytest.raises(FitError, match="no kind of motion named 'wobble'"):
         split_by_motion([FACE_ON], ["wobble"])
     with pytest.raises(FitError, match="no take moves 'twist'") as caught:

@@ -48,7 +48,7 @@ def test_points_within_the_reach_of_the_cloth_are_all_kept():
     assert hygiene(recording).sentence == "No point is further from the others than the cloth reaches."
 
 
-def test_two_markers_that_are_taken_for_each_other_are_left_out_and_no_other():
+def test_two_markers_that_are_confused_are_left_out_and_no_other():
     """Neighbours 50 mm apart, for ten frames: each is 100 mm from its outer neighbour, 62 + 5 + 17 mm are possible."""
 
     def swap(points):

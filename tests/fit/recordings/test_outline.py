@@ -36,7 +36,7 @@ def test_an_eroded_border_is_named_with_its_size():
 
 
 @pytest.mark.slow
-def test_erosion_by_pose_is_the_loss_per_unit_of_lean():
+def test_erosion_by_pose_is_the_loss_per_unit_of_tilt():
     """The sheet of `swung` leans by sin(0.5 sin(2 pi 0.9 t)) along y, which is the level normal."""
     time = uneven()
     lean = np.sin(0.5 * np.sin(2 * np.pi * 0.9 * time))
@@ -67,7 +67,7 @@ def straight():
     return prepare(hanging(uneven()))
 
 
-def test_a_lean_at_rest_is_named_with_its_angle_and_left_in(straight):
+def test_a_tilt_at_rest_is_named_with_its_angle_and_left_in(straight):
     found = named_in(hanging(uneven(), np.radians(2.0)))["lean"]
     assert np.degrees(found.figure) == pytest.approx(2.0, abs=0.1)
     assert found.is_left
@@ -75,7 +75,7 @@ def test_a_lean_at_rest_is_named_with_its_angle_and_left_in(straight):
     assert "lean" not in named_of(straight)
 
 
-def test_depths_that_are_read_too_long_show_in_the_way_of_the_held_row(straight):
+def test_depths_that_are_read_too_long_show_in_the_path_of_the_held_row(straight):
     take = hanging(uneven())
     deep = dataclasses.replace(take, points=1.03 * take.points)
     found = named_in(deep)["depth_scale"]

@@ -104,7 +104,7 @@ def test_a_target_is_trusted_for_a_quarter_of_a_second_around_a_sight():
     assert found.targets(instants)[1][:, 11].tolist() == [1] * 6
 
 
-def test_targets_are_places_and_their_velocities():
+def test_targets_are_positions_and_their_velocities():
     """A point that moves at 0.2 m/s."""
     garment = sheet(grid=5)
     moving = hung(garment, TIME) + 0.2 * TIME[:, None, None] * [0.0, 1.0, 0.0]
@@ -207,7 +207,7 @@ def test_a_point_is_held_within_a_fiftieth_of_the_garments_height_of_the_edge():
         assert prepare(a_take(garment=lower)).judged[2] == is_judged
 
 
-def test_a_recording_with_other_points_has_their_places_and_velocities_and_no_windows():
+def test_a_recording_with_other_points_has_their_positions_and_velocities_and_no_windows():
     seen = dataclasses.replace(prepare(a_take()), windows=Windows(free=1.0, caught=0.5))
     lifted = seen.points + [0.0, 0.0, 0.5] + 0.2 * seen.time[:, None, None] * [1.0, 0.0, 0.0]
     other = seen.with_points(lifted)

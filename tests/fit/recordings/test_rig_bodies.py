@@ -81,7 +81,7 @@ def test_a_fit_to_a_take_beside_a_pole_simulates_the_pole():
     assert abs(free - stopped) > 1e-3
 
 
-def test_a_body_in_the_hangers_way_is_refused():
+def test_a_body_in_the_hangers_path_is_refused():
     """The hanger swings 76 mm forward: 26 mm into a wall that is 50 mm away."""
     wall = RigBody(kind="plane", at_m=(0.0, 0.05, 0.0), normal=(0.0, -1.0, 0.0))
     with pytest.raises(FitError, match=r"comes \d\d mm into the rig's body 2, a plane; check where it stands"):

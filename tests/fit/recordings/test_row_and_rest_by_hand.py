@@ -39,7 +39,7 @@ def test_a_row_that_is_never_seen_is_off_by_nothing_known():
 
 
 @pytest.mark.parametrize("degrees", [5.0, -5.0])
-def test_a_lean_is_that_of_the_sheet_where_three_half_seconds_show_it(degrees):
+def test_a_tilt_is_that_of_the_sheet_where_three_half_seconds_show_it(degrees):
     """Along z x bar, which is y."""
     points, ends = hanging(np.zeros(6), np.radians(degrees))
     half_seconds = np.array([0.1, 0.3, 0.6, 0.8, 1.1, 1.3])

@@ -97,7 +97,7 @@ def test_takes_of_different_garments_are_refused_with_the_field_and_both_values(
         assert refused.value.what == f"takes of different garments: {told}"
 
 
-def test_takes_of_one_name_are_told_apart_by_their_files(tmp_path):
+def test_takes_of_one_name_are_distinguished_by_their_files(tmp_path):
     """Also where one is a copy of the other, or cut; three thousand letters of a name are shown in part."""
     one = a_take("one")
     heavy = dataclasses.replace(one, garment=msgspec.structs.replace(one.garment, mass_kg=0.041))
@@ -193,7 +193,7 @@ def test_takes_that_share_their_rest_or_their_hanger_alone_stand_together():
     check_together(alike, [])
 
 
-def test_two_takes_of_one_name_that_hold_one_recording_are_told_apart():
+def test_two_takes_of_one_name_that_hold_one_recording_are_distinguished():
     take = a_take("a")
     copy = dataclasses.replace(take, time=take.time - 3.0)
     with pytest.raises(FitError, match=r"^a: this take holds frames of the recording that another take of its name h"):

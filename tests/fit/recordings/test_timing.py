@@ -74,7 +74,7 @@ def test_frames_without_shifts_get_none():
     assert sum(timing_of(time, time - 0.1, seed=seed).deviation > 0 for seed in range(20)) <= 1
 
 
-def test_a_hanger_that_stands_still_says_nothing():
+def test_a_hanger_that_stands_still_gives_no_evidence():
     time = uneven()
     assert timing_of(time, time, still=True) is None
 

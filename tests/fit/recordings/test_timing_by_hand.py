@@ -62,7 +62,7 @@ A_TIMING = Timing(
         ({"latency": LARGEST_SHIFT - 1.5 * SCAN_STEP}, False, False, True),
     ],
 )
-def test_what_a_timing_says_of_its_intervals(changes, is_late, is_off, is_of_hanger):
+def test_intervals_of_a_timing(changes, is_late, is_off, is_of_hanger):
     found = replace(A_TIMING, **changes)
     assert (found.is_late, found.is_off, found.is_of_hanger) == (is_late, is_off, is_of_hanger)
 
@@ -154,7 +154,7 @@ def test_frames_three_times_as_far_off_as_the_median_are_left_out():
     assert away == pytest.approx([*4 * (0.1 - 0.3 / 9, 0.1 + 0.3 / 9), 0.3 - 0.3 / 9])
 
 
-def test_a_take_tells_no_time_that_is_short_or_seen_too_little():
+def test_a_take_gives_no_estimate_of_time_that_is_short_or_seen_too_little():
     """A block is half a second: two seconds and more, less a quarter of the take at either end."""
     time = np.arange(0, 6, 0.1)
     row = path(time - 0.1).reshape(-1, 2, 3).mean(1)

@@ -11,7 +11,7 @@ from fit.recordings.camera_findings import camera_clause
 from tests.fit.recordings.test_findings_by_hand import found, late, leaning, no_kind, outline  # noqa: F401
 
 
-def test_everything_that_a_camera_made_is_told_whole_and_in_the_order_in_which_it_was_taken_out():
+def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_which_it_was_taken_out():
     """Each finding has its takes, figure, interval, unit, sentence, and whether it was left; all at once, of one take.
 
     Points lie 5 mm beside their places, half of them seen, with noise of nothing.

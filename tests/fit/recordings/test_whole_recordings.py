@@ -125,7 +125,7 @@ def test_most_takes_decide_what_their_points_are_and_the_clearest_gives_the_figu
 
 
 @pytest.mark.parametrize(("stated", "word"), [("material", "states"), (None, "means")])
-def test_what_a_garment_file_leaves_out_it_means(monkeypatch, stated, word):
+def test_a_garment_file_without_the_kind_of_points_means_material_points(monkeypatch, stated, word):
     monkeypatch.setattr(point_kind, "kind_shown", lambda recording: ("silhouette", 0.05))
     recordings = [SimpleNamespace(take_id="a", is_imported=False), SimpleNamespace(take_id="b", is_imported=True)]
     assert describe_contradiction(SimpleNamespace(point_kind="material", points_are=stated), recordings) == (

@@ -115,7 +115,7 @@ def test_figure_6_of_the_paper_is_a_table_with_its_own_63_percent():
     assert "maximum, takes used to fit 229 80.7 65 %" in text
 
 
-def test_what_a_fit_warns_of_stands_below_its_table():
+def test_warnings_of_a_fit_stand_below_its_table():
     warned = msgspec.structs.replace(fit_result(), notes=["Warning: intervals <too> short.", "By hand."])
     table = sections.parameters(warned, None)
     assert "Warning: intervals &lt;too&gt; short." in table
@@ -303,7 +303,7 @@ def test_numbers_keep_three_digits():
     assert (probability(2e-7), probability(0.0123), probability(0.64)) == ("< 0.001", "0.012", "0.64")
 
 
-def test_a_named_effect_that_acts_in_one_place_says_where():
+def test_a_named_effect_that_acts_in_one_region_says_where():
     slip = msgspec.structs.replace(diagnosis().effects[0], id="clip_slip", regions=["top left"])
     assert "Acts at the top left. " in effect_table([slip], ["clip_slip"])
     assert "Acts" not in effect_table([slip], [])

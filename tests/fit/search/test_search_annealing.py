@@ -146,7 +146,7 @@ def test_a_start_that_blows_up_is_left_at_the_first_finite_proposal():
     assert chain.best_distance == 0.1
 
 
-def test_a_chain_whose_start_blew_up_is_the_same_after_a_trip_through_json():
+def test_a_chain_whose_start_blew_up_is_the_same_after_a_round_trip_through_json():
     chain, again = chain_of(iterations=3), chain_of(iterations=3)
     chain.tell(chain.ask(), np.array([math.inf]))
     again.restore(json.loads(json.dumps(chain.state(), allow_nan=False)))
@@ -155,7 +155,7 @@ def test_a_chain_whose_start_blew_up_is_the_same_after_a_trip_through_json():
 
 
 @pytest.mark.parametrize("cost", [0.25, math.inf])
-def test_a_saved_step_is_the_same_after_a_trip_through_json(cost):
+def test_a_saved_step_is_the_same_after_a_round_trip_through_json(cost):
     step = Step(
         is_sampling=False, vector=np.ones(2), cost=cost, vectors=np.zeros((0, 2)), simulations=7, distances=(0.5,),
         slopes_at=np.zeros(2),
@@ -165,7 +165,7 @@ def test_a_saved_step_is_the_same_after_a_trip_through_json(cost):
     assert again.state() == step.state()
 
 
-def test_a_saved_chain_goes_on_bit_identically_after_a_trip_through_json():
+def test_a_saved_chain_goes_on_bit_identically_after_a_round_trip_through_json():
     whole, first = chain_of(iterations=120), chain_of(iterations=120)
     run(whole, 8)
     run(first, 4, batches=9)
@@ -294,7 +294,7 @@ def test_gamma_table_still_runs_and_the_default_beats_a_hundredth_of_it():
     assert rows[1e5]["last_third"] < 0.1 < rows[1e3]["last_third"]
 
 
-def test_a_box_without_room_is_refused():
+def test_bounds_without_width_is_refused():
     with pytest.raises(FitError) as refused:
         SearchBox(np.zeros(2), np.zeros(2), np.ones(2))
     assert str(refused.value) == (

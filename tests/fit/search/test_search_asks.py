@@ -14,7 +14,7 @@ from tests.fit.search.test_search_least_squares import box
 
 
 @pytest.mark.parametrize("name", [name for name in OUTPUT if hasattr(begun(name), "space")])
-def test_a_search_asks_for_one_place_unless_more_are_wanted(name):
+def test_a_search_asks_for_one_candidate_unless_more_are_wanted(name):
     """The start comes first, alone; then so many as are asked for at most."""
     one = begun(name)
     first = one.ask()
@@ -239,7 +239,7 @@ def test_a_known_jacobian_is_returned_updated_and_costs_no_differences():
     assert found.jacobian @ moved == pytest.approx(change)  # Broyden's update
 
 
-def test_a_slope_is_nothing_where_both_sides_of_a_place_on_its_bound_say_nothing():
+def test_a_derivative_is_zero_where_its_only_side_within_the_bounds_blows_up():
     """From 1 downwards it blows up, and there is no other side: no difference of nothing over nothing is warned of."""
 
     def alone(candidates):

@@ -111,7 +111,7 @@ def test_tempering_follows_its_printed_formulas(chains):
 
 
 @pytest.mark.parametrize(("rejections", "step"), [(50, 0.1 * np.exp(-0.13 * 0.25 * 50)), (250, 1e-4)])
-def test_a_place_that_blew_up_is_never_accepted_and_shrinks_the_step(rejections, step):
+def test_a_candidate_that_blew_up_is_never_accepted_and_shrinks_the_step(rejections, step):
     """Half a hundred rejections in the settling half, and so many that the step ends at its least share of the box."""
     search = Tempering(np.array([0.5, 0.5]), BOX, 2 * rejections + 1, 3, numbers=24.0, chains=1)
     search.tell(search.ask(1), np.array([0.02]))
@@ -172,7 +172,7 @@ def test_a_flat_generation_is_followed_by_one_of_twice_the_population():
     assert search.populations == [6, 12, 24, 48]
 
 
-def test_a_generation_with_a_blow_up_is_not_flat_and_its_place_is_the_worst():
+def test_a_generation_with_a_blow_up_is_not_flat_and_its_candidate_is_the_worst():
     search = Evolution(np.array([0.5, 0.5]), BOX, 13, 0)
     search.tell(search.ask(1), np.array([0.02]))
     told = search._run.tell

@@ -30,7 +30,7 @@ def emulator(places):
     return Emulator(places, told @ told.T)
 
 
-def test_what_was_told_is_known_to_a_percent_and_elsewhere_the_cost_to_a_tenth(places, emulator):
+def test_emulated_costs_hold_to_a_percent_at_samples_and_to_a_tenth_elsewhere(places, emulator):
     """The nugget, for ripples, keeps what was told from being met exactly."""
     told = (swung(places) ** 2).sum(1)
     assert emulator.costs(places, 0.0)[0] == pytest.approx(told, rel=0.01, abs=0.01 * told.max())
@@ -39,7 +39,7 @@ def test_what_was_told_is_known_to_a_percent_and_elsewhere_the_cost_to_a_tenth(p
     assert np.abs(emulator.costs(others, 0.0)[0] - true).max() < 0.1 * true.mean()
 
 
-def test_far_from_two_places_caution_costs_their_unbiased_variance():
+def test_far_from_two_samples_caution_costs_their_unbiased_variance():
     """Two residuals d apart, of correlation k and with a nugget g, have the variance d^2 / (2 (1 + g - k)).
 
     Infinitely far away the prediction's variance is that times 1 + (1 + g + k) / 2: of one number and of the mean.
@@ -53,7 +53,7 @@ def test_far_from_two_places_caution_costs_their_unbiased_variance():
     assert caution == pytest.approx([25 / (2 * (whole - k)) * (1 + (whole + k) / 2)])
 
 
-def test_caution_costs_least_where_something_was_told(places, emulator):
+def test_caution_costs_least_at_samples(places, emulator):
     def doubt(units):
         return emulator.costs(units, 1.0)[0] - emulator.costs(units, 0.0)[0]
 
@@ -79,7 +79,7 @@ def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
         assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
 
 
-def test_residuals_that_know_no_parameter_cost_the_same_everywhere(places):
+def test_residuals_that_depend_on_no_parameter_cost_the_same_everywhere(places):
     found = Emulator(places, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
     assert found[0] == pytest.approx(7.0)
     assert np.abs(found[1]).max() < 1e-6
@@ -100,7 +100,7 @@ def test_two_proposals_of_two_end_within_a_fiftieth_of_the_box_of_the_answer():
     assert ((units >= 0) & (units <= 1)).all()
 
 
-def test_places_drawn_about_a_best_place_at_the_bound_stay_in_the_box(monkeypatch):
+def test_candidates_drawn_about_a_best_one_at_the_bound_stay_in_the_box(monkeypatch):
     asked = []
     costs = Emulator.costs
     monkeypatch.setattr(
@@ -115,12 +115,12 @@ def test_places_drawn_about_a_best_place_at_the_bound_stay_in_the_box(monkeypatc
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
 
-def test_proposals_depend_on_the_places_and_the_seed_alone():
+def test_proposals_depend_on_the_samples_and_the_seed_alone():
     assert np.array_equal(looked_at(swung, 3), looked_at(swung, 3))
     assert not np.array_equal(looked_at(swung, 3), looked_at(swung, 3, seed=6))
 
 
-def test_nothing_is_proposed_near_a_place_that_blew_up():
+def test_nothing_is_proposed_near_a_candidate_that_blew_up():
     def fragile(units):
         return np.where(units[:, :1] > 0.6, np.nan, swung(units))
 
@@ -140,7 +140,7 @@ def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
     assert sampling.propose(units, residuals, units[0], 5).shape == (0, 3)
 
 
-def test_the_emulator_is_told_the_best_sixty_of_the_sound_places_and_proposals_begin_at_the_best(monkeypatch):
+def test_the_emulator_uses_the_best_sixty_of_the_finite_samples_and_proposals_begin_at_the_best(monkeypatch):
     """By the sum of squares and the prior: of 70 places two blew up, and the eight that cost most are left out."""
     rng, start, told = np.random.default_rng(8), np.full(3, 0.2), {}
     units = rng.random((70, 3))
@@ -199,7 +199,7 @@ def test_draws_from_two_equal_valleys_are_half_in_each():
     assert 0.3 < (found[:, 0] > 0.5).mean() < 0.7
 
 
-def test_looking_stops_at_the_count_and_returns_the_best_first_and_what_blew_up_last():
+def test_sampling_stops_at_the_count_and_returns_the_best_first_and_blow_ups_last():
     def fragile(units):
         return np.where(units[:, :1] > 0.8, np.nan, swung(units))
 

@@ -57,7 +57,7 @@ def run(search, width, distance=bowl, batches=None):
 
 
 @pytest.mark.parametrize("name", OUTPUT)
-def test_candidates_stay_within_the_bounds_and_the_best_is_the_best_told(name):
+def test_candidates_stay_within_the_bounds_and_the_best_is_the_best_evaluated(name):
     search = begun(name)
     seen = run(search, 16)
     assert (seen >= SPACE.minimum).all()
@@ -93,7 +93,7 @@ def test_the_draws_of_tempering_do_not_depend_on_the_batch_width(seed, budget):
 
 
 @pytest.mark.parametrize("name", OUTPUT)
-def test_a_search_goes_on_bit_identically_after_a_trip_through_json(name):
+def test_a_search_goes_on_bit_identically_after_a_round_trip_through_json(name):
     whole, first, second = begun(name), begun(name), begun(name)
     run(whole, 6)
     run(first, 6, batches=7)

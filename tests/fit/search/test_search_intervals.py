@@ -89,7 +89,7 @@ def test_a_covariance_between_ends_comes_on_top_of_the_jackknifes():
     assert np.ptp(found.ends[0]) == pytest.approx(3 * 2 * REACH * DEVIATION, rel=1e-4)
 
 
-def test_the_way_to_the_least_squares_counts_with_the_spread_as_a_hypotenuse():
+def test_the_remaining_step_to_the_minimum_counts_with_the_spread_as_a_hypotenuse():
     """Stopped 0.04 of a box of 50 short: to each side sqrt((2.92 d)^2 + 0.04^2)."""
     short = about(line(0.0, 50.0), 25.0, VALUES + 40.0)
     assert short.way == pytest.approx([-0.04 * 50], rel=1e-4)
@@ -97,7 +97,7 @@ def test_the_way_to_the_least_squares_counts_with_the_spread_as_a_hypotenuse():
     assert short.ends[0] == pytest.approx([25 - half, 25 + half], rel=1e-4)
 
 
-def test_a_deviation_below_half_of_the_flat_priors_counts_as_told_and_one_above_does_not():
+def test_a_deviation_below_half_of_the_flat_priors_counts_as_identified_and_one_above_does_not():
     """The flat prior over the box has 1 / sqrt(12) = 0.2887."""
     assert pytest.approx(0.288675, abs=1e-6) == PRIOR_SD
     for share, is_identified in ((0.49, True), (0.51, False)):
@@ -105,7 +105,7 @@ def test_a_deviation_below_half_of_the_flat_priors_counts_as_told_and_one_above_
         assert found.is_identified.tolist() == [is_identified]
 
 
-def test_what_no_block_tells_keeps_the_priors_variance_and_none_of_another_parameter():
+def test_a_parameter_that_no_block_determines_keeps_the_priors_variance_and_none_of_another_parameter():
     """Two parameters, of which the numbers know only the first."""
     jacobian = np.stack([np.full(6, SLOPE), np.zeros(6)], axis=1)
     variance, way = jackknife(VALUES, jacobian, BLOCK)

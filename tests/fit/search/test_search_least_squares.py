@@ -78,7 +78,7 @@ def test_searches_side_by_side_end_where_each_ends_alone():
     assert len(lanes) < sum(f.batches for f in alone)
 
 
-def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
+def test_a_search_far_above_the_known_cost_is_stopped_after_a_few_steps():
     start, space = np.array([-1.2, 1.0]), box([-3, -3], [3, 3])
     patient = LeastSquaresSettings(width=4, is_chord=True, max_iterations=60, step=1e-6)
     whole = minimise(rosenbrock, start, space, settings=patient)
@@ -91,7 +91,7 @@ def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
 
 
-def test_a_search_that_falls_by_less_than_a_hundredth_is_given_up_above_what_is_known_and_not_below():
+def test_a_search_that_falls_by_less_than_a_hundredth_is_stopped_above_the_known_cost_and_not_below():
     """All that can be gained is 3 squared of 316.2 squared and 3 squared, 9 of 99 991."""
     start, space = np.array([0.5]), box([-3], [3])
 
@@ -108,7 +108,7 @@ def test_a_search_that_falls_by_less_than_a_hundredth_is_given_up_above_what_is_
     assert below.is_converged
 
 
-def test_a_search_by_chords_that_halts_on_fresh_differences_asks_for_no_more():
+def test_a_search_by_chords_that_stops_on_new_differences_asks_for_no_more():
     """One place, one column of differences a parameter, one ladder that finds nothing to gain: 1 + 2 + 4."""
     settings = LeastSquaresSettings(width=4, is_chord=True, step=1e-6, step_tolerance=1e-3)
     assert minimise(decay, np.array([2.001, 0.7]), box([-3, 0.1], [3, 10]), settings=settings).simulations == 7
@@ -121,7 +121,7 @@ def test_exponential_decay_on_a_log_scale_gives_2_and_0_7():
     assert found.jacobian[:, 0] == pytest.approx(2 * np.exp(-0.7 * TIME), rel=1e-3)
 
 
-def test_an_optimum_beyond_the_box_ends_exactly_on_its_edge():
+def test_an_optimum_beyond_the_bounds_ends_exactly_on_its_bound():
     found = minimise(decay, np.array([1.0, 1.0]), box([0.1, 0.1], [1.5, 5.0]), settings=FINE)
     assert found.parameters[0] == 1.5
     # Best rate for amplitude 1.5, from a fine grid.
@@ -131,7 +131,7 @@ def test_an_optimum_beyond_the_box_ends_exactly_on_its_edge():
     assert found.at_bound.tolist() == [True, False]
 
 
-def test_a_start_on_the_edge_is_left_again():
+def test_a_start_on_a_bound_is_left_again():
     found = minimise(decay, np.array([10.0, 0.1]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE)
     assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-5)
 
@@ -156,7 +156,7 @@ def test_covariance_of_a_mean_is_variance_over_count():
     assert found.covariance(4.0)[0, 0] == pytest.approx(4.0 / 25, rel=1e-4)
 
 
-def test_a_parameter_without_effect_stays_put():
+def test_a_parameter_without_effect_does_not_move():
     found = minimise(
         lambda c: np.stack([c[:, 0] - 2.0, c[:, 0] - 2.5], 1),
         np.array([5.0, 7.0]),
@@ -181,7 +181,7 @@ def test_a_start_that_blows_up_is_refused():
         minimise(lambda candidates: np.full((len(candidates), 3), np.nan), np.array([1.0]), box(0, 10))
 
 
-def test_bounds_the_wrong_way_round_are_refused():
+def test_crossed_bounds_are_refused():
     with pytest.raises(FitError, match="lower bound"):
         box(1, 0)
     with pytest.raises(FitError, match="log scale"):
@@ -190,7 +190,7 @@ def test_bounds_the_wrong_way_round_are_refused():
         minimise(lambda candidates: candidates, np.array([11.0]), box(0, 10))
 
 
-def test_the_jacobian_of_a_search_by_chords_that_halts_after_a_long_step_is_that_of_its_end():
+def test_the_jacobian_of_a_search_by_chords_that_stops_after_a_long_step_is_that_of_its_end():
     """The first step goes a sixth of the box, saves 0.1 % of the cost, and is the last one."""
     rng = np.random.default_rng(0)
     directions, constant = rng.normal(size=(200, 2)), rng.normal(size=200)

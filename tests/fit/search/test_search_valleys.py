@@ -17,7 +17,7 @@ def never(places):
     raise AssertionError(f"asked of {len(places)} places")
 
 
-def test_one_parameter_is_moved_and_another_makes_up_for_it():
+def test_one_parameter_is_displaced_and_another_compensates():
     asked = []
 
     def judge(places):
@@ -39,7 +39,7 @@ def test_one_parameter_is_moved_and_another_makes_up_for_it():
     assert found[1, 0] != pytest.approx(0.65)
 
 
-def test_places_stay_in_the_box():
+def test_candidates_stay_within_the_bounds():
     seen = []
     across(np.array([0.9, 0.05, 0.5]), JACOBIAN, WEAK, 1.0, 2, lambda places: seen.append(places) or places[:, 0])
     assert ((seen[0] >= 0) & (seen[0] <= 1)).all()
@@ -47,7 +47,7 @@ def test_places_stay_in_the_box():
 
 
 @pytest.mark.parametrize("scale", [1e3, 1e-4])
-def test_what_is_held_tightly_or_not_at_all_is_not_moved(scale):
+def test_parameters_that_the_data_determine_closely_or_not_at_all_are_not_displaced(scale):
     assert across(END, scale * np.eye(3), 1e-12 * np.eye(3), 1.0, 3, never).shape == (0, 3)
 
 
@@ -73,7 +73,7 @@ def asked_from(unit, cost=40.0, judged=None):
     return seen[0], found
 
 
-def test_places_along_the_floor_of_a_valley_by_hand():
+def test_candidates_along_the_floor_of_a_valley_by_hand():
     """From 0.8 a step of 0.15 stays in the box, and steps of 0.3 and 0.45 only downwards."""
     places, _ = asked_from([0.8, 0.3])
     assert places == pytest.approx(np.array([[0.35, 0.525], [0.5, 0.45], [0.65, 0.375], [0.95, 0.225]]))
@@ -84,7 +84,7 @@ def test_a_step_may_end_on_a_bound_and_not_beyond(first, count):
     assert len(asked_from([first, 0.5])[0]) == count
 
 
-def test_a_parameter_that_makes_up_stops_at_its_bound():
+def test_a_compensating_parameter_stops_at_its_bound():
     assert asked_from([0.5, 0.1])[0][:, 1] == pytest.approx([0.325, 0.25, 0.175, 0.025, 0.0, 0.0])
     assert asked_from([0.5, 0.9])[0][:, 1] == pytest.approx([1.0, 1.0, 0.975, 0.825, 0.75, 0.675])
 
@@ -101,7 +101,7 @@ def test_a_rise_of_twice_the_cost_is_too_much():
     assert across(np.array([0.5, 0.5]), TILTED, PRIOR, 0.044, 1, never).shape == (0, 2)
 
 
-def test_the_best_place_of_either_direction_is_returned_the_better_first():
+def test_the_best_candidate_of_either_direction_is_returned_the_better_first():
     """Of three places below and three above the end, the second of each costs least, above less than below."""
     places, found = asked_from([0.5, 0.5], judged=[9.0, 2.0, 8.0, 7.0, 1.0, 6.0])
     assert found == pytest.approx(places[[4, 1]])

@@ -153,7 +153,7 @@ def known(result, *unknown):
     return msgspec.structs.replace(result, parameters=parameters)
 
 
-def test_a_number_that_the_takes_do_not_identify_gives_place_to_its_interval():
+def test_a_number_that_the_takes_do_not_identify_is_replaced_by_its_interval():
     """Stretch of 80 to 125 N/m is 81.6 to 127 gf/cm, and all that follows from it is an interval; bending is told."""
     result = known(a_fit(), "stretch_stiffness")
     lines = {line.split("  ")[0]: line for line in sheet_of(result).splitlines()}
@@ -190,7 +190,7 @@ def test_a_number_without_interval_is_called_not_identified_once_a_column():
     assert line_of(msgspec.structs.replace(result, parameters=bare), "B, bending").count("not identified") == 3
 
 
-def test_a_parameter_at_an_end_of_its_range_decides_what_it_decides_elsewhere():
+def test_a_parameter_at_an_end_of_its_range_decides_as_within_it():
     """A stretch stiffness at its largest is 1000 N/m or whatever the range ends with, and so not told all the same."""
     for p in known(a_fit()).parameters[:1]:
         result = known(a_fit(values={p.name: p.maximum}), p.name)
@@ -208,7 +208,7 @@ def test_the_sheet_names_the_combinations_that_are_not_identified_and_no_others(
     assert "The takes do not identify stretch stiffness / density." in sheet_of(result).splitlines()
 
 
-def test_a_friction_that_the_takes_do_not_identify_gives_place_to_its_interval():
+def test_a_friction_that_the_takes_do_not_identify_is_replaced_by_its_interval():
     """0.05 N within 0 to 0.25 N: 2HB is 2 M / 9.80665e-3, 0 to 51."""
     result = a_fit(effects={"bending_hysteresis": 0.05}, unknown=("bending_hysteresis",))
     friction = next(p for p in result.parameters if p.name == "bending_hysteresis")
@@ -224,7 +224,7 @@ def test_the_mass_that_a_method_fits_leaves_no_stiffness_known():
         assert re.search(rf"^W, weight +mg/cm2 +{ends} .*not identified$", line)
 
 
-def test_the_sheet_of_a_real_fit_says_what_motion_cannot_tell():
+def test_the_sheet_of_a_real_fit_says_what_motion_cannot_identify():
     garment = sheet()
     time = np.arange(0, 2, 1 / 30)
     take = simulate_take(garment, time, swing(time), material(garment))

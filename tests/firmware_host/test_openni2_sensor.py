@@ -202,7 +202,7 @@ def test_a_depth_frame_without_colour_nearby_has_none(tmp_path: Path) -> None:
 def test_colour_comes_back_after_the_clock_was_set(
     tmp_path: Path, leap: int, colour_leaps_at: int, without_colour: set[int], delay: int
 ) -> None:
-    """From frame 20 on depth's stamps leap, and colour's at about that time, 2 or 20 ms after depth's.
+    """From frame 20 on depth's stamps jump, and colour's at about that time, 2 or 20 ms after depth's.
 
     20 ms are more than half a frame: then the colour frame before is the nearest, and one always waits.
     """

@@ -19,7 +19,7 @@ def of_one_off(sight, metres):
 
 
 def test_noise_of_uneven_steps_is_that_of_three_independent_positions():
-    """A place of 1 m at the third of five sights; second differences weigh it and its neighbours.
+    """A position of 1 m at the third of five sights; second differences weigh it and its neighbours.
 
         0.1 and 0.2 s   2/0.3 (10, -15, 5)     2/0.3 sqrt(350)    5 of them, 33.3 m/s^2
         0.2 and 0.1 s   2/0.3 (5, -15, 10)     2/0.3 sqrt(350)    15 of them, 100 m/s^2
@@ -35,7 +35,7 @@ def test_noise_of_uneven_steps_is_that_of_three_independent_positions():
 
 
 def test_the_noise_of_an_acceleration_adds_what_each_sight_alone_moves_it_by():
-    """Independent places of deviation 1: the root of the sum of squares over the five sights."""
+    """Independent positions of deviation 1: the root of the sum of squares over the five sights."""
     moved = np.stack([of_one_off(sight, 1.0)[0][:, 0] for sight in range(len(TIME))])
     gains = np.sqrt((moved**2).sum(0))
     path = np.random.default_rng(3).normal(0, 0.05, (len(TIME), 2, 3))

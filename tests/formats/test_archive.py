@@ -262,7 +262,7 @@ def test_a_missing_take_is_named(tmp_path):
 
 
 def test_ten_minutes_take_at_most_30_bytes_a_frame(tmp_path):
-    """Six tracked places at 3 mm of noise, of which 15.7 bytes a frame are noise in steps of 0.1 mm."""
+    """Six tracked positions at 3 mm of noise, of which 15.7 bytes a frame are noise in steps of 0.1 mm."""
     path = write_take(tmp_path / "a.mcap", a_take(frames=18_000))
     assert path.stat().st_size / 18_000 < 30
 

@@ -160,7 +160,7 @@ def test_records_between_chunks_are_skipped_where_their_lengths_can_be(made, dam
 
 @pytest.mark.parametrize(("name_length", "is_start"), [(16, True), (17, False)])
 def test_a_chunk_seems_to_begin_within_a_record_only_where_its_lengths_agree(name_length, is_start):
-    """The record's own length is believed unless a chunk begins in it."""
+    """The record's own length is accepted unless a chunk begins in it."""
     false = chunk(100, 1, b"x" * name_length, b"packed")
     inner = b"...." + false + b"...."
     made = struct.pack("<BQ", 0x0C, len(inner)) + inner

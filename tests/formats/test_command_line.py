@@ -146,7 +146,7 @@ def test_a_take_can_be_renamed_to_any_bytes(tmp_path):
 
 
 def test_import_makes_takes_that_hang(tmp_path):
-    """The held corners are the top left and right; gravity is -z; the grid keeps its place on the cloth."""
+    """The held corners are the top left and right; gravity is -z; the grid keeps its position on the cloth."""
     swung_cloth(tmp_path / "r.npz")
     assert hangtime("import", tmp_path / "r.npz", "--out", tmp_path / "takes").returncode == 0
     take = read_take(tmp_path / "takes" / "r.mcap")

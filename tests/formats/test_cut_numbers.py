@@ -104,7 +104,7 @@ def test_a_line_with_its_end_that_ends_within_a_marker_is_refused(tmp_path):
 
 @pytest.mark.parametrize("gap", ["0", "0.000"])
 def test_a_marker_that_comes_back_in_a_last_line_that_is_cut_is_left_out(tmp_path, gap):
-    """It was a gap written as 0 in all lines before, so the other places show how many digits there are."""
+    """It was a gap written as 0 in all lines before, so the other positions show how many digits there are."""
     rows = [f"{k}\t{k / 100}\t1.{k:02d}5\t2.125\t3.125\t{gap}\t{gap}\t{gap}\n" for k in range(29)]
     last = "29\t0.29\t1.295\t2.125\t3.125\t998.125\t1020.125\t1249.881"
     assert read(tmp_path, TRC + "".join(rows) + last, None, "a.trc").positions[-1, 1, 2] == pytest.approx(1.249881)
@@ -195,7 +195,7 @@ def test_another_section_of_vicon_ends_the_frames(tmp_path, title):
 
 @pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
 def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
-    """One of them parts thousands: the place is 1002."""
+    """One of them parts thousands: the position is 1002."""
     with pytest.raises(
         TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*': which of them is the decimal separator\?"
     ):
@@ -241,7 +241,7 @@ def test_files_whose_zeros_are_left_out_are_read_with_and_without_a_last_end(tmp
 
 @pytest.mark.parametrize(("shorter", "is_cut"), [(1, True), (2, False)])
 def test_a_column_of_shorter_numbers_does_not_show_a_cut(tmp_path, shorter, is_cut):
-    """A spreadsheet rounded it on its own, where two of the five lines that are looked at are shorter."""
+    """A spreadsheet rounded it on its own, where two of the five lines that are examined are shorter."""
     lines = own(40).splitlines(keepends=True)
     for at in range(1, 1 + 8 * shorter):
         lines[at] = lines[at].replace("-1.23456", "-1.25")

@@ -156,7 +156,7 @@ def test_npz_holds_every_array_exactly(tmp_path):
 
 
 def test_parquet_holds_many_takes_of_different_garments_and_null_where_nothing_was_seen(tmp_path):
-    """Two takes of 30 and 20 frames of six places each: 300 rows."""
+    """Two takes of 30 and 20 frames of six positions each: 300 rows."""
     pq = pytest.importorskip("pyarrow.parquet")
     takes = [a_take(frames=30), replace(a_take(frames=20, seed=1), take_id="b")]
     write_parquet(tmp_path / "a.parquet", takes)

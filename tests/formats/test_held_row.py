@@ -139,7 +139,7 @@ def test_the_reach_grows_with_the_noise_of_both_points():
 
 
 def test_points_are_compared_though_the_first_of_them_was_not_seen():
-    """Fifty frames are looked at, at once: in one of them the last two points are a metre apart."""
+    """Fifty frames are compared at once: in one of them the last two points are a metre apart."""
     places, seen = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]]), np.ones((50, 3), bool)
     points = np.zeros((50, 3, 3))
     points[:, 0], seen[:, 0] = np.nan, False

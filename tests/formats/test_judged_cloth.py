@@ -185,7 +185,7 @@ def test_cloth_may_keep_its_position_under_a_hanger_that_rests():
 
 
 def test_a_swing_of_one_second_in_a_minute_is_no_hanger_that_hardly_moves():
-    """It goes 20 cm, in 1 of 60 s; percentiles 1 and 99 of all places see next to nothing of it."""
+    """It goes 20 cm, in 1 of 60 s; percentiles 1 and 99 of all positions see next to nothing of it."""
     take = swung(60.0)
     rests = (take.time < 30) | (take.time > 31)
     for places in (take.points, take.markers):

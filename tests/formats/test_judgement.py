@@ -142,7 +142,7 @@ def test_a_garment_of_another_size_than_its_file_says_is_reported(scale, names):
 @pytest.mark.parametrize(("scale", "names"), [(1.0, []), (1.05, []), (1.2, ["garment_larger"])])
 @pytest.mark.parametrize("deviation", [0.02, 0.03])
 def test_noise_that_the_take_states_makes_no_garment_larger(scale, names, deviation):
-    """The percentile 95 of a distance between two such places is 1.645 x 1.41 x 30 mm = 70 mm larger."""
+    """The percentile 95 of a distance between two such positions is 1.645 x 1.41 x 30 mm = 70 mm larger."""
     take = swung(seconds=10.0)
     middle = take.points.mean(1, keepdims=True)
     noise = np.random.default_rng(0).normal(0, deviation, take.points.shape)

@@ -17,7 +17,7 @@ FRAMES, MARKERS = 400, 1000
 
 
 def test_a_large_text_costs_its_length_and_its_positions_and_a_gap_costs_no_time(tmp_path):
-    """12 MB of text and 10 MB of places. All lines and numbers at once took 41 MB, each row with a gap 12 ms."""
+    """12 MB of text and 10 MB of positions. All lines and numbers at once took 41 MB, each row with a gap 12 ms."""
     path = tmp_path / "a.csv"
     names = ",".join(f"m{k}{axis}" for k in range(MARKERS) for axis in ("_x_m", "_y_m", "_z_m"))
     line = ",".join(["0.123456,0.234567,1.345678"] * (MARKERS - 1) + [",,"])

@@ -43,7 +43,7 @@ def test_a_last_line_that_is_cut_is_named_and_one_without_its_end_is_read(tmp_pa
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "csv"])
 def test_a_line_in_the_middle_that_is_cut_within_a_number_is_named(tmp_path, name):
-    """A place of 1.500000 would else be one of 1, in a frame whose other markers are gaps."""
+    """A position of 1.500000 would else be one of 1, in a frame whose other markers are gaps."""
     path = tmp_path / f"a.{name}"
     lines = WRITERS[name](np.abs(drawn()) + 1.0).splitlines()
     separator = "\t" if "\t" in lines[-2] else ","

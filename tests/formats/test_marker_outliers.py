@@ -149,7 +149,7 @@ def test_a_line_without_a_markers_cells_gives_no_marker_the_next_ones_position(t
 
 
 def test_a_position_that_does_not_come_back_is_no_jump():
-    """Rounded to 0.1 m, a path turns by steps: off its lines by 71, 141 and 100 mm, between places 141 mm apart."""
+    """Rounded to 0.1 m, a path turns by steps: off its lines by 71, 141 and 100 mm, between positions 141 mm apart."""
     where = np.ones((120, 2, 3))
     where[AT:, 0] = [0.9, 0.9, 1.0]
     where[AT + 2 :, 0, 2] = 0.9

@@ -55,7 +55,7 @@ def test_once_is_enough_and_each_sign_is_reported(tmp_path):
     ],
 )  # fmt: skip
 def test_a_whole_number_or_nines_to_which_no_path_leads_is_a_sign(tmp_path, number, is_gap):
-    """The nearest place of the path is 0.4 m away or more, and its longest step is 8 mm."""
+    """The nearest position of the path is 0.4 m away or more, and its longest step is 8 mm."""
     found = imported(tmp_path, with_sign(number, frames=3, marker=0))  # a single one jumps
     assert np.isnan(found.positions[CUT, 0]).all() == is_gap
     assert bool(found.warning) == is_gap
@@ -83,14 +83,14 @@ def test_a_sign_of_one_path_is_a_sign_at_every_position(tmp_path, sign, kind):
 
 @pytest.mark.parametrize(("frames", "times"), [(15, 3), (20, 3), (120, 1)])
 def test_one_position_of_a_path_or_positions_beside_a_short_one_are_no_signs(frames, times):
-    """A take may hold a point at (1, 1, 1) once, which other rules look at, or too few others to tell of its path."""
+    """A take may hold a point at (1, 1, 1) once, which other rules examine, or too few others to know its path."""
     where = np.random.default_rng(0).normal(0, 0.01, (frames, 2, 3))
     where[5 : 5 + times, 0] = 1.0
     assert remove_missing_value_codes(where, np.ones(2), str) == ""
 
 
 def test_nines_once_are_a_sign_only_twice_as_far_out_as_all_others():
-    """A single 999 within the room may be a place: a path of 0.6 m reaches 0.999 m, but hardly 1.5 m."""
+    """A single 999 within the room may be a position: a path of 0.6 m reaches 0.999 m, but hardly 1.5 m."""
     where = 0.6 + np.random.default_rng(0).normal(0, 0.01, (120, 2, 3))
     where[5, 0] = 0.999
     assert remove_missing_value_codes(where, np.full(2, 0.001), str) == ""

@@ -207,7 +207,7 @@ HALF_A_DIGIT = {"trc": 5e-9, "vicon.csv": 5e-9, "motive.csv": 5e-7, "qualisys.ts
 @given(data=st.data())
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_positions_of_any_size_and_sign_come_back_to_half_a_digit_and_gaps_as_gaps(tmp_path, name, data):
-    """Up to 50 m; a place at the origin means a gap, so that no coordinate is smaller than a millimetre."""
+    """Up to 50 m; a position at the origin means a gap, so that no coordinate is smaller than a millimetre."""
     frames = data.draw(st.integers(1, 12))
     size = st.floats(1e-3, 50.0) | st.floats(-50.0, -1e-3)
     positions = np.array(data.draw(st.lists(size, min_size=9 * frames, max_size=9 * frames))).reshape(frames, 3, 3)
@@ -329,7 +329,7 @@ def test_a_label_beyond_ascii_is_kept_and_a_byte_of_no_sign_is_shown_by_its_code
 
 
 def test_a_long_c3d_file_costs_little_more_than_its_positions(tmp_path):
-    """60,000 frames of 10 points: 14 MB of places."""
+    """60,000 frames of 10 points: 14 MB of positions."""
     path = tmp_path / "a.c3d"
     path.write_bytes(c3d_bytes(np.ones((60_000, 10, 3)), [f"m{k}" for k in range(10)], scale=0.1))
     tracemalloc.start()

@@ -172,7 +172,7 @@ def test_a_path_that_is_not_where_the_pictures_have_the_corners_is_refused(tmp_p
 )  # fmt: skip
 @pytest.mark.parametrize("has_corners", [True, False])
 def test_a_path_on_a_late_clock_is_imported_and_its_shift_is_reported(tmp_path, shift, told, has_corners):
-    """A swing of 1.6 Hz is as near after 0.625 s. Without corners the held row of the points tells the same."""
+    """A swing of 1.6 Hz is as near after 0.625 s. Without corners the held row of the points gives the same."""
     recorded(tmp_path, tcp_t=np.arange(-0.6, 4.2, 0.05) + shift)
     with np.load(tmp_path / "a.npz") as archive:
         data = dict(archive)

@@ -51,7 +51,7 @@ def test_zeros_to_which_the_path_of_a_marker_lead_are_reported_with_their_number
 
 @pytest.mark.parametrize("ending", [".csv", ".c3d"])
 def test_zeros_of_a_gap_far_from_the_origin_are_not_reported(tmp_path, ending):
-    """No place beside the gap is nearer than 15 mm, and no step is longer than 10 mm."""
+    """No position beside the gap is nearer than 15 mm, and no step is longer than 10 mm."""
     tracks = swung(0)
     tracks.positions[:, 0, 1] += 0.015
     tracks.positions[30:40, 0] = 0

@@ -68,7 +68,7 @@ def test_it_gives_back_10_megabytes_and_the_same_work_has_the_same_outcome():
 
 
 def test_a_mapping_that_the_first_look_did_not_find_is_left_alone(monkeypatch, tmp_path):
-    """A library that is being loaded between the looks, or a kernel that does not tell."""
+    """A library that is being loaded between two readings, or a kernel that does not report it."""
     dropped = []
     monkeypatch.setattr(memory.ctypes, "CDLL", lambda _: Library(dropped))
     monkeypatch.setattr(memory, "SMAPS", tmp_path / "smaps")

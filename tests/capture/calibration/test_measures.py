@@ -130,7 +130,7 @@ def test_offsets_are_averaged_along_each_axis_over_the_plates_that_show_it():
 
 
 def test_the_accelerometers_noise_counts_by_what_turns_gravity():
-    """Four readings that stray by 0.1 g to all sides: 0.0995 of a unit vector, by sqrt 2 about one axis, by sqrt 4."""
+    """Four readings that differ by 0.1 g to all sides: 0.0995 of a unit vector, by sqrt 2 about one axis, by sqrt 4."""
     strays = ((0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1))
     readings = [MotorState(acceleration=(9.8 * x, 9.8, 9.8 * z), tilt_degrees=None, motor=0) for x, z in strays]
     gravity = gravity_of_readings(readings)
@@ -239,7 +239,7 @@ def corners_at(*centres):
 @pytest.mark.parametrize(("stray", "still"), [(0.69, 4), (0.71, 1)])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_frames_are_still_in_which_no_marker_scatters_by_seven_tenths_of_a_pixel(stray, still, axis):
-    """Of two markers far from each other the second strays, to one side and back; one that is gone says nothing."""
+    """Of two markers far from each other the second moves aside and back; one that is unseen gives no evidence."""
     run, aside = StillRun(), np.zeros(2)
     aside[axis] = stray
     assert run.add(corners_at((100.0, 50.0), (300.0, 220.0))) == 1

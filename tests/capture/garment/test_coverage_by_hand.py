@@ -54,7 +54,7 @@ def test_corners_of_a_panel_in_view_are_where_the_seen_cloth_is():
 
 
 def test_lower_corners_are_beyond_by_the_rows_that_are_hidden():
-    """40 rows of 3.2 mm are 128 mm. From the ends at (0, 0) and (w, 0) the place (x, y) is the nearest that is seen.
+    """40 rows of 3.2 mm are 128 mm. From the ends at (0, 0) and (w, 0) the position (x, y) is the nearest that is seen.
 
     On the lowest row both ways are too short; the root mean square of what is left is least along that row.
     """

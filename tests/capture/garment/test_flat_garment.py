@@ -73,7 +73,7 @@ def test_points_are_corners_within_a_centimetre():
 
 
 def centre_found(centre=(0.17, -0.02)):
-    """The place that a refusal names."""
+    """The position that a refusal names."""
     with pytest.raises(UntrackableError, match=r"'centre' is \d+ mm beside") as refused:
         of(skirt(centre=centre))
     said = str(refused.value)

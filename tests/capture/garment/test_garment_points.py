@@ -188,7 +188,7 @@ def test_the_garment_file_chooses_where_the_top_corners_are():
 
 @pytest.mark.parametrize("kind", ["skirt", "swatch", "t-shirt"])
 def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_that_position(kind):
-    """The skirt's middle at half its height is 25 mm above the place 0.320 m from each corner."""
+    """The skirt's middle at half its height is 25 mm above the position 0.320 m from each corner."""
     garment = GARMENTS[kind]()
     *corners, centre = garment.points
     garment_tracker(garment, RIG)
@@ -205,7 +205,7 @@ def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_
 
 
 def test_a_centre_is_not_refused_where_another_position_is_as_far_from_the_corners():
-    """On this uneven panel two places are 0.394 m from three of its corners each, 26 mm apart."""
+    """On this uneven panel two positions are 0.394 m from three of its corners each, 26 mm apart."""
     outline = ((-0.349, 0.0), (0.349, 0.0), (0.339, -0.43), (-0.336, -0.39))
     places = [*zip(("a", "b", "c", "d"), outline, strict=True), ("centre", (0.0, -0.184))]
     points = tuple(TrackedPoint(name=name, at_m=at) for name, at in places)

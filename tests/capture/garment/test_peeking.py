@@ -60,7 +60,7 @@ def test_the_hidden_corner_is_sought_within_the_missing_cloth_in_the_picture(row
 
 
 def test_a_corner_more_than_a_quarter_of_a_metre_away_is_not_sought():
-    """0.25 and 0.03 m are 93 pixels, of which 90 are looked at."""
+    """0.25 and 0.03 m are 93 pixels, of which 90 are used."""
     far = scene(rows=slice(11, 16), columns=slice(115, 126))
     assert peeking(far, missing=0.25) == pytest.approx(55.0, abs=12.0)
     assert peeking(scene(rows=slice(4, 9), columns=slice(115, 126)), missing=9.0) == 0.0

@@ -24,7 +24,7 @@ def test_a_point_that_was_never_lost_counts_at_once_and_with_its_own_deviation()
 
 
 def test_an_outlier_is_refused_and_not_remembered():
-    """60 m/s^2 dt^2 are 67 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are a leap."""
+    """60 m/s^2 dt^2 are 67 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are an outlier."""
     gate = MotionGate(1)
     for k in range(3):
         gate.admit(at(0.0), SD, k * PERIOD)

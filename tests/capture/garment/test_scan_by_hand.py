@@ -60,7 +60,7 @@ def test_the_grid_between_four_sides_is_coons_patch():
 
 
 def test_depth_is_the_mean_of_what_is_two_pixels_inside_the_rim():
-    """Depth rises along u; eleven pixels about a place have its own for a mean, less those beyond the inner ones."""
+    """Depth rises along u; eleven pixels about a position have its own for a mean, less those beyond the inner ones."""
     columns = np.indices(WHOLE.shape)[1]
     cloth = silhouette(WHOLE, 1.6 + 0.001 * columns)
     depth = _smooth_depth(cloth)
@@ -110,7 +110,7 @@ def test_a_scan_begins_at_the_top_left_corner_and_goes_clockwise():
 
 
 def test_a_scan_without_a_corner_has_a_contour_that_begins_at_the_windows():
-    """The first corner is missing: the place nearest to the window's own corner stands for it."""
+    """The first corner is missing: the position nearest to the window's own corner stands for it."""
     corners = CORNERS.copy()
     corners[0] = np.nan
     scan = scan_surface(silhouette(WHOLE), corners, SQUARE, 0.0, grid=3, contour=40)

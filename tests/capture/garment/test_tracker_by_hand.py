@@ -300,7 +300,7 @@ def test_traces_look_at_the_outlines_corner_and_at_the_nearest_cloth(tracker, mo
 
 
 def test_points_are_admitted_each_by_its_own_step():
-    """Of three points one leaps by 0.5 m and one goes on at 1.5 m/s along all axes."""
+    """Of three points one jumps by 0.5 m and one continues at 1.5 m/s along all axes."""
     gate, period = MotionGate(3), 1 / 30
     sd = np.full((3, 3), 0.002)
     for k in range(4):

@@ -152,7 +152,7 @@ def test_a_missing_plate_gives_no_position():
 
 
 def test_plates_teach_how_the_noise_is_correlated():
-    """A chess board of 2 mm has none: 13 pixels become fewer with every plate, and its size is told in pixel noises."""
+    """A chess board of 2 mm has none: 13 pixels become fewer with every plate, and its size is in pixel noises."""
     placer, quad, depth = PlatePlacer(CAMERA, SIZE), quad_at([0.1, -0.2, 1.6]), depth_of(1.6)
     rows, columns = np.indices(depth.shape)
     depth[(rows + columns) % 2 == 0] += 2

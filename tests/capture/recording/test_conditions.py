@@ -213,7 +213,7 @@ def test_a_pause_of_ten_seconds_is_a_gap_and_reported_and_not_a_clock_that_was_s
 
 
 def test_the_hosts_clock_says_when_a_recording_is_played_and_nothing_about_when_it_was_made(good, tmp_path):
-    """Both leap by 10 s, and no frame was dropped: the clock was set."""
+    """Both jump by 10 s, and no frame was dropped: the clock was set."""
     later = [(number, (number + 1) / 30 + 10.0) for number in range(12, 24)]
     changes = {number: {"time_s": time, "host_time_s": time} for number, time in later}
     _, take = recorded(tmp_path, good * 8, changes)

@@ -123,7 +123,7 @@ def test_leaving_early_stops_the_thread():
 
 @pytest.mark.slow
 def test_a_short_recording_stays_below_110_megabytes_and_accounts_for_every_frame():
-    """Five seconds. A machine that is busy with other things may lose frames, but the take tells of them.
+    """Five seconds. A machine that is busy with other things may lose frames, but the take reports them.
 
     Only those at the very end have no next frame that could.
     """

@@ -150,7 +150,7 @@ def test_a_full_disk_keeps_what_was_recorded_until_then(drawn, tmp_path):
 
 
 def test_a_disk_that_is_nearly_full_ends_the_take_whole(drawn, tmp_path, monkeypatch):
-    """Ten frames a second; from the 12th on, all the disk's room is too little; it is looked at every second."""
+    """Ten frames a second; from the 12th on, all the disk's room is too little; the room is checked every second."""
 
     def fill(frames, total, seen):
         if frames == 12:

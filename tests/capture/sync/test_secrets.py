@@ -78,7 +78,7 @@ def test_the_canary_is_in_no_message_and_no_file(far, box, tmp_path, spool, faul
 
 
 def test_the_canary_is_in_no_process_list_and_no_environment_and_no_core(far, box, tmp_path):
-    """The server is silent while the running process is looked at; then it is ended by SIGABRT, which dumps core."""
+    """The server is silent while the running process is inspected; then it is ended by SIGABRT, which dumps core."""
     _, proxy, authority = far
     proxy.fault = lambda method, path: "silent"
     config = box(proxy, authority)

@@ -58,7 +58,7 @@ def test_takes_go_in_the_order_of_their_numbers_whatever_the_clock_said(far, spo
 
 
 def test_files_that_an_earlier_run_sent_are_found_and_not_sent_again(far, spool, three):
-    """The receipts are lost: three takes are looked for, read back and not sent."""
+    """The receipts are lost: three takes are searched for, read back and not sent."""
     server, proxy, authority = far
     setup = setup_of(spool.folder, proxy, authority)
     assert sync_of(setup)[0].once() is None

@@ -125,7 +125,7 @@ def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_
     ids=["no-toml", "wrong-type", "no-credentials", "no-store"],
 )  # fmt: skip
 def test_the_appliances_status_says_why_the_unit_cannot_even_begin(tmp_path, spool, three, content, words):
-    """The unit runs `run`; a command that a person tries by hand tells the person alone."""
+    """The unit runs `run`; a command that a person tries by hand prints to the person alone."""
     config = tmp_path / "appliance.toml"
     config.write_text('[spool]\nfolder = "spool"\n' + content)
     assert hangtime("sync", "now", "--config", config).returncode == 2

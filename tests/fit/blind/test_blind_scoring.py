@@ -342,7 +342,7 @@ def test_a_named_local_effect_states_its_region_and_else_the_largest_residual_do
 
 
 def test_closure_is_compared_with_the_true_effects_where_that_closes_anything():
-    """0.4 of 0.8; 1.2 of 0.6 counts as all, -0.3 of 0.5 as nothing; what is refitted to close 0.05 tells no share."""
+    """0.4 of 0.8; 1.2 of 0.6 counts as all, -0.3 of 0.5 as nothing; a refit that closes 0.05 gives no share."""
     closed = [(0.4, 0.8), (1.2, 0.6), (-0.3, 0.5), (0.04, 0.05), (0.3, None)]
     singles = [
         Judged(

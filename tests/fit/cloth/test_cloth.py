@@ -141,7 +141,7 @@ def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
 
 
 def dropped(time, **changes):
-    """A level sheet that nothing holds: frames, nodes, places."""
+    """A level sheet that nothing holds: frames, nodes, positions."""
     garment = sheet()
     recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
     level = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
@@ -356,7 +356,7 @@ def test_a_take_counts_from_the_first_to_the_last_sight_of_the_hanger():
 
 
 def test_points_that_are_hardly_ever_seen_exert_no_pull():
-    """Five frames tell no curve; the point is not taken to be at the origin of the world."""
+    """Five frames determine no curve; the point is not taken to be at the origin of the world."""
     garment, time = sheet(), np.arange(0, 3, 1 / 30)
     away = swing(time) + np.array([0.0, 2.0, 0.0])
     take = take_of(garment, time, away, hung(garment, time) + away[:, None])

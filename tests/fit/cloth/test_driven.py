@@ -20,7 +20,7 @@ LEVEL = np.array([0.0, 0.15, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
 
 
 def on_a_table(way, seconds=1.0):
-    """A sheet that nothing holds on a table that goes `way(t)` [m], (n, 3): the last places, and how fast it is."""
+    """A sheet that nothing holds on a table that goes `way(t)` [m], (n, 3): the last positions, and how fast it is."""
     garment = sheet(width=SIDE, height=SIDE, mass=DENSITY * SIDE**2)
     time = np.arange(0, seconds, 1 / 30)
     recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))

@@ -43,7 +43,7 @@ def test_slopes_along_lines_are_those_of_the_stencils(mesh, family):
 
 
 def test_values_and_twists_are_those_of_the_mesh(mesh):
-    """Element by element: samples of one place across, from one end to the other."""
+    """Element by element: samples of one position across, from one end to the other."""
     slopes = np.random.default_rng(2).standard_normal(len(mesh.fibres.area))
     y = slopes[mesh.shear_across.reshape(-1, 3, 4)]
     assert (y == y[:, :1]).all()

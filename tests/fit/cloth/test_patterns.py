@@ -109,7 +109,7 @@ def test_quadrilaterals_are_convex_clockwise_and_inside(loops, side):
 
 
 def swings(garment, *, point=2, seconds=5.0, **changes):
-    """Frequency [1/s] of the first swing after a nudge, and the places of the point at the end of a still hang."""
+    """Frequency [1/s] of the first swing after a nudge, and the positions of the point at the end of a still hang."""
     time = np.arange(0, seconds, 1 / 30)
     recording = prepare(take_of(garment, time, swing(time, amplitude=0.002, hz=0.9, stop=1.5), hung(garment, time)))
     row = material(garment, velocity_damping=0.3, **changes)

@@ -18,14 +18,14 @@ def test_the_reference_goes_from_a_chain_to_a_rigid_plate():
 
 
 def test_cloth_without_bending_is_far_from_how_card_swings():
-    """The second swing tells stiffness: a case that limp cloth kept to as well would check nothing."""
+    """The second mode depends on stiffness: a case that limp cloth met as well would check nothing."""
     limp, _ = ring(Resolution(spacing=0.05), 2, seconds=5.0, amplitude=0.0005)
     assert limp == pytest.approx(0.583 * bending_modes(CARD)[1], rel=0.01)
 
 
 @pytest.mark.slow
 def test_short_steps_far_from_the_origin_lose_nothing_by_rounding():
-    """In a step of 16 us the ring-down of card moves by hardly more than places 1.5 m away are told apart."""
+    """In a step of 16 us the ring-down of card moves by hardly more than positions 1.5 m away can be resolved."""
     assert abs(bending_damping_error(Resolution(spacing=0.05, step_share=0.25))) < 0.005
 
 

@@ -1,4 +1,4 @@
-"""Run in Blender's own Python: open an exported motion, and write the places of its nodes, frame by frame.
+"""Run in Blender's own Python: open an exported motion, and write the positions of its nodes, frame by frame.
 
 blender_motion.py FILE OUT.npz FRAMES
 

@@ -137,7 +137,7 @@ def test_a_combination_that_is_not_identified_keeps_its_value_apart_too():
 
 
 def test_a_number_that_several_parameters_make_has_the_verdict_of_its_combination():
-    """Neither Air nor Velocity is told, and the damping that they make is: 1.1 to 1.3 /s."""
+    """Neither Air nor Velocity is identified, and the damping that they make is: 1.1 to 1.3 /s."""
     told = Combination(
         name="velocity damping", unit="1/s", initial=1.0, fitted=1.2, interval_low=1.1, interval_high=1.3,
         is_identified=True,

@@ -16,7 +16,7 @@ from fit.methods import SI
 from formats.diagnosis_records import Gate
 from tests.fit.gap.linear_takes import MESH, LinearTakes
 
-FIRST_SAMPLES, CARRIED, SAMPLES = 18, 8, 2  # few, for each look after the first sixteen trains an emulator
+FIRST_SAMPLES, CARRIED, SAMPLES = 18, 8, 2  # few, for each batch after the first sixteen trains an emulator
 SHIFT = np.array([0.5, -0.4, 0.3, 0.2, -0.3])  # of the logarithms of the parameters
 
 
@@ -86,7 +86,7 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     assert fits[0].active == ()
     assert gate.passed
     assert (chosen.frequency, gate.name) == (0.0, "predictability")
-    # Of the looks 16 of 18, and then 8 of 10, come at once; they are 6 % of the work each.
+    # Of the samples 16 of 18, and then 8 of 10, come at once; both are 6 % of the work each.
     assert [(stage, pytest.approx(share)) for stage, share in told] == [
         ("looking for starts, pull 1 Hz", 0.02), ("looking for starts, pull 1 Hz", 0.02 + 0.06 * 16 / 18),
         ("looking for starts, pull 0 Hz", 0.08), ("looking for starts, pull 0 Hz", 0.08 + 0.06 * 8 / 10),
@@ -97,7 +97,7 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
 
 
 def test_candidates_are_simulated_on_the_coarse_mesh_under_a_pull_and_then_on_the_fine_one(world, monkeypatch):
-    """18 places under 1 Hz; the best eight of them and two more under the pull that was chosen at the best."""
+    """18 candidates under 1 Hz; the best eight of them and two more under the pull that was chosen at the best."""
     at = pulls(monkeypatch, 0.5)
     _, chosen, _ = ended(world)
     first = [vector for frequency, spacing, vector in world.looked if frequency == 1.0]

@@ -35,7 +35,7 @@ def test_sums_of_a_decaying_square_are_correlated_as_its_integral_says(decay):
 
 
 def test_a_swing_of_half_the_block_rate_is_correlated_as_the_mean_of_its_square():
-    """cos^2 of 1 Hz has a period of one block, so that nothing but the decay of 1000 s tells blocks apart."""
+    """cos^2 of 1 Hz has a period of one block, so that nothing but the decay of 1000 s distinguishes blocks."""
     assert Ringing(1e3, 1.0, share=1.0).between_blocks(5) == pytest.approx(np.ones(5), abs=0.01)
 
 

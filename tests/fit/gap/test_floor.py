@@ -96,7 +96,7 @@ def test_a_stated_noise_is_contradicted_by_a_quarter(stated, is_contradicted):
 
 
 def stilled(monkeypatch, places):
-    """A model whose cloth hangs still at places [m], (points, 3): nothing is simulated."""
+    """A model whose cloth hangs still at positions [m], (points, 3): nothing is simulated."""
 
     def still(asked, *, frequency=None):
         return [
@@ -171,7 +171,7 @@ def test_the_points_own_noise_is_weighed_by_how_often_each_was_seen():
 
 
 def gridded(values, places):
-    """An observer of points at places of a flat grid whose residuals are these, (frames, points, 3) [m]."""
+    """An observer of points at positions of a flat grid whose residuals are these, (frames, points, 3) [m]."""
     points = [SimpleNamespace(at_m=at) for at in places]
     recording = SimpleNamespace(judged=np.ones(len(places), bool), garment=SimpleNamespace(points=points))
     return SimpleNamespace(

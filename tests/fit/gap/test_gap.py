@@ -137,7 +137,7 @@ def test_points_that_never_move_against_the_hanger_are_inconclusive():
 
 
 def test_a_board_that_turns_with_the_hanger_does_not_move_against_it():
-    """The bar yaws by 6 degrees: a corner of the board travels 20 mm with it, 14 times the noise, and tells nothing."""
+    """The bar yaws by 6 degrees: a corner of the board moves 20 mm with it, 14 times the noise: no evidence."""
     time, moved = moderate_swing()
     garment = sheet()
     yaw = np.radians(6) * np.sin(4.0 * time)

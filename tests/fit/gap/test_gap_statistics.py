@@ -18,7 +18,7 @@ from tests.fit.scenes import hung, sheet, swing, take_of
 
 
 def test_a_further_effect_counts_among_those_that_were_refitted_beside_the_same_ones(monkeypatch):
-    """Of three where other takes judge; of all five that were looked for where none do; none where the edge tells."""
+    """Of three where other takes judge; of all five that were tested where none do; none where the edge decides."""
     monkeypatch.setattr("fit.gap.rounds.gain_p_value", lambda before, after, floor: 0.01)
     search = SimpleNamespace(judge=1, observer=SimpleNamespace(**EFFECTS), base=hypothesis((), 12.0), tested=[""] * 5)
     start, found = hypothesis(("hem",), 9.0), hypothesis(("hem", "air_drag"), 6.0)

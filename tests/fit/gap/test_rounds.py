@@ -294,7 +294,7 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
 
 
 def test_an_effect_that_was_a_start_and_is_not_tried_beside_others_has_the_twins_it_has_alone():
-    """Anisotropy is left out where effects are looked for beside drag."""
+    """Anisotropy is left out where effects are tried beside drag."""
     search = a_search((12.0, 100.0), {})
     search.screened = like(anisotropy=1.0, hem=0.99, air_drag=0.2)
     search.beside = {"air_drag": {"hem": signature()}}

@@ -47,7 +47,7 @@ def test_twins_are_listed_for_two_effects_and_not_of_three():
 
 
 def test_effects_that_are_named_together_are_described_by_their_fit_together(monkeypatch):
-    """Drag alone is fitted at 1.2, beside the hem at 0.6; of two components that show the less visible one is told."""
+    """Drag alone is fitted at 1.2, beside the hem at 0.6; of two that show, the less visible component is stated."""
     smallest = {e.name: np.array([0.1, 0.2, np.inf][: len(e.components)]) for e in LIBRARY}
     smallest["draught"] = np.array([np.inf, np.inf])
     monkeypatch.setattr("fit.gap.findings.smallest_detectable", lambda evidence: smallest)

@@ -244,7 +244,7 @@ def test_a_clock_that_runs_fast_is_no_property_of_the_cloth():
 
 
 def test_a_parameter_at_its_bound_is_noted_as_such_and_not_among_those_that_many_values_fit():
-    """The start of the damping, 1 /s, is the lower end of its range, and no other place is better."""
+    """The start of the damping, 1 /s, is the lower end of its range, and no other candidate is better."""
     result = calibrate([a_take()], [], asked(bounds=["velocity_damping=1:4"]))
     stopped = [p.name for p in result.parameters if p.is_at_bound]
     free = [p.name for p in result.parameters if not (p.is_identified or p.is_at_bound)]

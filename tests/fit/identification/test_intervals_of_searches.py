@@ -61,7 +61,7 @@ def test_intervals_of_free_rollouts_are_those_of_the_residuals_in_their_own_devi
 
 
 def test_noise_leaves_its_mean_and_one_deviation_of_chi_square():
-    """Of 200 numbers 200 + sqrt(400); before anything was looked at there is no limit."""
+    """Of 200 numbers 200 + sqrt(400); before anything was simulated there is no limit."""
     assert Run._noise(SimpleNamespace(residuals=np.zeros((3, 200)))) == pytest.approx(220.0)
     assert Run._noise(SimpleNamespace(residuals=None)) == np.inf
 

@@ -93,7 +93,7 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung, mo
 
 
 def test_trials_with_different_ends_measure_by_how_much_chance_moves_a_cost():
-    """Logarithms 0.1 and 0.2 above the least: sqrt((0.01 + 0.04) / 2) = 0.158; a trial that blew up tells nothing."""
+    """Logarithms 0.1 and 0.2 above the least: sqrt((0.01 + 0.04) / 2) = 0.158; a trial that blew up does not count."""
     assert scatter_of([100 * np.exp(0.2), 100.0, 100 * np.exp(0.1)]) == pytest.approx(np.sqrt(0.025))
     assert scatter_of([100.0, np.inf]) == scatter_of([100.0]) == 0.0
 
@@ -130,7 +130,7 @@ def test_fits_that_differ_by_a_rounding_error_end_in_each_others_intervals(monke
 
 @pytest.fixture(scope="module")
 def uninterrupted(swung):
-    """What a request ends with, its take, and the steps it tells of on the way, by the search's name; run once each."""
+    """The result of a request, its take, and the steps that it reports, by the search's name; run once each."""
 
     @functools.cache
     def run(name):
@@ -155,9 +155,9 @@ def uninterrupted(swung):
     ],
 )
 def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(uninterrupted, tmp_path, name, stop):
-    """16 looks and 32 times two make 33 steps, then there are descents, and looks across valleys after the 34th.
+    """16 samples and 32 times two make 33 steps, then there are descents, and scans across valleys after the 34th.
 
-    These six parameters cannot follow the take to its noise: by the 60th step one looks for the second time. The step
+    These six parameters cannot follow the take to its noise: by the 60th step one scan is the second one. The step
     after the last but one goes on from the best end.
     """
     request, take, whole, steps = uninterrupted(name)
@@ -192,7 +192,7 @@ def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(uninterr
 
 @pytest.mark.slow
 def test_least_squares_know_the_distance_of_every_candidate(swung):
-    """It is that of the free rollouts that the result is told of, with an effect on as well."""
+    """It is that of the free rollouts that the result is reported for, with an effect on as well."""
     request = request_of(SI, ["air_drag"], iterations=1, seed=1, spacing=MESH, search="least-squares")
     model = Model([prepare(swung)], request)
     search, settings = begin_observed(request, model.recordings, model.distances_of)

@@ -50,7 +50,7 @@ def test_a_swatch_10_mm_aside_costs_alpha_times_10_mm():
 
 
 def test_a_swatch_that_moves_steadily_costs_half_its_speed_and_its_mean_position():
-    """0.2 m/s for 2 s: 0.5 x 0.2 for the speed, and the mean place is half way, 0.2 m x 239/240 off."""
+    """0.2 m/s for 2 s: 0.5 x 0.2 for the speed, and the mean position is half way, 0.2 m x 239/240 off."""
     moving = hanging() + 0.2 * TIME[:, None, None] * np.array([0.0, 1.0, 0.0])
     terms = error_against(hanging()).terms(moving[None])
     assert terms[0] == pytest.approx([0.2 * 239 / 240, 0.1, 0.0, 0.0], rel=1e-6, abs=1e-9)
@@ -130,7 +130,7 @@ def test_a_markers_speed_is_the_mean_of_the_frames_in_which_it_was_seen():
 
 
 def test_a_lost_marker_bends_no_line_that_it_is_a_point_of():
-    """A flat swatch that swings; where one marker is lost for a second, its bridged place is far off the plane."""
+    """A flat swatch that swings; where one marker is lost for a second, its bridged position is far off the plane."""
     swung = hanging()
     swung[..., 1] += 0.1 * np.sin(2 * np.pi * 0.9 * TIME)[:, None]
     seen = swung.copy()

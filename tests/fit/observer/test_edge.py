@@ -119,7 +119,7 @@ def test_points_that_are_missing_on_one_side_are_not_mistaken_for_a_moved_edge()
 
 
 def test_a_constant_offset_counts_as_a_markers_own():
-    """Of five markers glued 1 mm beside their places on average, the middle is known to 0.45 mm."""
+    """Of five markers glued 1 mm beside their positions on average, the middle is known to 0.45 mm."""
     recording, _ = a_recording(noise=1e-6)
     assert EdgeResiduals(recording).static_sd[:3] == pytest.approx(MARKER_OFFSET / np.sqrt(5), rel=0.01)
 
@@ -139,7 +139,7 @@ def test_a_silhouettes_corners_may_be_further_beside_the_cloth_than_markers_on_i
 
 
 def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as_much():
-    """Ends known to 2 mm over the axes: the middle to 1.41, the length to 2.83, times 0.354 at five places."""
+    """Ends known to 2 mm over the axes: the middle to 1.41, the length to 2.83, times 0.354 at five positions."""
     recording, _ = a_recording(noise=1e-6)
     time = recording.time
     take = take_of(recording.garment, time, swing(time), hung(recording.garment, time))

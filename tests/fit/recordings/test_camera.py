@@ -154,7 +154,7 @@ def test_noise_is_not_mistaken_for_sliding():
 
 @pytest.mark.parametrize("lost", [0.7, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_take_with_a_gap_is_used_on_both_sides_of_it(lost):
-    """Nothing is judged in the gap and until the cloth has forgotten it; the path is led across without a leap."""
+    """Nothing is judged in the gap and until the cloth has forgotten it; the path is interpolated without a jump."""
     time = np.arange(0, 14, 1 / 20)
     gap = (time > 5.0) & (time < 5.0 + lost)
     whole = swung(silhouette_sheet("material"), time, time)

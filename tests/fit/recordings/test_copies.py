@@ -89,7 +89,7 @@ def test_other_recordings_are_no_copies(noise):
 
 @pytest.mark.parametrize("noise", [0.0, 2e-5, 1e-4, 5e-4])
 def test_takes_at_rest_are_no_copies(noise):
-    """One free point of cloth at rest comes near its places of another recording in most frames, in no order."""
+    """One free point of cloth at rest comes near its positions of another recording in most frames, in no order."""
     corners = sheet()
     one_free = msgspec.structs.replace(corners, points=corners.points[:3])
     for garment in (corners, one_free):
@@ -111,7 +111,7 @@ def test_frames_that_come_again_and_cloth_that_has_not_moved_give_no_evidence():
 
 @pytest.mark.parametrize(("count", "is_one"), [(9, False), (10, False), (11, True), (40, True)])
 def test_ten_steps_from_one_shared_frame_to_the_next_make_a_copy(count, is_one):
-    """A piece of so many frames, which is all that the other take tells."""
+    """A piece of so many frames, which is all that the other take holds."""
     take = recorded()
     piece = part(take, np.r_[0:2, 100 : 100 + count])
     assert copies(take, piece) == is_one
@@ -143,7 +143,7 @@ def test_positions_are_the_same_within_a_tenth_of_a_millimetre(apart, is_one):
 
 @pytest.mark.parametrize(("kept", "is_one"), [(26, True), (22, False)])
 def test_a_fifth_of_the_frames_in_common_makes_a_copy(kept, is_one):
-    """Of two pieces of 120 frames each, all of which tell something but some of the first ones."""
+    """Of two pieces of 120 frames each, all of which give evidence but some of the first ones."""
     whole = recorded(start=-1.0, hz=0.73, seed=4)
     more = part(recorded(start=-1.0, hz=0.61, seed=5), slice(0, 120 - kept))
     mixed = {name: np.concatenate([getattr(part(whole, slice(120 - kept, 120)), name), getattr(more, name)])
@@ -154,7 +154,7 @@ def test_a_fifth_of_the_frames_in_common_makes_a_copy(kept, is_one):
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_long_takes_of_many_equal_positions_are_compared_in_a_second(noise, monkeypatch):
-    """Ten minutes at rest or with a tracker that stands: all places are one, or some hundreds."""
+    """Ten minutes at rest or with a tracker that stands: all positions are one, or some hundreds."""
     monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 600, 1 / 30))
     takes = [recorded(hz, noise, seed, start=590.0) for hz, seed in ((0.7, 1), (0.9, 2))]
     takes = [dataclasses.replace(take, points=take.points.round(5)) for take in takes]

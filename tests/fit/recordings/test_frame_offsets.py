@@ -58,7 +58,7 @@ def test_noise_alone_is_no_offset():
 
 
 def test_a_scale_is_left_for_the_diagnosis():
-    """Depths 5 % too long move the row by 5 % of the hanger's way, which a line through its place explains."""
+    """Depths 5 % too long move the row by 5 % of the hanger's way, which a line through its position explains."""
     assert sum(found_of(np.zeros(len(TIME)), seed, scale=1.05) is not None for seed in range(60)) <= 4
 
 

@@ -142,7 +142,7 @@ def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
 
 
 def test_points_of_a_silhouette_that_lie_beside_the_path_are_refused_where_they_were_seen():
-    """200 mm to one side, more than 60 mm and a quarter of 214 mm; their material places are below the path."""
+    """200 mm to one side, more than 60 mm and a quarter of 214 mm; their material positions are below the path."""
     time = uneven()
     take = swung(silhouette_sheet(), time, time)
     check_geometry(prepare(take))

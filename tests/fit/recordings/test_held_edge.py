@@ -101,7 +101,7 @@ def test_a_step_of_eight_standard_errors_is_a_slip(errors, is_told):
 
 @pytest.mark.parametrize(("frames", "is_told"), [(111, True), (95, False)])
 def test_a_step_is_not_reported_at_the_end_of_a_take(frames, is_told):
-    """Of the last five frames no step is told."""
+    """In the last five frames no step is reported."""
     assert (stepped(0.05, frames).slip_at() == pytest.approx(3.0, abs=1e-6)) == is_told
 
 

@@ -114,7 +114,7 @@ def test_targets_are_positions_and_their_velocities():
 
 
 def level_path(places):
-    """Held ends 0.4 m apart whose middle is at these places along x [m], (n,)."""
+    """Held ends 0.4 m apart whose middle is at these positions along x [m], (n,)."""
     ends = np.zeros((len(places), 6))
     ends[:, 0], ends[:, 3] = places - 0.2, places + 0.2
     return ends

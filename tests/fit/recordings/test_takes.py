@@ -238,7 +238,7 @@ def test_a_fit_is_of_takes_by_what_they_hold_and_an_old_one_by_their_names():
 
 
 def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(tmp_path):
-    """The other one has the same name: what tells it apart is what it holds. Old diagnoses know names alone."""
+    """The other one has the same name: its content distinguishes it. Old diagnoses know names alone."""
     fit, diagnosed, report = (tmp_path / name for name in ("fit.json", "diagnosis.json", "report.html"))
     save_fit_result(fit, calibrate([a_take()], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15)))
     of_a = msgspec.structs.replace(diagnosis("none", [], []), take_ids=["a"])

@@ -28,7 +28,7 @@ def timing_of(time, true, *, noise=NOISE, seed=0, still=False, **options):
 @pytest.mark.parametrize("late", [-0.2, 0.0, 0.05, 0.1, 0.2, 0.33])
 @pytest.mark.parametrize("is_even", [True, False])
 def test_a_latency_is_found_with_its_size(late, is_even):
-    """12 s at 9 frames a second with 3 mm of noise tell it to 10 ms: a row of 0.4 m/s moves by 4 mm in that time."""
+    """12 s at 9 frames a second and 3 mm of noise give it to 10 ms: a row of 0.4 m/s moves by 4 mm in that time."""
     time = np.arange(0, 12, 1 / 9) if is_even else uneven()
     found = timing_of(time, time - late, is_per_frame=False)
     low, high = found.latency_interval

@@ -95,7 +95,7 @@ def test_frames_that_are_early_and_late_by_turns_deviate_by_that(frames, still, 
 
 @pytest.mark.parametrize(("latency", "share"), [(0.0, 0.0), (0.1, 0.5)])
 def test_a_row_moves_through_the_hangers_frame_as_the_hanger_does_and_later_stamps_put_it_ahead(latency, share):
-    """Along the bar's normal, across the cloth, whatever the stamps; 0.2 s late it is 80 mm ahead of its place."""
+    """Along the bar's normal, across the cloth, whatever the stamps; 0.2 s late it is 80 mm ahead of its position."""
     time = np.arange(9) * 0.1
     scan = scan_of(time, 0.0)
     assert scan.velocity(latency, share) == pytest.approx(np.tile([0.0, 0.0, SPEED], (9, 1)))

@@ -226,7 +226,7 @@ def test_an_effect_that_is_fitted_too_says_what_its_number_means():
 
 
 def test_a_rig_says_where_its_gravity_comes_from():
-    """A rig without a calibrated gravity is believed; depth to a fifth of a thousandth is not exact."""
+    """A rig without a calibrated gravity is accepted; depth to a fifth of a thousandth is not exact."""
     known = Calibration(depth_scale=1.0, depth_scale_sd=2e-4)
     instants = np.arange(0, 1, 1 / 30)
     rig = take_of(sheet(), instants, np.zeros((30, 3)), hung(sheet(), instants)).rig

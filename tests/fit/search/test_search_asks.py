@@ -85,7 +85,7 @@ def test_the_best_history_of_chains_is_the_least_of_them_and_the_last_goes_on():
 
 
 def asked_of(width, *, known, start=0.5, answers=1.0, prior=None, **settings):
-    """Everything that a search asks which is told that nothing ever changes, (lanes, 1) a batch."""
+    """Every candidate of a search whose residuals never change, (lanes, 1) a batch."""
     one = search(
         np.array([start]), box(0.0, 1.0), prior=prior, jacobian=known,
         settings=LeastSquaresSettings(width=width, is_exact=False, renewals=0, **settings),
@@ -214,7 +214,7 @@ def test_a_search_says_why_it_ended(residual, changes, reason, is_converged, ste
 
 
 def test_the_end_of_a_linear_search_is_that_of_the_normal_equations_with_all_that_belongs_to_it():
-    """One step of almost no damping; places in a box of 2 by 4, slopes in own units, whose box is no logarithm."""
+    """One step of almost no damping; candidates in a box of 2 by 4, slopes in own units, whose box is no logarithm."""
     found = ended_of(linear, damping=1e-9, cost_tolerance=1e-3)
     best = np.linalg.lstsq(MATRIX, TARGET, rcond=None)[0]
     assert found.parameters == pytest.approx(best, rel=1e-4)

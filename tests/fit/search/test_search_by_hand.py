@@ -150,7 +150,7 @@ def drawn(cost, places, pieces, seed):
 
 
 def test_draws_follow_their_printed_formulas():
-    """Two hundred steps of 64 walkers are kept; one of the three first places lies on a bound."""
+    """Two hundred steps of 64 walkers are kept; one of the three first candidates lies on a bound."""
     places = np.array([[0.0, 1.0], [0.3, 0.6], [0.5, 0.5]])
     found = posterior.draw(valley, places, 6.0, 4)
     assert found.shape == (200 * 64, 2)
@@ -161,7 +161,7 @@ def test_draws_follow_their_printed_formulas():
 
 
 def test_a_flat_generation_is_followed_by_one_of_twice_the_population():
-    """4 + floor(3 ln 2) = 6, then 12, then 24; the first place is the start and of no generation."""
+    """4 + floor(3 ln 2) = 6, then 12, then 24; the first candidate is the start and of no generation."""
     search = Evolution(np.array([0.5, 0.5]), BOX, 1 + 6 + 12 + 24, 0)
     sizes = []
     while not search.is_finished:

@@ -31,7 +31,7 @@ def emulator(places):
 
 
 def test_emulated_costs_hold_to_a_percent_at_samples_and_to_a_tenth_elsewhere(places, emulator):
-    """The nugget, for ripples, keeps what was told from being met exactly."""
+    """The nugget, for ripples, keeps the samples from being met exactly."""
     told = (swung(places) ** 2).sum(1)
     assert emulator.costs(places, 0.0)[0] == pytest.approx(told, rel=0.01, abs=0.01 * told.max())
     others = 0.2 + 0.6 * np.random.default_rng(1).random((50, 3))
@@ -141,7 +141,7 @@ def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
 
 
 def test_the_emulator_uses_the_best_sixty_of_the_finite_samples_and_proposals_begin_at_the_best(monkeypatch):
-    """By the sum of squares and the prior: of 70 places two blew up, and the eight that cost most are left out."""
+    """By the sum of squares and the prior: of 70 candidates two blew up, and the eight that cost most are left out."""
     rng, start, told = np.random.default_rng(8), np.full(3, 0.2), {}
     units = rng.random((70, 3))
     residuals = rng.normal(size=(70, 5)) * rng.uniform(0.1, 4.0, (70, 1))
@@ -167,7 +167,7 @@ def test_the_emulator_uses_the_best_sixty_of_the_finite_samples_and_proposals_be
     np.testing.assert_allclose(told["products"], residuals[order] @ residuals[order].T)
     best = units[order[0]]
     assert told["begun"] == [(caution, best.tolist()) for caution in sampling.CAUTIONS]
-    # The best place was looked at already, and each other is far enough from all before it.
+    # The best candidate was simulated already, and each other is far enough from all before it.
     assert found == pytest.approx(np.array([best + 0.02, best - 0.02]))
 
 

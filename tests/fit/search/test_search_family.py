@@ -248,7 +248,7 @@ def test_intervals_of_a_search_that_stopped_short_reach_as_far_as_the_least_squa
 
 
 def test_deviations_known_in_another_way_widen_an_interval_and_never_add_to_it():
-    """Two parameters told alike: of the first twice as much is known in another way, of the second half as much."""
+    """The least deviation of the first parameter is twice its own, and of the second one half of its own."""
     line = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
     random = np.random.default_rng(3)
     noise, jacobian, block = random.normal(size=60), 50 * random.normal(size=(60, 2)), np.repeat(np.arange(12), 5)

@@ -152,7 +152,7 @@ def test_blocks_are_known_by_their_numbers_wherever_these_begin():
 
 
 def test_intervals_of_draws_are_their_quantiles_in_own_units():
-    """101 places evenly over a box of 200 wide: 5 % and 95 % are 10 and 190, variance 2^2 x 101 x 102 / 12."""
+    """101 candidates evenly over a box of 200 wide: 5 % and 95 % are 10 and 190, variance 2^2 x 101 x 102 / 12."""
     box = line(0.0, 200.0)
     draws = np.linspace(0, 200, 101)[:, None]
     found = draw_intervals(box, draws, np.array([100.0]))

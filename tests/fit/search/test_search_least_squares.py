@@ -109,7 +109,7 @@ def test_a_search_that_falls_by_less_than_a_hundredth_is_stopped_above_the_known
 
 
 def test_a_search_by_chords_that_stops_on_new_differences_asks_for_no_more():
-    """One place, one column of differences a parameter, one ladder that finds nothing to gain: 1 + 2 + 4."""
+    """One candidate, one column of differences a parameter, one ladder that finds nothing to gain: 1 + 2 + 4."""
     settings = LeastSquaresSettings(width=4, is_chord=True, step=1e-6, step_tolerance=1e-3)
     assert minimise(decay, np.array([2.001, 0.7]), box([-3, 0.1], [3, 10]), settings=settings).simulations == 7
 

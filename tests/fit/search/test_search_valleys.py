@@ -62,7 +62,7 @@ TILTED, PRIOR = np.array([[2.0, 1.0], [0.0, 1.0]]), np.diag([1.0, 2.0])
 
 
 def asked_from(unit, cost=40.0, judged=None):
-    """The places that are judged from an end, and those that are returned."""
+    """The candidates that are judged from an end, and those that are returned."""
     seen = []
 
     def judge(places):
@@ -102,6 +102,6 @@ def test_a_rise_of_twice_the_cost_is_too_much():
 
 
 def test_the_best_candidate_of_either_direction_is_returned_the_better_first():
-    """Of three places below and three above the end, the second of each costs least, above less than below."""
+    """Of three candidates below and three above the end, the second of each costs least, above less than below."""
     places, found = asked_from([0.5, 0.5], judged=[9.0, 2.0, 8.0, 7.0, 1.0, 6.0])
     assert found == pytest.approx(places[[4, 1]])

@@ -154,7 +154,7 @@ def known(result, *unknown):
 
 
 def test_a_number_that_the_takes_do_not_identify_is_replaced_by_its_interval():
-    """Stretch of 80 to 125 N/m is 81.6 to 127 gf/cm, and all that follows from it is an interval; bending is told."""
+    """Stretch of 80 to 125 N/m is 81.6 to 127 gf/cm, all that follows from it is an interval; bending is known."""
     result = known(a_fit(), "stretch_stiffness")
     lines = {line.split("  ")[0]: line for line in sheet_of(result).splitlines()}
     assert lines["first slope of tension"].count("81.6 to 127") == 2
@@ -191,7 +191,7 @@ def test_a_number_without_interval_is_called_not_identified_once_a_column():
 
 
 def test_a_parameter_at_an_end_of_its_range_decides_as_within_it():
-    """A stretch stiffness at its largest is 1000 N/m or whatever the range ends with, and so not told all the same."""
+    """A stretch stiffness at its largest is 1000 N/m or whatever the range ends with, and so still not identified."""
     for p in known(a_fit()).parameters[:1]:
         result = known(a_fit(values={p.name: p.maximum}), p.name)
         assert "warp.first_slope" in unidentified_of(result)

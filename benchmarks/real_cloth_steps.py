@@ -49,10 +49,10 @@ PLACED = CameraSteps(stamps=False, skew=False, frames=False)
 TIMED = CameraSteps(frames=False)
 ROWS: tuple[tuple[str, CameraSteps, tuple[str, ...]], ...] = (
     ("fitted cloth", RAW, ()),
-    ("+ points in their material place, edge from the points", PLACED, ()),
+    ("+ points at their material position, edge from the points", PLACED, ()),
     ("+ stamps, without skewed grids", TIMED, ()),
     ("+ added mass", TIMED, ("added_mass",)),
-    ("+ a constant lean", TIMED, ("added_mass", "gravity_tilt")),
+    ("+ a constant tilt", TIMED, ("added_mass", "gravity_tilt")),
     ("+ frames moved back by their held row", CameraSteps(), ("added_mass", "gravity_tilt")),
     ("+ drag", CameraSteps(), ("added_mass", "gravity_tilt", "air_drag")),
 )

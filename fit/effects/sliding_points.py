@@ -4,7 +4,7 @@
 
 A point has the way v_p from the held edge, and t_p is the downward tangent of the simulated cloth there. The flat grid
 has the length l, and the tracked grid the length l_f in frame f. Points without a grid are left as they are. Likewise
-left are points that keep their lengths within 1 %, and points in their material places.
+left are points that keep their lengths within 1 %, and points at their material positions.
 
 The amplitude is a, the share of the sliding that the grid's length shows; 1 is all of it.
 

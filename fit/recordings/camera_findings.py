@@ -211,7 +211,7 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
     return [CameraFinding(
         name="sliding_points", take_ids=[r.take_id for r in placed], figure=slide, unit="m", sentence=(
             f"Points of a silhouette slide over the cloth, here by {1e3 * slide:.0f} mm rms. Each point got the "
-            f"material place of its way from the held edge. {100 * seen:.0f} % of the places are seen then."),
+            f"material position at its distance from the held edge. {100 * seen:.0f} % of these positions are seen."),
     )]  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
             interval=(figure - half, figure + half), sentence=(
                 f"The silhouette ends inside the cloth: by {1e3 * bottom:.1f} mm [{1e3 * bottom_span[0]:.1f} to "
                 f"{1e3 * bottom_span[1]:.1f}] at the bottom and {1e3 * side:.1f} mm [{1e3 * side_span[0]:.1f} to "
-                f"{1e3 * side_span[1]:.1f}] at each side. Places beyond it count as unseen."),
+                f"{1e3 * side_span[1]:.1f}] at each side. Positions beyond it count as unseen."),
         ))  # fmt: skip
     leaning = [
         (r, (o.by_pose, o.by_pose_interval)) for r, o in shown
@@ -243,7 +243,7 @@ def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
                 name="eaten_by_pose", take_ids=[r.take_id for r, _ in leaning], figure=figure, interval=span, unit="m",
                 sentence=(
                     f"The silhouette's length depends on pose: it {'loses' if figure > 0 else 'gains'} "
-                    f"{1e3 * abs(figure):.0f} mm per unit of lean [{1e3 * least:.0f} to {1e3 * most:.0f}]. Places "
+                    f"{1e3 * abs(figure):.0f} mm per unit of lean [{1e3 * least:.0f} to {1e3 * most:.0f}]. Positions "
                     "beyond it count as unseen."),
             ))  # fmt: skip
     return found

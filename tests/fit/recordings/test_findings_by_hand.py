@@ -175,7 +175,7 @@ def test_points_slide_by_what_is_beyond_their_noise():
     (told,) = found(one)
     assert told.figure == pytest.approx(np.sqrt(25e-6 - 2 * 2.25e-6))
     assert "by 5 mm rms" in told.sentence
-    assert "50 % of the places" in told.sentence
+    assert "50 % of these positions" in told.sentence
     one.point_sd = np.full(4, 0.003)
     assert found(one) == []  # 2.6 mm
     one.points[:] = np.nan

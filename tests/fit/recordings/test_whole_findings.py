@@ -48,13 +48,13 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
         ("frame_offsets", 0.009, None, "m", False, "While the hanger moves, whole frames are off across the cloth by 9 "
          "mm rms, as the held row shows, on which no physics acts. They are moved back by it."),
         ("sliding_points", 0.005, None, "m", False, "Points of a silhouette slide over the cloth, here by 5 mm rms. "
-         "Each point got the material place of its way from the held edge. 50 % of the places are seen "
-         "then."),
+         "Each point got the material position at its distance from the held edge. 50 % of these positions are "
+         "seen."),
         ("eaten_border", 0.006, (0.006 - border, 0.006 + border), "m", False, "The silhouette ends inside the cloth: "
-         "by 10.0 mm [9.0 to 11.0] at the bottom and 4.0 mm [3.0 to 5.0] at each side. Places beyond it count as "
+         "by 10.0 mm [9.0 to 11.0] at the bottom and 4.0 mm [3.0 to 5.0] at each side. Positions beyond it count as "
          "unseen."),
         ("eaten_by_pose", 0.03, (0.029, 0.031), "m", False, "The silhouette's length depends on pose: it loses 30 mm "
-         "per unit of lean [29 to 31]. Places beyond it count as unseen."),
+         "per unit of lean [29 to 31]. Positions beyond it count as unseen."),
         ("depth_scale", 0.02, (0.015, 0.025), "1", True, "The held row travels 2.0 % [1.5 to 2.5] farther than the "
          "hanger, away from the camera and back: depths and path differ in scale. This was left in."),
         ("lean", 0.02, (0.01, 0.03), "rad", True, "At rest the cloth leans out of the vertical by 1.1 degrees [0.6 to "

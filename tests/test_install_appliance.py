@@ -125,7 +125,7 @@ def test_a_machine_of_32_bits_is_refused_with_what_to_use_instead(tmp_path: Path
     assert not (tmp_path / "etc").exists()
 
 
-def test_what_runs_at_an_upgrade_is_plain_shell_too() -> None:
+def test_scripts_of_an_upgrade_are_plain_shell_too() -> None:
     judge = ROOT / "systemd/hangtime-judge-upgrade"
     assert os.access(judge, os.X_OK)
     subprocess.run(["sh", "-n", judge], check=True)

@@ -59,7 +59,7 @@ def test_a_truth_that_is_two_centimetres_off_is_measured_as_that():
         assert figures([off])[f"constant part, {points} [mm]"][1] == pytest.approx(20.0 / np.sqrt(3), abs=1.5)
 
 
-def test_what_is_called_hidden_is_what_no_pixel_shows_and_what_is_between_is_left_out():
+def test_a_corner_counts_as_hidden_where_no_pixel_shows_it_and_doubtful_ones_are_left_out():
     true = shown()
     none = np.zeros_like(true.pixels)
     hidden = figures([measure(replace(true, in_view=none > 0, pixels=none, share=0.0 * true.share))])

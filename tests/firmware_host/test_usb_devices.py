@@ -78,7 +78,7 @@ def test_a_device_that_may_not_be_opened_is_listed_without_serial_and_names_the_
 @pytest.mark.parametrize(
     ("fault", "kind"), [("stall", UsbStallError), ("timeout", UsbTimeoutError), ("unplug", UsbUnpluggedError)]
 )
-def test_what_pyusb_raises_becomes_an_error_that_names_device_and_port(bus: Any, fault: str, kind: type) -> None:
+def test_an_exception_of_pyusb_becomes_an_error_that_names_device_and_port(bus: Any, fault: str, kind: type) -> None:
     bus(Ps1080Model(fault))
     link = devices.find_devices()[0].open_link()
     with pytest.raises(kind, match=r"PrimeSense PS1080 .* at USB 1:4: "):

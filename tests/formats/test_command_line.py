@@ -184,7 +184,7 @@ def test_import_replaces_nothing_unless_asked_to(tmp_path):
         (("swatch", "r.npz", "--mass", 0.1), "r.npz: is already there"),
     ],
 )
-def test_what_cannot_be_written_gives_one_sentence_and_exit_code_2(tmp_path, monkeypatch, words, sentence):
+def test_a_result_that_cannot_be_written_gives_one_sentence_and_exit_code_2(tmp_path, monkeypatch, words, sentence):
     swung_cloth(tmp_path / "r.npz")
     monkeypatch.chdir(tmp_path)
     done = hangtime(*words)

@@ -98,7 +98,7 @@ def test_output_that_nobody_can_take_gives_no_traceback(tmp_path, where, code):
 
 
 @pytest.mark.parametrize("where", ["2>/dev/full", "2>&-", "2>&1 >/dev/null | true"])
-def test_what_is_said_ends_no_work(tmp_path, where):
+def test_printed_messages_end_no_work(tmp_path, where):
     said = "from formats.terminal import say; say(9 * 'half done'); say('done'); open('kept', 'w')"
     subprocess.run(["bash", "-c", f"{shlex.join([sys.executable, '-c', said])} {where}"], check=True, cwd=tmp_path)
     assert (tmp_path / "kept").exists()

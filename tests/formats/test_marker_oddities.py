@@ -64,7 +64,7 @@ def test_a_gap_is_a_gap_in_every_programs_word(tmp_path, word):
 
 
 @pytest.mark.parametrize("word", ["1_000", "١", "1e999", "inf", "-Infinity", "?", "0x1p3", "1.500,0"])
-def test_what_only_looks_like_a_number_is_named(tmp_path, word):
+def test_text_that_only_looks_like_a_number_is_named(tmp_path, word):
     path = tmp_path / "a.csv"
     lines = ours(drawn(), separator=";").splitlines()
     path.write_text("\n".join([*lines[:-1], lines[-1].rpartition(";")[0] + f";{word}", ""]), encoding="utf-8")

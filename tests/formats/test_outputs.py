@@ -120,7 +120,7 @@ def test_a_file_that_is_read_is_not_written_over_by_any_of_its_names(tmp_path):
     )
 
 
-def test_what_cannot_be_written_is_refused_with_its_cause(tmp_path):
+def test_a_file_that_cannot_be_written_is_refused_with_its_cause(tmp_path):
     (tmp_path / "file").write_text("mine")
     step = "give another path: a part of this one is a file"
     below = tmp_path / "file/new"

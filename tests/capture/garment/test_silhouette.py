@@ -65,7 +65,7 @@ def test_pixels_above_the_held_edge_are_no_garment_however_it_tilts():
 
 
 @pytest.mark.parametrize(("behind", "touches"), [(1651, False), (1650, True)])
-def test_a_jump_parts_what_is_behind_and_reaches_on(behind, touches):
+def test_a_jump_separates_surfaces_behind(behind, touches):
     """Furniture from the garment's right on to the window's end, 51 or 50 mm behind."""
     depth = image()
     depth[60:100, 151:230] = behind

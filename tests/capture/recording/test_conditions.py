@@ -141,7 +141,7 @@ def test_a_view_without_markers_is_judged_by_its_depth():
     assert view_faults(np.zeros((480, 640), np.uint16)) == 0
 
 
-def test_a_garment_is_covered_by_what_is_half_a_metre_nearer_over_a_quarter_of_it():
+def test_a_garment_is_covered_by_surfaces_half_a_metre_nearer_over_a_quarter_of_it():
     held = np.array([[-0.2, -0.1, 1.6], [0.2, -0.1, 1.6]])  # 144 px wide, from row 203 on
     depth = np.full((480, 640), 1600, np.uint16)
     depth[203:240, 240:400] = 1000

@@ -57,7 +57,7 @@ def test_two_folders_of_answers_stand_side_by_side(a_set, tmp_path):
     assert (rivals / SCORE).exists()
 
 
-def test_what_the_sensor_gives_has_steps():
+def test_conditions_of_a_sensor_are_grouped():
     look = Look(width=0.3, height=0.3, mass=0.02, grid=0, rate=45.0, duration=3.5, noise=1.4e-3, away=0.08,
                 tilt=(0.0, 0.0), distance=1.5)  # fmt: skip
     assert conditions_of(look) == {

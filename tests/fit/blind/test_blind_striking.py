@@ -64,7 +64,7 @@ def naming(verdict, names, probability):
         (diagnosis("unknown"), "unknown", False),
     ],
 )
-def test_what_is_said_without_the_effect_is_counted(scored, tmp_path, late, said, sure_and_wrong):
+def test_verdicts_without_the_effect_are_counted(scored, tmp_path, late, said, sure_and_wrong):
     struck = strike(scored, tmp_path, late)
     assert [(c.planted, c.said) for c in struck.cases] == [("hem", "unknown"), ("time_offset", said)]
     assert [c.has_twin for c in struck.cases] == [False, True]

@@ -115,7 +115,7 @@ def test_walks_that_cannot_be_are_refused_and_leave_nothing(changes, reason, tmp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_said_of_a_walk_names_crossings_overlap_and_stretch():
+def test_the_summary_of_a_walk_names_crossings_overlap_and_stretch():
     assert _remarks("skirt", [0, 0], -1.8e-3, (0.12, 0.05)) == (
         "The skirt crosses itself in none of 2 frames.", "Cloth and body stay at least 1.8 mm apart.",
     )  # fmt: skip

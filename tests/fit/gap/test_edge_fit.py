@@ -167,7 +167,7 @@ def test_a_size_that_the_edge_decided_is_decided_with_what_else_moves_the_edge()
     assert beside_another(observer, dataclasses.replace(start, pinned=None), hem, nothing[None]) is None
 
 
-def test_fits_that_go_on_from_what_the_edge_decided_keep_it():
+def test_fits_that_continue_from_a_size_of_the_edge_keep_it():
     """Clips that are 12 mm too far apart were taken for 9: beside a curl the edge is asked again."""
     observer = Observer([prepare(a_slack_take(-0.012))], SI, LIBRARY, frequency=1.0, resolution=Resolution(spacing=0.1))
     known, sd = observer.off.copy(), np.full(len(observer.off), np.inf)

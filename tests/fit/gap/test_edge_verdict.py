@@ -205,7 +205,7 @@ def test_nothing_is_added_to_an_effect_that_the_edge_shows_which_closes_nothing_
         assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)])).named == named
 
 
-def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_shows():
+def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_the_evidence_of_the_edge():
     for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
         assert decide(dataclasses.replace(told(10.5), gates=[gate])).verdict == "effect"
 
@@ -218,7 +218,7 @@ def test_an_effect_that_the_held_edge_shows_is_named_beside_another_though_the_c
 
 
 @pytest.mark.parametrize(("after", "verdict"), [((900, 2.0), "effect"), ((900, 90.0), "inconclusive")])
-def test_chaotic_cloth_does_not_hide_what_the_held_edge_shows(after, verdict):
+def test_chaotic_cloth_does_not_hide_the_evidence_of_the_held_edge(after, verdict):
     """Drag closes more of the gap, which in takes that nobody can predict says nothing."""
     evidence = told(11.0, after=after, other={"air_drag": 6.0})
     evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])

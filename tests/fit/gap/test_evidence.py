@@ -188,7 +188,7 @@ def test_a_cause_leaves_three_fifths_of_the_gap_at_most_and_no_more_than_its_law
     assert float(loose.most_by_law(found.singles["hem"], np.array(0.0))) == pytest.approx(30.0 + 2.0)
 
 
-def test_draws_are_won_by_what_leaves_least_in_them():
+def test_draws_are_won_by_the_effect_that_leaves_least():
     """Of four draws of one half-second each the hem leaves less in three."""
     picks = Resampling(np.repeat(np.arange(4)[:, None], 12, 1), 1.0)
     found = flat_evidence({"hem": 6.0, "air_drag": 6.0}, resampling=picks)

@@ -67,7 +67,7 @@ def test_twelve_candidates_are_shared_by_the_fits_of_which_each_tries_three_or_f
     assert asked == [tasks, tasks * steps]
 
 
-def test_what_the_prior_supplies_by_hand():
+def test_the_part_of_the_prior_by_hand():
     """Data of 3 and a prior of 0.5: H = 9 + 4, and 0.5^-2 / 13^2 = (2 / 13)^2; without data it is the prior."""
     assert from_prior(np.array([[3.0]]), np.array([0.5])) == pytest.approx(2 / 13)
     assert from_prior(np.zeros((1, 2)), np.array([1.5, 5.0])) == pytest.approx([1.5, 5.0])

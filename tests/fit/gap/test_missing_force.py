@@ -157,7 +157,7 @@ def test_a_force_that_no_power_of_the_speed_explains_has_no_exponent(monkeypatch
         (0.15, 0.06, 2.0, "opposes motion"),
     ],
 )  # fmt: skip
-def test_what_the_force_goes_with_is_stated_in_words(odd, even, exponent, words):
+def test_the_quantity_that_the_force_follows_is_stated_in_words(odd, even, exponent, words):
     assert words in sentence_of(0.5, odd, even, exponent, {"top": 0.7, "bottom": 0.3}, power=-1.0)
 
 

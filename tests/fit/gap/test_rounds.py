@@ -86,7 +86,7 @@ def with_cost(one, cost):
 
 # The bent rod saves 50 of the cost, 2.5 times what the offset saves, or 25, less than half as much again.
 @pytest.mark.parametrize(("cost", "starts"), [(50.0, 2), (75.0, 1)])
-def test_further_effects_are_tried_beside_what_fits_best_too(monkeypatch, cost, starts):
+def test_further_effects_are_tried_beside_the_best_fit_too(monkeypatch, cost, starts):
     """Alone the rod closes little of the held-out motion, and is not the next best effect there either."""
     search = a_search((12.0, 100.0), {
         "attachment_offset": (9.0, 80.0), "hem": (11.0, 99.0), "hanger_compliance": (11.5, cost)
@@ -125,7 +125,7 @@ def test_a_further_effect_that_few_steps_fitted_ill_is_fitted_on_before_it_is_ju
     assert [h for h, _ in search.joint] == [well if goes_on else ill]
 
 
-def test_what_the_held_edge_shows_is_taken_first_with_the_effect_that_puts_it_right():
+def test_an_error_of_the_held_edge_is_explained_first():
     """Of 850 beyond its noise the clock, late or drifting, leaves none or 20, a lag 100, and drag all."""
     search = a_search((12.0, 100.0), {})
     before = with_edge(hypothesis(("hem",), 6.0), 2000)
@@ -224,7 +224,7 @@ def test_a_third_effect_is_sought_where_two_are_needed_after_each_was_fitted_alo
 
 
 @pytest.mark.parametrize(("squares", "starts"), [(1150, 2), (1950, 1)])
-def test_further_effects_are_tried_beside_what_puts_the_held_edge_right(monkeypatch, squares, starts):
+def test_further_effects_are_tried_beside_the_effect_that_explains_the_held_edge(monkeypatch, squares, starts):
     """The offset leaves the edge off by 1000 beyond its noise; a depth scale at the end of its range none, or 950."""
     search = a_search(
         (12.0, 100.0), {"attachment_offset": (7.0, 50.0), "depth_scale": (9.0, 80.0), "hem": (11.0, 99.0)}
@@ -243,7 +243,7 @@ def test_further_effects_are_tried_beside_what_puts_the_held_edge_right(monkeypa
 
 # With 0.3 mm of mesh and solver, of which 0.16 mm in one direction in 90 %, the drag of 0.01 or 0.5 typical sizes.
 @pytest.mark.parametrize(("size", "kept"), [(0.01, ("filter_lag", "hem")), (0.5, None)])
-def test_what_is_left_with_nothing_to_do_beside_later_effects_is_dropped(monkeypatch, size, kept):
+def test_an_effect_that_explains_nothing_beside_later_ones_is_dropped(monkeypatch, size, kept):
     search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
     triple = hypothesis(("air_drag", "filter_lag", "hem"), 5.2, deviation=0.001)
     drag = search.observer.columns["air_drag"]

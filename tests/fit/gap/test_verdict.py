@@ -173,7 +173,7 @@ def test_a_model_that_leaves_no_more_than_the_noise_closes_the_gap_to_within_it(
 @pytest.mark.parametrize(
     ("name", "verdict"), [("air_drag", "effect"), ("stretch_viscosity", "unknown"), ("anisotropy", "unknown")]
 )
-def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name, verdict):
+def test_an_effect_by_which_solvers_differ_must_exceed_their_error(name, verdict):
     """(12^2 - 6^2) mm^2 = 108 is more than half of 9^2 = 81, and less than three times it."""
     evidence = dataclasses.replace(evidence_of({name: 6.0}), numerics_mm=9.0)
     assert decide(evidence).verdict == verdict

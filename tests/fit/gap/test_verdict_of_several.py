@@ -183,7 +183,7 @@ def test_an_effect_that_acts_for_one_moment_of_the_held_out_motion_is_not_certai
 
 
 @pytest.mark.parametrize(("alone", "verdict"), [(11.4, "effect"), (6.5, "several")])
-def test_what_sound_solvers_differ_by_is_named_beside_another_only_where_it_passes_by_itself(alone, verdict):
+def test_an_effect_by_which_sound_solvers_differ_is_named_beside_another_only_where_it_passes_alone(alone, verdict):
     """Of 119 mm^2 anisotropy closes 14, less than a quarter, or 102; of the 6 that drag leaves it closes 4."""
     evidence = evidence_of({"anisotropy": alone, "air_drag": 5.6}, joint=[(("air_drag", "anisotropy"), 5.2)])
     assert decide(evidence).verdict == verdict

@@ -65,7 +65,7 @@ def test_fixed_parameters_of_a_method_are_left_out():
 WITH_DENSITY = (200.0, 2e-5, 1.0, 0.2, 1.0)
 
 
-def test_what_the_ranges_alone_allow_is_not_identified_and_stays_within_them():
+def test_a_combination_known_from_the_ranges_alone_is_not_identified_and_stays_within_them():
     """Stretching over density: 30 / 0.5 to 1000 / 0.03 m^2/s^2."""
     reach = MOCAP_SWATCH.maximum - MOCAP_SWATCH.minimum
     stretch = described(np.diag(reach**2 / 12), WITH_DENSITY, MOCAP_SWATCH, spread=6.0)["stretch stiffness / density"]

@@ -173,7 +173,7 @@ def test_short_gaps_and_a_lost_end_leave_the_take_as_it_is(missing):
     assert intact_part(take) is take
 
 
-def test_what_is_missing_and_what_is_used_is_said():
+def test_missing_and_used_seconds_are_stated():
     """Frame 29 is at 0.97 s, frame 330 at 11.00 s, the last at 19.97 s."""
     (note,) = describe_missing([a_take(), with_a_hole(30, 329)])
     assert note == (

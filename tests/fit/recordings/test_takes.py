@@ -71,7 +71,7 @@ def test_content_is_of_what_a_fit_sees_and_outlives_the_archive(tmp_path):
         (["a"], ["heavy"], "takes of different garments"),
     ],
 )
-def test_what_cannot_be_used_together_is_refused(training, held_out, sentence):
+def test_takes_that_cannot_be_used_together_are_refused(training, held_out, sentence):
     known = {"a": a_take("a"), "b": a_take("b", hz=0.9), "heavy": a_take("heavy", garment=sheet(mass=0.08))}
     with pytest.raises(FitError, match=sentence):
         check_together([known[k] for k in training], [known[k] for k in held_out])

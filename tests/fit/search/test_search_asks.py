@@ -48,7 +48,7 @@ def test_chains_share_a_batch_and_the_first_have_what_is_left_over():
     assert not several.is_finished
 
 
-def test_chains_want_the_distances_of_what_they_asked():
+def test_chains_require_the_distances_of_their_candidates():
     _, several = chains()
     with pytest.raises(ValueError, match="one distance for each candidate"):
         several.tell(np.zeros((1, 2)), np.zeros(1))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import cv2
 
@@ -23,6 +24,7 @@ PAGE = (210.0, 297.0)  # mm, A4
 PRINTER_MARGIN = 15.0  # mm that no printer reaches
 SCALE_BAR = 100.0  # mm
 GAP = 12.0  # mm between markers, with their labels
+LETTERS = {"font-family": "sans-serif", "font-size": "3.6"}  # mm
 
 
 @dataclass(frozen=True)
@@ -58,24 +60,23 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
     side = 1e3 * size_m
     bits = known.markerSize + 2
     placed = _place(ids, side, side / bits)
-    marks = "".join(_marker(known, one, side, bits) for one in placed)
+    page = Element("svg", {
+        "xmlns": "http://www.w3.org/2000/svg", "width": f"{PAGE[0]:g}mm", "height": f"{PAGE[1]:g}mm",
+        "viewBox": f"0 0 {PAGE[0]:g} {PAGE[1]:g}",
+    })  # fmt: skip
+    SubElement(page, "rect", {"width": "100%", "height": "100%", "fill": "#fff"})
+    for one in placed:
+        _add_marker(page, known, one, side, bits)
+    _add_bar(page, PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN, horizontal=True)
+    _add_bar(page, PAGE[0] - PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN - SCALE_BAR, horizontal=False)
     notes = (
         f"{dictionary}, {side:g} mm from black edge to black edge.",
         f"Print at 100 %, not fitted to the page; both bars must measure {SCALE_BAR:g} mm.",
     )
-    lines = "".join(
-        f'<text x="{PRINTER_MARGIN:g}" y="{PAGE[1] - PRINTER_MARGIN - 11 + 5 * k:g}" font-family="sans-serif" '
-        f'font-size="3.6">{note}</text>'
-        for k, note in enumerate(notes)
-    )
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{PAGE[0]:g}mm" height="{PAGE[1]:g}mm" '
-        f'viewBox="0 0 {PAGE[0]:g} {PAGE[1]:g}"><rect width="100%" height="100%" fill="#fff"/>{marks}'
-        f"{_bar(PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN, horizontal=True)}"
-        f"{_bar(PAGE[0] - PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN - SCALE_BAR, horizontal=False)}"
-        f"{lines}"
-        "</svg>\n"
-    )
+    for k, note in enumerate(notes):
+        place = {"x": f"{PRINTER_MARGIN:g}", "y": f"{PAGE[1] - PRINTER_MARGIN - 11 + 5 * k:g}"}
+        SubElement(page, "text", place | LETTERS).text = note
+    return f"{tostring(page, encoding='unicode')}\n"
 
 
 def write_sheet(path: Path, dictionary: str, ids: list[int], size_m: float) -> Path:
@@ -109,32 +110,30 @@ def _place(ids: list[int], side: float, quiet: float) -> list[Placed]:
     ]
 
 
-def _marker(known: cv2.aruco.Dictionary, placed: Placed, side: float, bits: int) -> str:
+def _add_marker(page: Element, known: cv2.aruco.Dictionary, placed: Placed, side: float, bits: int) -> None:
     image = known.generateImageMarker(placed.id, bits)
     bit = side / bits
-    white = "".join(
-        f'<rect x="{placed.left + column * bit:.4f}" y="{placed.top + row * bit:.4f}" width="{bit:.4f}" '
-        f'height="{bit:.4f}"/>'
-        for row in range(bits)
-        for column in range(bits)
-        if image[row, column]
-    )
-    cut, corner = side + 2 * bit, 1.5 * bit
-    return (
-        f'<rect x="{placed.left - bit:.4f}" y="{placed.top - bit:.4f}" width="{cut:.4f}" height="{cut:.4f}" '
-        'fill="#fff" stroke="#bbb" stroke-width="0.2" stroke-dasharray="2 2"/>'
-        f'<rect x="{placed.left:.4f}" y="{placed.top:.4f}" width="{side:.4f}" height="{side:.4f}" fill="#000"/>'
-        f'<g fill="#fff" shape-rendering="crispEdges">{white}</g>'
-        f'<text x="{placed.left:.4f}" y="{placed.top + side + corner + 4:.4f}" font-family="sans-serif" '
-        f'font-size="3.6">id {placed.id}, upright as printed</text>'
-    )
+    border = {"fill": "#fff", "stroke": "#bbb", "stroke-width": "0.2", "stroke-dasharray": "2 2"}
+    SubElement(page, "rect", _square(placed.left - bit, placed.top - bit, side + 2 * bit) | border)
+    SubElement(page, "rect", _square(placed.left, placed.top, side) | {"fill": "#000"})
+    white = SubElement(page, "g", {"fill": "#fff", "shape-rendering": "crispEdges"})
+    for row in range(bits):
+        for column in range(bits):
+            if image[row, column]:
+                SubElement(white, "rect", _square(placed.left + column * bit, placed.top + row * bit, bit))
+    place = {"x": f"{placed.left:.4f}", "y": f"{placed.top + side + 1.5 * bit + 4:.4f}"}
+    SubElement(page, "text", place | LETTERS).text = f"id {placed.id}, upright as printed"
 
 
-def _bar(x: float, y: float, *, horizontal: bool) -> str:
+def _square(left: float, top: float, side: float) -> dict[str, str]:
+    return {"x": f"{left:.4f}", "y": f"{top:.4f}", "width": f"{side:.4f}", "height": f"{side:.4f}"}
+
+
+def _add_bar(page: Element, x: float, y: float, *, horizontal: bool) -> None:
     end = (x + SCALE_BAR, y) if horizontal else (x, y + SCALE_BAR)
     across = (0.0, 2.0) if horizontal else (2.0, 0.0)
     lines = [(x, y, *end)]
     lines += [(px - across[0], py - across[1], px + across[0], py + across[1]) for px, py in ((x, y), end)]
-    return "".join(
-        f'<line x1="{a:g}" y1="{b:g}" x2="{c:g}" y2="{d:g}" stroke="#000" stroke-width="0.25"/>' for a, b, c, d in lines
-    )
+    for line in lines:
+        ends = {name: f"{at:g}" for name, at in zip(("x1", "y1", "x2", "y2"), line, strict=True)}
+        SubElement(page, "line", ends | {"stroke": "#000", "stroke-width": "0.25"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from html import escape
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from capture.appliance.states import TRANSITIONS, Event, State
 
@@ -31,28 +31,35 @@ def picture() -> str:
     ways: dict[tuple[State, State], list[str]] = {}
     for (before, event), after in TRANSITIONS.items():
         ways.setdefault((before, after), []).append(SHORT[event])
-    parts = [
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" xmlns="http://www.w3.org/2000/svg" role="img" '
-        'aria-label="states of the appliance" font-family="sans-serif" font-size="13" fill="currentColor">',
-        '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
-        '<path d="M0 0L8 4L0 8z"/></marker></defs>',
-        *(_arrow(PLACES[before], PLACES[after], ", ".join(events)) for (before, after), events in ways.items()),
-        *(_box(state) for state in State),
-        "</svg>",
-    ]
-    return "\n".join(parts)
+    drawing = Element("svg", {
+        "viewBox": f"0 0 {WIDTH} {HEIGHT}", "xmlns": "http://www.w3.org/2000/svg", "role": "img",
+        "aria-label": "states of the appliance", "font-family": "sans-serif", "font-size": "13",
+        "fill": "currentColor",
+    })  # fmt: skip
+    tip = SubElement(SubElement(drawing, "defs"), "marker", {
+        "id": "tip", "viewBox": "0 0 8 8", "refX": "7", "refY": "4", "markerWidth": "7", "markerHeight": "7",
+        "orient": "auto",
+    })  # fmt: skip
+    SubElement(tip, "path", {"d": "M0 0L8 4L0 8z"})
+    for (before, after), events in ways.items():
+        _add_arrow(drawing, PLACES[before], PLACES[after], ", ".join(events))
+    for state in State:
+        _add_box(drawing, state)
+    indent(drawing, "")
+    return tostring(drawing, encoding="unicode")
 
 
-def _box(state: State) -> str:
+def _add_box(drawing: Element, state: State) -> None:
     (x, y), (width, height) = PLACES[state], BOX
-    return (
-        f'<rect x="{x - width // 2}" y="{y - height // 2}" width="{width}" height="{height}" rx="8" fill="none" '
-        f'stroke="currentColor"/><text x="{x}" y="{y + 5}" text-anchor="middle" font-weight="bold">'
-        f"{state.name.lower()}</text>"
-    )
+    SubElement(drawing, "rect", {
+        "x": f"{x - width // 2}", "y": f"{y - height // 2}", "width": f"{width}", "height": f"{height}", "rx": "8",
+        "fill": "none", "stroke": "currentColor",
+    })  # fmt: skip
+    name = {"x": f"{x}", "y": f"{y + 5}", "text-anchor": "middle", "font-weight": "bold"}
+    SubElement(drawing, "text", name).text = state.name.lower()
 
 
-def _arrow(begin: tuple[int, int], end: tuple[int, int], label: str) -> str:
+def _add_arrow(drawing: Element, begin: tuple[int, int], end: tuple[int, int], label: str) -> None:
     dx, dy = end[0] - begin[0], end[1] - begin[1]
     length = (dx * dx + dy * dy) ** 0.5
     ux, uy = dx / length, dy / length
@@ -61,8 +68,11 @@ def _arrow(begin: tuple[int, int], end: tuple[int, int], label: str) -> str:
     x0, y0 = begin[0] + ux * (inside + 3) + side[0], begin[1] + uy * (inside + 3) + side[1]
     x1, y1 = end[0] - ux * (inside + 5) + side[0], end[1] - uy * (inside + 5) + side[1]
     x, y = x0 + LABEL_AT * (x1 - x0), y0 + LABEL_AT * (y1 - y0)
-    return (
-        f'<line x1="{x0:.0f}" y1="{y0:.0f}" x2="{x1:.0f}" y2="{y1:.0f}" stroke="currentColor" opacity="0.6" '
-        f'marker-end="url(#tip)"/><text x="{x + 0.9 * side[0]:.0f}" y="{y + 1.4 * side[1] + 4:.0f}" '
-        f'text-anchor="{"middle" if abs(side[0]) < 5 else "start" if side[0] > 0 else "end"}">{escape(label)}</text>'
-    )
+    SubElement(drawing, "line", {
+        "x1": f"{x0:.0f}", "y1": f"{y0:.0f}", "x2": f"{x1:.0f}", "y2": f"{y1:.0f}", "stroke": "currentColor",
+        "opacity": "0.6", "marker-end": "url(#tip)",
+    })  # fmt: skip
+    SubElement(drawing, "text", {
+        "x": f"{x + 0.9 * side[0]:.0f}", "y": f"{y + 1.4 * side[1] + 4:.0f}",
+        "text-anchor": "middle" if abs(side[0]) < 5 else "start" if side[0] > 0 else "end",
+    }).text = label  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
-from formats.meant_units import unit_of
+from formats.meant_units import NEAR_A_RANGE, unit_of
 from formats.plain_text import code_in, shortened
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
@@ -45,10 +45,12 @@ MOST_PIXELS = 100_000  # along a picture's side
 HEIGHT_TOLERANCE = 0.01  # m, tolerance of other sides above the held edge's lower end: flat cloth is laid by hand
 ESCAPED_IN_TOML = re.compile(r"[\x00-\x1f\x7f]")  # characters that TOML strings must escape, toml.io/en/v1.0.0#string
 LEAST_FALL, MOST_FALL = 9.5, 10.1  # m/s^2: from 9.78 at the equator to 9.83 at the poles, typed with two digits or more
+ACCELERATIONS = ("m/s2", 1.0), ("cm/s2", 1e-2), ("mm/s2", 1e-3), ("thousandths of g", 9.80665e-3), ("ft/s2", 0.3048)
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may overflow
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
 THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m, radius: a thinner body slips between the points where contact is checked
+SHORTEST_CAPSULE = 1e-6  # m between the ends: the square of a shorter length is lost in rounding
 ON_OUTLINE = 2e-3  # m, tolerance of a tracked point outside the outline
 
 
@@ -190,8 +192,10 @@ def check_garment(garment: Garment, where: object) -> None:
         refuse(f"points: {len(garment.points)} are more than the {MOST_POINTS} that a take holds")
     if len(outline) < 3:
         refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
+    _check_units_of_places(garment, outline, refuse)
     if garment.area_m2 < 1e-4:
-        refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
+        whose = ", less its holes," if holes else ""
+        refuse(f"outline_m{whose} encloses hardly any area ({garment.area_m2:.2g} m2)")
     if (twice := corner_twice(outline)) is not None:
         refuse(f"outline_m has the corner {twice} twice: leave one out; the last corner is joined to the first anyway")
     if crosses_itself(outline):
@@ -208,6 +212,20 @@ def check_garment(garment: Garment, where: object) -> None:
     places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)
     if (outside := distances_outside(places, outline) > ON_OUTLINE).any():
         refuse(f"points: {shortened(garment.points[int(outside.argmax())].name)!r} lies outside the outline")
+
+
+def _check_units_of_places(garment: Garment, outline: np.ndarray[Any, Any], refuse: Callable[[str], None]) -> None:
+    """Refuse holes and points far outside an outline in metres; name the unit in which all of them would fit it."""
+    farthest = float(np.abs(outline).max())
+    lists = {f"holes_m: hole {number}": hole for number, hole in enumerate(garment.holes_m, 1)}
+    lists |= {f"points: {shortened(point.name)!r}": (point.at_m,) for point in garment.points}
+    every = {"holes_m": garment.holes_m, "points": ([point.at_m for point in garment.points],)}
+    for words, places in lists.items():
+        away = float(np.abs(np.array(places, float)).max(initial=0.0))
+        if away > NEAR_A_RANGE * farthest:
+            of_list = [abs(part) for hole in every[words.split(":")[0]] for place in hole for part in place]
+            meant = unit_of(max(of_list), 0.0, farthest * (1 + ON_OUTLINE))
+            refuse(f"{words} has a coordinate of {away:g} m, and the outline none above {farthest:g} m{meant}")
 
 
 def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
@@ -266,13 +284,13 @@ def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str
             for key, part in value.items():
                 look(part, f"{field}.{key}" if field else key)
         elif isinstance(value, list | tuple):
-            for part in value:
-                look(part, field)
+            for number, part in enumerate(value):  # the name of a table tells its place; a list's field is one line
+                look(part, f"{field}[{number}]" if isinstance(part, dict) else field)
         elif isinstance(value, int | float):
             if isinstance(value, float) and not math.isfinite(value) and (field, value) != UNMEASURED:
                 refuse(f"{field} has a number that is not finite (got {value:g})")
             elif abs(value) > LARGEST_FIELD and (field, value) != UNMEASURED:
-                refuse(f"{field} has a number beyond {LARGEST_FIELD:g}")
+                refuse(f"{field} has a number beyond {LARGEST_FIELD:g} (got {value:g})")
             if "_sd" in field and value < 0:
                 refuse(f"{field} is a standard deviation and cannot be below 0 (got {value:g})")
 
@@ -293,7 +311,8 @@ def check_rig(rig: Rig, where: object) -> None:
     length = float(np.linalg.norm(rig.gravity))
     if not abs(length - 1) < 0.01:
         upright = ", ".join(f"{part / length:.6g}" for part in rig.gravity) if length > 0 else ""
-        meant = f"; were m/s2 meant, gravity = [{upright}]?" if LEAST_FALL <= length <= MOST_FALL else ""
+        units = [unit for unit, size in ACCELERATIONS if LEAST_FALL <= length * size <= MOST_FALL]
+        meant = f"; were {' or '.join(units)} meant, gravity = [{upright}]?" if units else ""
         refuse(f"gravity must be a unit vector (its length is {length:.3g}){meant}")
     if rig.sensor is not None:
         for name in ("width", "height", "fx", "fy"):
@@ -325,8 +344,12 @@ def check_rig(rig: Rig, where: object) -> None:
             scale = calibration.depth_scale
             meant = f"; were per cent meant, {scale / 100:g}?" if least < scale / 100 < most else ""
             refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {scale:g}){meant}")
-        if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
-            refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")
+        offset = calibration.depth_offset_px
+        if not max(map(abs, offset)) <= LARGEST_OFFSET:
+            refuse(
+                f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way (got "
+                f"{max(offset, key=abs):g})"
+            )
 
 
 def _refuse_the_likelier(hanger: Hanger, refuse: Callable[[str], None]) -> None:
@@ -373,5 +396,5 @@ def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:
             )
         if body.normal is not None and not np.linalg.norm(body.normal) > 0:
             refuse(f"bodies: the normal of body {number} has no direction")
-        if body.to_m is not None and body.to_m == body.at_m:
+        if body.to_m is not None and not np.linalg.norm(np.subtract(body.to_m, body.at_m)) > SHORTEST_CAPSULE:
             refuse(f"bodies: the capsule {number} ends where it begins: a sphere does")

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 NEAR_A_RANGE = 2.0  # times the longest: a nearer length has the right unit; a wrong unit is off 25 times or more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
 
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "min": 60.0}
+LENGTHS = {
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "metres": 1.0, "meters": 1.0, "inches": 0.0254,
+    "centimetres": 1e-2, "centimeters": 1e-2, "millimetres": 1e-3, "millimeters": 1e-3,
+}  # fmt: skip
+TIMES = {
+    "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "min": 60.0, "minutes": 60.0,
+    "h": 3600.0, "hours": 3600.0, "d": 86_400.0, "days": 86_400.0,
+}  # fmt: skip
+WEIGHTS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3}
 # By the end of a field's name, the units that may stand behind a number, in the field's own unit.
 UNITS_OF = {
-    "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": {"kg": 1.0, "g": 1e-3},
+    "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": WEIGHTS,
     "mb": {"MB": 1.0, "GB": 1e3, "kB": 1e-3}, "hz": {"Hz": 1.0}, "degrees": {"\u00b0": 1.0, "deg": 1.0, "degrees": 1.0},
-    "px": {"px": 1.0},
+    "px": {"px": 1.0, "pixels": 1.0}, "days": {unit: size / 86_400.0 for unit, size in TIMES.items()},
+    "bytes": {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "bytes": 1.0},
 }  # fmt: skip
-NUMBER_WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)[ \t]*([^\W\d_]*|\u00b0)", re.ASCII)
+MINUS_SIGNS = str.maketrans("\u2212\u2013", "--")  # the minus sign, and the dash that some editors make of a hyphen
+NUMBER_WITH_UNIT = re.compile(
+    r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)[ \t]*([A-Za-z]*|\u00b5s|\u00b0)", re.ASCII
+)
 
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # a thousand, or a decimal comma: nobody can say
 
@@ -26,12 +38,13 @@ def number_meant(text: str, field: str) -> str:
 
     The unit of a field is the end of its name: kilograms of `mass_kg`, metres of `points[2].at_m[0]`.
     """
-    found = NUMBER_WITH_UNIT.fullmatch(text.strip()[:100])
+    found = NUMBER_WITH_UNIT.fullmatch(text.strip()[:100].translate(MINUS_SIGNS))
     if found is None or THOUSANDS.fullmatch(found[1]):
         return ""
     units = UNITS_OF.get(re.sub(r"\[.*", "", field.rpartition(".")[2]).rpartition("_")[2], {})
     size = 1.0 if not found[2] else units.get(found[2])
-    return "" if size is None else f"{float(found[1].replace(',', '.')) * size:.12g}"
+    number = float(found[1].replace(",", "."))
+    return "" if size is None or not math.isfinite(number) else f"{number * size:.12g}"
 
 
 def question_of(number: str, field: str) -> str:

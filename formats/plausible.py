@@ -17,6 +17,7 @@ from formats.plausible_rig import check_plausible_rig
 from formats.take import Take
 
 LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
+MOST_USUAL_LAYERS = 2  # front and back
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
@@ -56,14 +57,15 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
     density = garment.areal_density / garment.layers
     if not LIGHTEST <= density <= HEAVIEST:
         in_grams = density / 1000
+        layers = f" in {garment.layers} layers" if garment.layers > MOST_USUAL_LAYERS else ""
         meant = (
             f"; were {garment.mass_kg:g} grams meant, mass_kg = {garment.mass_kg / 1000:g} ({in_grams:.2g} kg/m2)?"
             if LIGHTEST <= in_grams <= HEAVIEST
             else ""
         )
         raise ImplausibleError(
-            f"mass_kg = {garment.mass_kg:g} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}{meant}",
-            where=where, advice=step_or_anyway("weigh it and give kilograms", offers_anyway),
+            f"mass_kg = {garment.mass_kg:g}{layers} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}"
+            f"{meant}", where=where, advice=step_or_anyway("weigh it and give kilograms", offers_anyway),
         )  # fmt: skip
 
 

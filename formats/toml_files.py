@@ -35,9 +35,13 @@ TABLE_LINE = re.compile(rf"[ \t]*+(\[\[?+)[ \t]*+{KEY}\]\]?+[ \t]*+(?:#.*)?$")
 KEY_LINE = re.compile(rf"[ \t]*+{KEY}=")
 
 
-# A number behind an equals sign, with a comma, with a unit, or with both; or a number with a comma in a list.
-LONE_NUMBER = re.compile(r"([\w.-]*)[ \t]*=[ \t]*([+-]?\d[\d.,]*[ \t]*[^\W\d_]*)[ \t]*(?:[#,}].*)?$")
-LISTED_NUMBER = re.compile(r"(?<![\d.,+-])[+-]?\d+,0(?!00(?!\d))\d+(?![\d.,])")
+# Characters of one number, with a comma, a unit or another minus sign, and the end of a value behind it.
+NUMBER_SIGNS = re.compile(
+    r"(?<![\w.,+-])[+\u2212\u2013-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?(?:[ \t]*[^\W\d_]+|\u00b0|%)?"
+)
+VALUE_ENDS = re.compile(r"[ \t]*(?:[#,}\]].*)?$")
+LAST_KEY = re.compile(r"([\w.-]+)[ \t]*=(?=[^=]*$)")
+LISTED_NUMBER = re.compile(r"[+-]?\d+,0(?!00(?!\d))\d+")  # in a list 05 is no TOML, so that the comma is no separator
 
 
 class Tables(dict[str, Any]):
@@ -90,8 +94,8 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     except tomllib.TOMLDecodeError as error:
         lines = text.rstrip().split("\n")
         detail = str(error).replace("(at end of document)", f"(at line {len(lines)}, the last)")
-        named = re.search(r"\(at line (\d+)", detail)
-        meant = _meant_on(lines[min(int(named[1]), len(lines)) - 1]) if named else ""
+        named = re.search(r"\(at line (\d+)(?:, column (\d+))?", detail)
+        meant = _meant_on(lines[min(int(named[1]), len(lines)) - 1], int(named[2] or 0)) if named else ""
         raise failure(f"is not valid TOML: {detail}{meant}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
         line = re.split(r"\d{4300}", text.replace("_", "0"), maxsplit=1)[0].count("\n") + 1
@@ -102,14 +106,22 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
     return tables
 
 
-def _meant_on(line: str) -> str:
-    """Return a question that names the number meant on a line that is no TOML, '' if none is seen."""
+def _meant_on(line: str, column: int) -> str:
+    """Return a question that names the number meant at a column of a line that is no TOML, '' if none is seen."""
     line = line[:LONGEST_LINE]
-    found = LONE_NUMBER.search(line)
-    if found and not re.fullmatch(r"[+-]?[\d.]+", found[2].strip()):  # a plain number needs no mending
-        return question_of(number_meant(found[2], found[1]), found[1])
-    listed = LISTED_NUMBER.search(line)
-    return question_of(number_meant(listed[0], ""), "") if listed else ""
+    at = column - 1
+    found = next((one for one in NUMBER_SIGNS.finditer(line) if one.start() <= at <= one.end()), None)
+    key = LAST_KEY.search(line, 0, found.start()) if found else None
+    if found is None:
+        return ""
+    field, number = key[1] if key else "", found[0].rstrip(",")
+    if not VALUE_ENDS.match(line, found.start() + len(number)):
+        return ""
+    if key is None or "[" in line[key.end() : found.start()]:  # in a list, which may begin on an earlier line
+        field += "[0]"
+        if "," in number and not LISTED_NUMBER.match(number):
+            return ""
+    return question_of(number_meant(number, field), field)
 
 
 def place_in(path: object, tables: dict[str, Any], words: str, *, table: str = "") -> object:

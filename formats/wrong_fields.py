@@ -15,6 +15,7 @@ KINDS = {
     "object": "a table", "null": "nothing", "datetime": "a date", "date": "a date", "time": "a time",
 }  # fmt: skip
 WRONG_VALUE = re.compile(r"Expected `([^`]+)`(?: (matching regex|of length|>=|<=|>|<) ?(.*?))?(?:, got (.*))?$")
+LARGEST_WHOLE = 2.0**53  # a larger number of type float may stand for several whole numbers
 BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 
 
@@ -40,7 +41,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object 
         choices = _choices(field, parts)
         return f"{field} must be one of {choices} (got {invalid.group(1)})"
     if expected := WRONG_VALUE.match(words):
-        return f"{field or 'the file'} must be {_wanted(*expected.groups())}{_meant(expected[1], field, held)}"
+        return f"{field or 'the file'} must be {_wanted(*expected.groups())}{_meant(expected, field, held)}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"
     return f"{field}: {words}" if field else words  # an error of Hangtime's own check
@@ -58,15 +59,20 @@ def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None
     return wanted if got is None else f"{wanted} (got {_named(got.strip('`'))})"
 
 
-def _meant(kinds: str, field: str, held: object) -> str:
-    """Return a question that names the number meant by a text, '' where the field takes no number or none is meant."""
-    wanted = set(kinds.split(" | "))
+def _meant(expected: re.Match[str], field: str, held: object) -> str:
+    """Return a question that names the number or the point meant, '' where the field takes none or none is meant."""
+    wanted = set(expected[1].split(" | "))
     value = held
     for key, row in re.findall(r"([^.\[\]]+)|\[(\d+)\]", field):
         try:
             value = value[int(row) if row else key]  # type: ignore[index]
         except (LookupError, TypeError):  # a name with signs of a path
             return ""
+    if isinstance(value, float) and "int" in wanted and value.is_integer():
+        return question_of(f"{value:.0f}" if abs(value) < LARGEST_WHOLE else "", field)
+    if isinstance(value, list) and expected[2] == "of length":
+        is_longer = str(expected[3]).isdigit() and len(value) > int(expected[3])
+        return "; was a comma meant as a decimal point?" if is_longer and any(isinstance(p, int) for p in value) else ""
     if not isinstance(value, str) or not wanted & {"float", "int"}:
         return ""
     number = number_meant(value, field)

@@ -89,7 +89,7 @@ def test_a_description_that_no_command_reads_is_not_written(tmp_path, descriptio
         ({"points": (*GARMENT.points, GARMENT.points[0])}, "'p0' is used twice"),
         ({"points": 2 * (msgspec.structs.replace(GARMENT.points[0], name="n" * 3000),)}, "'n{60} ... n{60}' is used"),
         ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.5, 0.5)),)}, "'p0' lies outside"),
-        ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.0, np.nan)),)}, r"points\.at_m has a number"),
+        ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.0, np.nan)),)}, r"points\[0\].at_m has a num"),
     ],
 )
 def test_an_impossible_garment_is_refused_with_its_field(tmp_path, change, words):
@@ -311,7 +311,7 @@ def test_a_rig_with_nothing_near_is_written_as_before():
         ),
         (near(msgspec.structs.replace(WALL, normal=(0.0, 0.0, 0.0))), "the normal of body 1 has no direction"),
         (near(msgspec.structs.replace(POLE, to_m=POLE.at_m)), "the capsule 1 ends where it begins"),
-        (near(msgspec.structs.replace(POLE, at_m=(0.3, np.nan, 2.0))), r"bodies\.at_m has a number that is not finite"),
+        (near(msgspec.structs.replace(POLE, at_m=(0.3, np.nan, 2.0))), r"bodies\[0\]\.at_m has a number that is not"),
     ],
 )
 def test_an_impossible_body_is_refused(tmp_path, change, words):

@@ -152,7 +152,7 @@ def of_hanger(**changes):
         (of_rig(calibration=Calibration(depth_scale=1.3)),
          "calibration.depth_scale must be between 0.8 and 1.25 (got 1.3)"),
         (of_rig(calibration=Calibration(depth_offset_px=(0.0, -31.0))),
-         "calibration.depth_offset_px must be at most 30 pixels either way"),
+         "calibration.depth_offset_px must be at most 30 pixels either way (got -31)"),
         (of_rig(gravity=(0.0, 0.0, 1.02)), "gravity must be a unit vector (its length is 1.02)"),
     ],
 )  # fmt: skip

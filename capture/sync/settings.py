@@ -71,8 +71,8 @@ RANGES = {
 RANGES_OF_RETENTION = {
     "quota_bytes": Range(1e7, 1e15, "bytes", BYTES, (0,)),
     "least_free_bytes": Range(1e6, 1e15, "bytes", BYTES, (0,)),
-    "days": Range(0.0, 3660.0, "days", (SECONDS,), (math.inf,)),
-}  # a take of minutes has megabytes, and no store of takes has a petabyte
+    "days": Range(0.0, 36_600.0, "days", (SECONDS,), (math.inf,)),
+}  # a take of minutes has megabytes, no store of takes has a petabyte, and a day in seconds is above a century in days
 
 
 class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -191,6 +191,7 @@ def settings_of(table: Any, *, where: object, plain: dict[str, Any] | None = Non
         folder_of(settings.url)
     except msgspec.ValidationError as error:
         words = wrong_field(error, (SyncSettings, Retention), table)
+        words = re.sub(r"^retention: (?=\w+ is )", "retention.", words)  # an error of Retention's own check
         place = where if plain is None else place_in(where, plain, words, table="sync")
         raise SyncError(f"[sync] is invalid: {words}", where=place, advice=SETTINGS_ADVICE) from error
     except ValueError as error:

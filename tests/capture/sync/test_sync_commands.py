@@ -27,7 +27,7 @@ from tests.fit.here import hangtime_here
         ({"timeout_s": 300000}, r"timeout_s is 300000; give 1 to 86400 seconds; were milliseconds meant\?"),
         ({"retention": {"quota_bytes": 8}}, r"quota_bytes is 8; give 10000000 to 1000000000000000 bytes or 0; were GB"),
         ({"retention": {"least_free_bytes": 500}}, r"free_bytes is 500; give 1000000 to .*; were MB or GB meant"),
-        ({"retention": {"days": 2592000}}, r"days is 2592000; give 0 to 3660 days or inf; were seconds meant\?"),
+        ({"retention": {"days": 2592000}}, r"days is 2592000; give 0 to 36600 days or inf; were seconds meant\?"),
         ({"retention": {"days": float("nan")}}, "days is no number; give a number of days, or inf"),
         ({"password": "x"}, "unknown field"),
         ({"retention": {"days": -1}}, "days is negative"),
@@ -143,7 +143,7 @@ def test_the_appliances_status_says_why_the_unit_cannot_even_begin(tmp_path, spo
     assert read_status(spool.folder).fault is None
 
 
-@pytest.mark.parametrize("days", ["inf", "3660"])
+@pytest.mark.parametrize("days", ["inf", "3660", "7305"])
 def test_any_number_of_days_is_one_and_nan_is_none(tmp_path, spool, three, days):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\nretention.days = {days}\n')
@@ -151,6 +151,14 @@ def test_any_number_of_days_is_one_and_nan_is_none(tmp_path, spool, three, days)
     assert "0 takes removed" in hangtime("takes", "prune", "--config", config, "--keep-days", days).stdout
     assert hangtime("takes", "prune", "--config", config, "--keep-days", "nan").returncode == 2
     assert len(spool.takes()) == 3
+
+
+@pytest.mark.parametrize("key", ["days", "quota_bytes", "least_free_bytes"])
+def test_a_negative_limit_of_retention_is_named_with_its_own_line(tmp_path, key):
+    config = tmp_path / "appliance.toml"
+    config.write_text(f'[sync]\nurl = "file:///server"\n[sync.retention]\n\n{key} = -1\n')
+    said = hangtime("sync", "status", "--config", config).stderr
+    assert f"appliance.toml, line 5: [sync] is invalid: retention.{key} is negative; give a number" in said
 
 
 def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named(tmp_path, spool, three):

@@ -46,7 +46,7 @@ def fit_base(
         """Return simulated candidates, (count, parameters), least cost first."""
 
         def tell(done: float) -> None:
-            progress(f"looking for starts, pull {where.frequency:g} Hz", share + 0.06 * done)
+            progress(f"search of starts, pull {where.frequency:g} Hz", share + 0.06 * done)
 
         return _sampled(where, first, count, seed, kept, tell)
 

@@ -88,8 +88,8 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     assert (chosen.frequency, gate.name) == (0.0, "predictability")
     # Of the samples 16 of 18, and then 8 of 10, come at once; both are 6 % of the work each.
     assert [(stage, pytest.approx(share)) for stage, share in told] == [
-        ("looking for starts, pull 1 Hz", 0.02), ("looking for starts, pull 1 Hz", 0.02 + 0.06 * 16 / 18),
-        ("looking for starts, pull 0 Hz", 0.08), ("looking for starts, pull 0 Hz", 0.08 + 0.06 * 8 / 10),
+        ("search of starts, pull 1 Hz", 0.02), ("search of starts, pull 1 Hz", 0.02 + 0.06 * 16 / 18),
+        ("search of starts, pull 0 Hz", 0.08), ("search of starts, pull 0 Hz", 0.08 + 0.06 * 8 / 10),
         ("base fit, 2 starts, pull 0 Hz", 0.14), ("base fit, across valleys, pull 0 Hz", 0.29),
     ]  # fmt: skip
     beyond = [f"base-0-beyond-{k}" for k in range(len(fits) - 2)]

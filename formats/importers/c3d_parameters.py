@@ -45,7 +45,11 @@ def numbers_of(raw: bytes, kind: int, processor: int) -> Singles:
 
 
 def text_of(raw: bytes) -> str:
-    """Return a text without padding spaces and zeros; undecodable bytes become escape codes."""
+    """Return a text without padding spaces and zeros; undecodable bytes become escape codes.
+
+    A zero within ends the text, as in C; programs leave other bytes behind it.
+    """
+    raw = raw.lstrip(b" \0\t\r\n").partition(b"\0")[0]
     for encoding in ("utf-8", "cp1252"):
         try:
             text = raw.decode(encoding)

@@ -20,6 +20,8 @@ SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
     "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "\u03bcm": "um",
     "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
+    "metro": "m", "metri": "m", "mtr": "m", "mt": "m", "centimetro": "cm", "centimetri": "cm", "zentimeter": "cm",
+    "millimetro": "mm", "millimetri": "mm", "milimetro": "mm", "milimeter": "mm", "milimetre": "mm", "millimiter": "mm",
 }  # fmt: skip
 SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket stripped
 LONGEST_UNIT = 20  # characters of an unknown unit that an error quotes: a damaged file may hold thousands
@@ -31,7 +33,7 @@ def axes_of(unit: str) -> list[str]:
 
 
 def metres_of(stated: str, given: str | None, where: object) -> float:
-    """Return the length of a unit [m]; `given`, the user's unit, counts where the file states none.
+    """Return the length of a unit [m]; `given`, the user's unit, counts where the file states none that is known.
 
     Raises:
         TakeError: the unit is unknown, none is stated or given, or the two differ.
@@ -39,16 +41,11 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
     word = _short(stated)
     if given is not None and _short(given) not in METRES:
         raise TakeError(f"there is no unit {given!r}", where="--unit", advice=f"give one of {', '.join(METRES)}")
-    if not word:
-        if given is None:
-            raise TakeError("states no unit of length", where=where, advice=f"give --unit, one of {', '.join(METRES)}")
+    if word not in METRES and given is not None:
         return METRES[_short(given)]
     if word not in METRES:
-        raise TakeError(
-            f"the unit of its points is {stated.strip()[:LONGEST_UNIT]!r}",
-            where=where,
-            advice=f"export in {', '.join(METRES)}",
-        )
+        told = f"the unit of its points is {stated.strip()[:LONGEST_UNIT]!r}" if word else "states no unit of length"
+        raise TakeError(told, where=where, advice=f"give --unit, one of {', '.join(METRES)}")
     if given is not None and _short(given) != word:
         raise TakeError(
             f"states its lengths in {word}, not {given}", where=where,

@@ -12,6 +12,7 @@ import numpy as np
 PROCESSORS = {"intel": 84, "dec": 85, "sgi": 86}
 
 
+GROUPS = ((1, "POINT"), (2, "TRIAL"), (3, "ANALOG"))
 LABELS_AT_ONCE = 255  # that one parameter can hold; LABELS2 holds the next
 
 
@@ -25,7 +26,7 @@ def c3d_bytes(
     - `header`: other values than the parameters' for the header's copies, `scale`, `rate`, `start` and `first` frame
     - `analogue`: values behind each frame's points
     - `camera_rate`: of a group TRIAL
-    - `more`: parameters (name, bytes, kind, dimensions, 1 of POINT and 2 of TRIAL)
+    - `more`: parameters (name, bytes, kind, dimensions, number of the group)
     """
     copies = {"scale": scale, "rate": rate or 0.0, "start": None, "first": 1} | (header or {})
     order = ">" if processor == "sgi" else "<"
@@ -52,7 +53,7 @@ def c3d_bytes(
 
     def parameters(start):
         short = lambda number: struct.pack(order + "H", number)  # noqa: E731
-        groups = [start_of(n, -k) + struct.pack(order + "H", 3) + b"\0" for k, n in ((1, "POINT"), (2, "TRIAL"))]
+        groups = [start_of(n, -k) + struct.pack(order + "H", 3) + b"\0" for k, n in GROUPS]
         found = [
             parameter("USED", short(points), 2, []), parameter("SCALE", float_bytes(scale), 4, []),
             parameter("FRAMES", short(said), 2, []), parameter("DATA_START", short(start), 2, []),

@@ -47,7 +47,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (TRC.replace("\t2\t2\tmm", "\t2\t3\tmm"), None, f"names 2 markers and states 3; {AGAIN}"),
         (TRC.replace("\t2\t2\tmm", "\tx\t2\tmm"), None, f"its number of frames is 'x', no number; {AGAIN}"),
         (TRC.replace("\t2\t2\tmm", "\t2\ty\tmm"), None, f"its number of markers is 'y', no number; {AGAIN}"),
-        (TRC.replace("\t2\t2\tmm", "\t2\t2\tells"), None, f"the unit of its points is 'ells'; export in {UNITS}"),
+        (TRC.replace("\t2\t2\tmm", "\t2\t2\tells"), None,
+         f"the unit of its points is 'ells'; give --unit, one of {UNITS}"),
         (TRC.replace("\t2\t2\tmm", "\t2\t2\t"), None, f"states no unit of length; give --unit, one of {UNITS}"),
         (TRC.replace("\t4\t5\t6\n", "\t4\t5\tz\n"), None, f"line 6 holds 'z', which is no number; {MEND}"),
         (TRC.replace("\t5\t6\n", "\t5\t6\t7.5\n"), None, "line 6 has 9 cells, the header names 8; the header lacks "

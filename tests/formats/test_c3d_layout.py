@@ -1,0 +1,113 @@
+"""Where the header and the parameters of a C3D file contradict each other, the file's size decides."""
+
+from __future__ import annotations
+
+import re
+import struct
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.c3d_file import read_c3d
+from formats.importers.marker_tracks import Wanted
+from tests.formats.c3d_by_hand import c3d_bytes
+
+PLACES = np.random.default_rng(4).uniform(100, 900, (60, 16, 3))  # mm
+NAMES = [f"marker {k}" for k in range(16)]
+POINTS, ANALOGUE, FIRST, LAST, START = 2, 4, 6, 8, 16  # offsets of the header's words
+
+
+def made(*, places=PLACES, edits=(), **traits):
+    """The file, with other words at some offsets of its header or behind the names of parameters."""
+    raw = bytearray(c3d_bytes(places, NAMES[: places.shape[1]], **traits))
+    for at, word in edits:
+        begin = at if isinstance(at, int) else raw.index(at) + len(at) + 4
+        struct.pack_into("<H", raw, begin, word)
+    return bytes(raw)
+
+
+def read(tmp_path, raw, **wanted):
+    (tmp_path / "a.c3d").write_bytes(raw)
+    return read_c3d(tmp_path / "a.c3d", None, **wanted)
+
+
+def fields(start, end):
+    """Frame numbers in two words of 16 bits each, the lower first."""
+    return [
+        (f"ACTUAL_{name}_FIELD", struct.pack("<HH", at % 65536, at // 65536), 2, [2], 2)
+        for name, at in (("START", start), ("END", end))
+    ]
+
+
+CONTRADICTIONS = [
+    ([(POINTS, 10)], {}, "its header states 10 points, and its parameter POINT:USED 16; 16 were read"),
+    ([(POINTS, 0)], {}, "its header states 0 points, and its parameter POINT:USED 16; 16 were read"),
+    ([(b"USED", 10)], {}, "its header states 16 points, and its parameter POINT:USED 10; 16 were read"),
+    ([(b"USED", 0)], {}, "its header states 16 points, and its parameter POINT:USED 0; 16 were read"),
+    ([(FIRST, 0), (LAST, 0)], {},
+     "its header states frames 0 to 0, and its parameter POINT:FRAMES 60 frames; 60 were read"),
+    ([(LAST, 70)], {}, "its header states frames 1 to 70, and its parameter POINT:FRAMES 60 frames; 60 were read"),
+    ([(b"FRAMES", 50)], {}, "its header states frames 1 to 60, and its parameter POINT:FRAMES 50 frames; 60 were read"),
+    ([(FIRST, 65535), (LAST, 65535)], {"more": fields(70_000, 70_059)}, ""),
+    ([(FIRST, 70_000 % 65536), (LAST, 70_059 % 65536)], {"more": fields(70_000, 70_059)}, ""),
+    ([(FIRST, 65_500), (LAST, 65535)], {}, ""),
+    ([(b"FRAMES", 65535)], {}, ""),
+    ([], {"more": fields(1, 500)}, ""),
+    ([], {"scale": 0.1, "header": {"scale": -0.1}},
+     "its header states a scale of -0.1, its parameter POINT:SCALE 0.1; its numbers were read as integers"),
+    ([], {"scale": -0.1, "header": {"scale": 0.1}},
+     "its header states a scale of 0.1, its parameter POINT:SCALE -0.1; its numbers were read as floats"),
+    ([(ANALOGUE, 0)], {"analogue": 6, "more": [("USED", struct.pack("<H", 3), 2, [], 3),
+                                               ("RATE", struct.pack("<f", 200.0), 4, [], 3)]},
+     "its header states 0 analogue values a frame, and its parameters 6, with which its size agrees"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("edits", "traits", "told"), CONTRADICTIONS)
+def test_the_statement_that_agrees_with_the_size_counts_and_is_told(tmp_path, edits, traits, told):
+    found = read(tmp_path, made(edits=edits, **traits))
+    step = 0.05 if traits.get("scale", -1) > 0 else 1e-3
+    assert found.labels == tuple(NAMES)
+    np.testing.assert_allclose(1e3 * found.positions, PLACES, atol=1.01 * step)
+    assert found.warning == told
+
+
+@pytest.mark.parametrize("edits", [[(LAST, 72_000 % 65536)], [(LAST, 65535)]], ids=["wrapped", "clipped"])
+@pytest.mark.parametrize("more", [fields(1, 72_000), [("LONG_FRAMES", struct.pack("<f", 72_000), 4, [], 1)]])
+def test_frames_beyond_the_header_are_all_read_or_the_file_is_refused(tmp_path, edits, more):
+    places = np.tile(PLACES[:, :1], (1200, 1, 1))
+    raw = made(places=places, frames_said=72_000 % 65536, edits=edits, more=more)
+    found = read(tmp_path, raw)
+    assert (len(found.time), found.warning) == (72_000, "")
+    np.testing.assert_allclose(1e3 * found.positions[-1], places[-1], atol=1e-3)
+    with pytest.raises(TakeError, match="holds 71968 of the 72000 frames that its parameters state; it is cut off"):
+        read(tmp_path, raw[:-512])
+
+
+@pytest.mark.parametrize("cut", [512, 4096])
+@pytest.mark.parametrize(("edits", "traits", "told"), CONTRADICTIONS)
+def test_a_file_that_is_cut_is_refused_whatever_it_states(tmp_path, edits, traits, told, cut):
+    if edits == [(b"FRAMES", 50)]:
+        cut -= 256  # so that it does not end with 50 frames
+    with pytest.raises(TakeError, match=r"holds \d+ of the \d+ frames|agrees with neither|its header states a scale"):
+        read(tmp_path, made(edits=edits, **traits)[:-cut])
+
+
+def test_units_of_points_that_are_not_used_do_not_count(tmp_path):
+    raw = c3d_bytes(PLACES, NAMES, units=["mm"] * 14 + ["deg", ""])
+    found = read(tmp_path, raw, wanted=Wanted(names=tuple(NAMES[:14])))
+    np.testing.assert_allclose(1e3 * found.positions[:, :14], PLACES[:, :14], atol=1e-3)
+    with pytest.raises(TakeError, match=re.escape("the unit of its points is 'deg'; give --unit, one of m")):
+        read(tmp_path, raw)
+
+
+def test_two_units_for_more_points_are_told(tmp_path):
+    found = read(tmp_path, c3d_bytes(PLACES, NAMES, units=["mm", "m"]))
+    np.testing.assert_allclose(1e3 * found.positions, PLACES, atol=1e-3)
+    assert found.warning == "the file states the units 'mm', 'm' for 16 points; the first was taken for all"
+
+
+def test_a_text_ends_at_its_first_zero_byte(tmp_path):
+    raw = c3d_bytes(PLACES[:, :2], ["abc", "defgh"]).replace(b"abc  ", b"abc\0\xcc")
+    assert read(tmp_path, raw).labels == ("abc", "defgh")

@@ -32,7 +32,8 @@ from formats.plausible import RATES
 
 LARGEST_C3D = 1 << 30  # bytes
 PIECE = 1 << 22  # bytes of the data that are converted to positions at once
-LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
+TEXTS = ("LABELS", "UNITS")  # of each point
+PARTS = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
 
 
 def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
@@ -49,7 +50,8 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
     header, parameters = read_header(path, size)
     layout, rate = header.layout, _rate(parameters, header)
-    labels, points = [label for name in LABELS for label in parameters.texts("POINT", name)], layout.points
+    labels, units = ([text for part in PARTS for text in parameters.texts("POINT", name + part)] for name in TEXTS)
+    points = layout.points
     frames = min(header.held, layout.frames)
     if points and frames <= 0 and header.held:
         raise TakeError(
@@ -64,13 +66,13 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if not 0 < rate <= FASTEST_RATE:
         states = f"states {rate:g} frames a second; {RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
-    if header.parameters_at < layout.data_at:
+    if header.end == size:
         refuse_lost_bytes(path, size, layout.data_at + frames * layout.width)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
-    scale, doubt = _scale(parameters.texts("POINT", "UNITS"), points, unit, path, others)
+    scale, doubt = _scale(units, points, unit, path, others)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
     positions, lacking, zeros, infinite = _places(path, header, len(time), scale)
     infinite[:, others] = False
@@ -82,7 +84,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
 
     warnings = [header.doubts, doubt]
     if wanted.frames is None or wanted.frames > frames:
-        warnings.append(_warning_of_length(path, size, header, frames))
+        warnings.append(_warning_of_length(path, header, frames))
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
         warnings.append(_warning_of_names(points, without_path))
     warnings.append(remove_missing_value_codes(positions, scale, frame_of))
@@ -112,14 +114,14 @@ def _warning_of_names(points: int, without_path: tuple[str, ...]) -> str:
     )
 
 
-def _warning_of_length(path: Path, size: int, header: Header, frames: int) -> str:
+def _warning_of_length(path: Path, header: Header, frames: int) -> str:
     """Return a warning of a file with room for more frames than it states.
 
-    Return '' where zeros fill the room. A parameter section behind the frames is no frame.
+    Return '' where zeros fill the room. Parameters or rotations behind the frames are no frames.
     """
     layout = header.layout
     end = layout.data_at + frames * layout.width
-    if size - end < BLOCK_BYTES + layout.width or header.parameters_at > layout.data_at:
+    if header.end - end < BLOCK_BYTES + layout.width:
         return ""
     with path.open("rb") as file:
         file.seek(end)

@@ -87,7 +87,7 @@ class Header:
     - `processor`: code of the byte order
     - `scale`: unit of integer positions, in the file's unit of length
     - `held`: number of frames for which the file has room
-    - `parameters_at` [bytes]: offset of the parameters
+    - `end` [bytes]: offset of the file's end, or of the section behind the frames
     - `rate` [1/s]: None where the header states none
     - `doubts`: warnings of parameters that contradict the header, '' without any
     """
@@ -96,14 +96,17 @@ class Header:
     layout: Layout
     scale: float
     held: int
-    parameters_at: int
+    end: int
     rate: float | None
     doubts: str
 
 
 @dataclass(frozen=True)
 class _Words:
-    """The words of a header as they stand in the file, and the parameters' processor and offset [bytes]."""
+    """The words of a header as they stand in the file, and the parameters' processor and offset [bytes].
+
+    `behind` [bytes]: offsets of other sections, which may stand behind the frames
+    """
 
     points: int
     analogue: int
@@ -114,6 +117,7 @@ class _Words:
     rate: float
     processor: int
     parameters_at: int
+    behind: tuple[int, ...] = ()
 
     @property
     def frames(self) -> int:
@@ -127,7 +131,7 @@ class _Words:
 
     def end(self, size: int, layout: Layout) -> int:
         """Return the offset at which the frames must end, in a file of `size` bytes."""
-        return size if self.parameters_at < layout.data_at else min(size, self.parameters_at)
+        return min([size, *(at for at in self.behind if at > layout.data_at)])
 
 
 def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
@@ -139,6 +143,8 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     """
     words = _words(path)
     parameters, malformed = _parameters(path, words)
+    rotations = int(first_of(parameters.numbers("ROTATION", "DATA_START")))
+    words = replace(words, behind=(words.parameters_at, BLOCK_BYTES * (rotations % WORDS - 1)))
     scale, copy = words.scale, first_of(parameters.numbers("POINT", "SCALE"))
     if not np.isfinite(scale) and not copy:
         raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
@@ -166,7 +172,7 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     _refuse_a_long_file(words, layout, held, path)
     rate = words.rate if 0 < words.rate < FASTEST_RATE else None
     found = Header(
-        words.processor, layout, scale, held, words.parameters_at, rate, "; ".join(filter(None, doubts))
+        words.processor, layout, scale, held, words.end(size, layout), rate, "; ".join(filter(None, doubts))
     )  # fmt: skip
     return found, parameters
 
@@ -223,18 +229,25 @@ def _counts(parameters: Parameters) -> dict[str, int]:
     """Return the numbers of frames by the parameters, by name.
 
     TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD hold two words of 16 bits, the lower first. POINT:LONG_FRAMES is a
-    float. POINT:FRAMES is a word, or a float beyond 65535. Source: the C3D file format, user guide.
+    float, or two words as well. POINT:FRAMES is a word, or a float beyond 65535.
+
+    Source: the C3D file format, user guide.
     """
     frames = int(first_of(parameters.numbers("POINT", "FRAMES")))
+    long = parameters.numbers("POINT", "LONG_FRAMES")
     found = {
         COUNTED: frames + WORDS if frames < 0 else frames,
-        "POINT:LONG_FRAMES": int(first_of(parameters.numbers("POINT", "LONG_FRAMES"))),
+        "POINT:LONG_FRAMES": _of_two_words(long) if len(long) == 2 else int(first_of(long)),
     }
     begin, end = (parameters.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
     if len(begin) == len(end) == 2:
-        first, last = (int(low) % WORDS + WORDS * (int(high) % WORDS) for low, high in (begin, end))
-        found["TRIAL:ACTUAL_END_FIELD"] = last - first + 1
+        found["TRIAL:ACTUAL_END_FIELD"] = _of_two_words(end) - _of_two_words(begin) + 1
     return {name: count for name, count in found.items() if count > 0}
+
+
+def _of_two_words(words: Floats) -> int:
+    low, high = (int(word) % WORDS for word in np.nan_to_num(words, posinf=0.0, neginf=0.0))
+    return low + WORDS * high
 
 
 def _is_word_of(word: int, frames: int) -> bool:

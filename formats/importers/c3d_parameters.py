@@ -75,23 +75,44 @@ class Parameters:
         groups: dict[int, str] = {}
         found: dict[tuple[int, str], tuple[int, list[int], bytes] | None] = {}
         at = SECTION_HEAD
-        while at + 2 <= len(section) and section[at]:
+        while at + 2 <= len(section) and section[at] and section[at + 1]:
             length, group = abs(_signed(section[at])), _signed(section[at + 1])
             name, offset_at = text_of(section[at + 2 : at + 2 + length]).upper(), at + 2 + length
             offset = self._whole(section, offset_at)
             if group < 0:
                 groups[-group] = name
-            elif group > 0:
+            else:
                 found[group, name] = _parameter(section, offset_at + 2)
             if not offset:
                 break
-            at = offset_at + offset
+            at = self._next(section, offset_at, offset, is_group=group < 0)
         self._found = {}
         for (group, name), value in found.items():
             if value is not None:
                 self._found[groups.get(group, ""), name] = value
             elif groups.get(group) in USED:
                 raise NoParametersError
+
+    def _next(self, section: bytes, offset_at: int, offset: int, *, is_group: bool) -> int:
+        """Return where the next record begins: where this one points, or ends if no record is where it points.
+
+        Programs that remove or lengthen a parameter may leave the old offset.
+        """
+        if self._is_record(section, stated := offset_at + offset):
+            return stated
+        behind = offset_at + 2 if is_group else _end_of(section, offset_at + 2)
+        ended = behind + 1 + section[behind] if 0 < behind < len(section) else stated
+        return ended if self._is_record(section, ended) else stated
+
+    def _is_record(self, section: bytes, at: int) -> bool:
+        """Return whether a record begins at an offset: a printable name, and an offset within the section."""
+        if at + 2 > len(section) or not section[at] or not section[at + 1]:
+            return False
+        offset_at = at + 2 + abs(_signed(section[at]))
+        name = section[at + 2 : offset_at]
+        if offset_at + 2 > len(section) or not (name.isascii() and name.decode("ascii").isprintable()):
+            return False
+        return offset_at + self._whole(section, offset_at) <= len(section)
 
     def _whole(self, section: bytes, at: int) -> int:
         if at + 2 > len(section):
@@ -110,6 +131,12 @@ class Parameters:
             return []
         width = sides[0] if sides else 1
         return [text_of(raw[at : at + width]) for at in range(0, len(raw), width)]
+
+
+def _end_of(section: bytes, at: int) -> int:
+    """Return the offset behind the values of the parameter that begins at an offset, 0 if it is malformed."""
+    found = _parameter(section, at)
+    return at + 2 + len(found[1]) + len(found[2]) if found else 0
 
 
 def _parameter(section: bytes, at: int) -> tuple[int, list[int], bytes] | None:

@@ -12,7 +12,7 @@ import numpy as np
 PROCESSORS = {"intel": 84, "dec": 85, "sgi": 86}
 
 
-GROUPS = ((1, "POINT"), (2, "TRIAL"), (3, "ANALOG"))
+GROUPS = ((1, "POINT"), (2, "TRIAL"), (3, "ANALOG"), (4, "ROTATION"))
 LABELS_AT_ONCE = 255  # that one parameter can hold; LABELS2 holds the next
 
 

@@ -111,3 +111,40 @@ def test_two_units_for_more_points_are_told(tmp_path):
 def test_a_text_ends_at_its_first_zero_byte(tmp_path):
     raw = c3d_bytes(PLACES[:, :2], ["abc", "defgh"]).replace(b"abc  ", b"abc\0\xcc")
     assert read(tmp_path, raw).labels == ("abc", "defgh")
+
+
+@pytest.mark.parametrize("off", [-2, 7, 60, 3000])
+@pytest.mark.parametrize("name", [b"USED", b"SCALE", b"RATE", b"UNITS"])
+def test_a_record_whose_offset_is_wrong_ends_where_its_values_end(tmp_path, name, off):
+    """Programs that remove or lengthen a parameter may leave the old offset."""
+    raw = bytearray(c3d_bytes(PLACES, NAMES))
+    at = raw.index(name) + len(name)
+    struct.pack_into("<H", raw, at, struct.unpack_from("<H", raw, at)[0] + off)
+    found = read(tmp_path, bytes(raw))
+    assert (found.labels, found.warning) == (tuple(NAMES), "")
+    np.testing.assert_allclose(1e3 * found.positions, PLACES, atol=1e-3)
+
+
+@pytest.mark.parametrize("edits", [[], [(POINTS, 10)]])
+def test_rotations_behind_the_frames_are_no_frames(tmp_path, edits):
+    begin = len(c3d_bytes(PLACES, NAMES)) // 512 + 1
+    more = [("DATA_START", struct.pack("<H", begin), 2, [], 4)]
+    raw = made(edits=edits, more=more)
+    assert len(raw) == 512 * (begin - 1)
+    found = read(tmp_path, raw + np.full(60 * 17, 0.5, "<f4").tobytes())
+    np.testing.assert_allclose(1e3 * found.positions, PLACES, atol=1e-3)
+    assert found.warning == CONTRADICTIONS[0][2] * bool(edits)
+
+
+def test_long_frames_may_be_two_words(tmp_path):
+    places = np.tile(PLACES[:, :1], (1200, 1, 1))
+    more = [("LONG_FRAMES", struct.pack("<HH", 72_000 % 65536, 1), 2, [2], 1)]
+    assert len(read(tmp_path, made(places=places, frames_said=65535, more=more)).time) == 72_000
+
+
+def test_units_of_more_than_255_points_go_on_in_units2(tmp_path):
+    places, names = np.tile(PLACES, (1, 17, 1)), [f"marker {k}" for k in range(272)]
+    places[:, 260:] /= 10
+    texts = b"mm" * 5 + b"cm" * 12
+    raw = c3d_bytes(places, names, units=["mm"] * 255, more=[("UNITS2", texts, -1, [2, 17], 1)])
+    np.testing.assert_allclose(1e3 * read(tmp_path, raw).positions, np.tile(PLACES, (1, 17, 1)), atol=1e-3)

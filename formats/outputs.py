@@ -193,9 +193,12 @@ def write_text(path: Path, text: str, *, overwrite: bool = True) -> None:
     write_bytes(path, text.encode(), overwrite=overwrite)
 
 
-def write_bytes(path: Path, content: bytes, *, overwrite: bool = True, instead: str = ANOTHER_NAME) -> None:
+def write_bytes(
+    path: Path, content: bytes | Iterable[bytes], *, overwrite: bool = True, instead: str = ANOTHER_NAME
+) -> None:
     """Write a file whole or not at all.
 
+    - `content`: as in `write_whole`
     - `overwrite`: whether to replace a file that appeared after `refuse_to_replace` was called
     - `instead`: as in `refuse_to_replace`
 

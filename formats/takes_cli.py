@@ -312,7 +312,7 @@ def export_takes(
     """Write takes for other programs.
 
     Marker trajectories become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD.
-    C3D needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
+    Parquet needs the extra `parquet`, RRD the extra `rerun`.
 
     Exit code 2: at least one take cannot be exported. The others are exported, and the last lines name each lost take.
     """

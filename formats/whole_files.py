@@ -6,6 +6,7 @@ import errno
 import os
 import stat
 import sys
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,12 +15,13 @@ AT_FDCWD, RENAME_NOREPLACE = -100, 1  # Linux, fcntl.h and fs.h
 MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 
 
-def write_whole(path: Path, content: bytes, *, may_replace: bool = True) -> None:
+def write_whole(path: Path, content: bytes | Iterable[bytes], *, may_replace: bool = True) -> None:
     """Write a file in an existing folder; after a failure the former file stays, and nothing else is left.
 
     The unfinished file has a unique name, so that two processes may write the same file at once.
 
-    may_replace: whether a file of this name may exist; without it one of two processes is refused
+    - `content`: the bytes, or pieces of them, which need not be in memory at once
+    - `may_replace`: whether a file of this name may exist; without it one of two processes is refused
 
     Raises:
         FileExistsError: it exists and may not be replaced.
@@ -37,13 +39,13 @@ def name_of_its_own(path: Path) -> Path:
     return path.with_name(f"{path.name}.{os.urandom(6).hex()}.partial")
 
 
-def _write_whole(path: Path, content: bytes, may_replace: bool) -> None:
+def _write_whole(path: Path, content: bytes | Iterable[bytes], may_replace: bool) -> None:
     partial = name_of_its_own(path)
     # Unlike `tempfile`, whose files only their owner can read: the user's umask decides who may read a result.
     handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(content)
+            file.writelines([content] if isinstance(content, bytes) else content)
             file.flush()
             os.fsync(file.fileno())
         give_name(partial, path, may_replace=may_replace)

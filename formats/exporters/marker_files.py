@@ -16,33 +16,41 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.exporters.by_library import bytes_by_library
+from formats.exporters.c3d_writer import c3d_pieces
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import write_bytes
 from formats.take import Take
 from formats.unfinished import ANOTHER_FOLDER
 
 HELD = ("held_left", "held_right")
+FRAMES_AT_ONCE = 1 << 12  # compared at once: 8 MB for 81 points
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval: largest move of a frame in a file with one rate
-POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
 MOVED = 1e-4  # s: smaller moves of frames are not reported
 FROM_ORIGIN = 1e-6  # m, the last digit of a coordinate in CSV
-LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d omits a longer label
+LONGEST_LABEL = 127  # bytes of UTF-8: readers that take the length for a signed byte lose a longer label
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
 
 def marker_tracks(take: Take) -> MarkerTracks:
     """Return the paths of a take's tracked points, from its first frame at 0 s."""
     labels, positions = list(take.garment.point_names), take.points
-    apart = np.abs(take.held[:, :, None] - take.points[:, None]).max(3)
-    alike = np.where(take.held_valid[:, :, None], apart < ON_POINT, True)  # a point that was not seen is not alike
-    is_a_point = np.asarray(alike.all(axis=0)).any(axis=1) & np.asarray(take.held_valid.any(axis=0))
-    for end, name in enumerate(HELD):
-        if not is_a_point[end] and name not in labels:
-            labels.append(name)
-            positions = np.concatenate([positions, take.held[:, end : end + 1]], axis=1)
+    ends = [end for end, name in enumerate(HELD) if name not in labels and not _is_a_point(take, end)]
+    if ends:
+        labels += [HELD[end] for end in ends]
+        positions = np.concatenate([positions, take.held[:, ends]], axis=1)
     return MarkerTracks(tuple(labels), take.time - take.time[0], positions)
+
+
+def _is_a_point(take: Take, end: int) -> bool:
+    """Return whether a held end, wherever it was seen, is one of the tracked points; one not seen is not alike."""
+    seen = np.flatnonzero(take.held_valid[:, end])
+    may_be = np.full(take.points.shape[1], len(seen) > 0)
+    for begin in range(0, len(seen), FRAMES_AT_ONCE):
+        some = seen[begin : begin + FRAMES_AT_ONCE]
+        apart = np.abs(take.points[some][:, may_be] - take.held[some, end][:, None])
+        may_be[may_be] = (apart < ON_POINT).all(axis=(0, 2))
+    return bool(may_be.any())
 
 
 def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
@@ -59,7 +67,7 @@ def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
 
 def off_origin(positions: Floats) -> Floats:
     """Return positions [m], (frames, markers, 3), without any that would be written as the three zeros of a gap."""
-    at_origin = (np.abs(positions) < FROM_ORIGIN / 2).all(axis=2)
+    at_origin = ((positions < FROM_ORIGIN / 2) & (positions > -FROM_ORIGIN / 2)).all(axis=2)
     if not at_origin.any():
         return positions
     moved = positions.copy()
@@ -87,11 +95,8 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
 
     Raises:
         TakeError: the frames have no steady rate, or a name is longer than a C3D file can hold.
-        ModuleNotFoundError: ezc3d is not installed.
         OutputError: the file exists and may not be replaced, or cannot be written.
     """
-    import ezc3d
-
     tracks = marker_tracks(take)
     rate, positions, moved = at_one_rate(tracks, _whence(take))
     positions = off_origin(positions)
@@ -102,18 +107,11 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
                 f"the name {label[:20]!r}... has {len(label.encode())} bytes, a C3D file holds {LONGEST_LABEL}",
                 where=_whence(take), advice="export it as CSV",
             )  # fmt: skip
-    file = ezc3d.c3d()
-    points = file["parameters"]["POINT"]
-    points["UNITS"]["value"], points["RATE"]["value"] = ["mm"], [rate]
-    points["LABELS"]["value"] = list(tracks.labels)
-    seen = np.asarray(np.isfinite(positions).all(2))
-    values = np.ones((4, positions.shape[1], len(positions)))
-    values[:3] = 1e3 * np.moveaxis(np.where(seen[..., None], positions, 0.0), (0, 1, 2), (2, 1, 0))
-    file["data"]["points"] = values
-    file["data"]["meta_points"]["residuals"] = np.where(seen.T[None], 0.0, -1.0)
-    least = positions[..., 0].size * POINT_BYTES  # ezc3d says nothing of a disk that is full
-    raw = bytes_by_library(lambda plain: file.write(str(plain)), "file.c3d", least=least)
-    write_bytes(path, raw, overwrite=overwrite, instead=ANOTHER_FOLDER)
+    try:
+        pieces = c3d_pieces(tracks.labels, positions, rate)
+    except ValueError as error:
+        raise TakeError(f"{error}, which no C3D file holds", where=_whence(take), advice="export it as CSV") from error
+    write_bytes(path, pieces, overwrite=overwrite, instead=ANOTHER_FOLDER)
     return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
 
 
@@ -142,6 +140,8 @@ def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats, float]
             f"its frames come at no steady rate (frame {int(off.argmax())} is {1e3 * off.max():.1f} ms off)",
             where=where, advice="export it as CSV, which has each frame's own time",
         )  # fmt: skip
+    if number[-1] + 1 == len(number):
+        return 1 / interval, tracks.positions, float(off.max())
     positions = np.full((number[-1] + 1, *tracks.positions.shape[1:]), np.nan)
     positions[number] = tracks.positions
     return 1 / interval, positions, float(off.max())

@@ -13,7 +13,6 @@ The file states no encoding. Text is read as UTF-8, or as Windows-1252 where it 
 from __future__ import annotations
 
 import math
-import unicodedata
 
 import numpy as np
 
@@ -58,7 +57,7 @@ def text_of(raw: bytes) -> str:
             continue
     else:
         text = raw.decode("ascii", "backslashreplace")
-    return unicodedata.normalize("NFC", text.strip(" \0\t\r\n"))
+    return text.strip(" \0\t\r\n")
 
 
 class Parameters:

@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+import unicodedata
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from formats.arrays import Floats, Integers
@@ -77,14 +79,20 @@ class Wanted:
 ALL = Wanted()
 
 
+def composed(name: str) -> str:
+    """Return a name with each accent in its letter: macOS writes letter and accent as two characters."""
+    return unicodedata.normalize("NFC", name)
+
+
 def _columns_named(labels: Sequence[str], name: str, subject: str) -> list[int]:
+    """Return the indices of labels that are the name, else of those that differ from it in subject or composition."""
     found = [k for k, label in enumerate(labels) if label == name and not subject]
     if found:
         return found
-    return [
-        k for k, label in enumerate(labels)
-        if label.rpartition(":")[2] == name and (not subject or label.rpartition(":")[0] == subject)
-    ]  # fmt: skip
+    name, subject = composed(name), composed(subject)
+    parts = [composed(label).rpartition(":") for label in labels]
+    whole = [k for k, part in enumerate(parts) if "".join(part) == name and not subject]
+    return whole or [k for k, part in enumerate(parts) if part[2] == name and (not subject or part[0] == subject)]
 
 
 def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True) -> Path:
@@ -94,12 +102,15 @@ def write_marker_csv(path: Path, tracks: MarkerTracks, *, overwrite: bool = True
         OutputError: the file exists and may not be replaced, or cannot be written.
     """
     columns = ["time_s", *(spreadsheet_cell(label + axis) for label in tracks.labels for axis in axes_of("m"))]
+    head = io.StringIO()
+    csv.writer(head, lineterminator="\n").writerow(columns)
+    lines = chain([head.getvalue().encode()], _csv_lines(tracks))
+    write_bytes(path, lines, overwrite=overwrite, instead=ANOTHER_FOLDER)
+    return path
+
+
+def _csv_lines(tracks: MarkerTracks) -> Iterator[bytes]:
     flat = tracks.positions.reshape(len(tracks.time), -1)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
     numbers = ",".join(["%.6f"] * (1 + flat.shape[1])) + "\n"  # one format a row: five times faster than one a number
     for time, row in zip(tracks.time, flat, strict=True):
-        text.write((numbers % (time, *row.tolist())).replace("nan", ""))
-    write_bytes(path, text.getvalue().encode(), overwrite=overwrite, instead=ANOTHER_FOLDER)
-    return path
+        yield (numbers % (time, *row.tolist())).replace("nan", "").encode()

@@ -22,7 +22,7 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted
+from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted, composed
 from formats.importers.path_outliers import refuse_jumps
 from formats.importers.units import other_unit
 from formats.judged_cloth import MOST_STRETCHED
@@ -124,7 +124,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     found = {name: tracks.columns_named(name, options.subject) for name in garment.point_names}
     absent = [name for name in garment.point_names if not found[name]]
     subjects = sorted({label.rpartition(":")[0] for label in tracks.labels} - {""})
-    if absent and options.subject and options.subject not in subjects:
+    if absent and options.subject and composed(options.subject) not in map(composed, subjects):
         raise TakeError(
             f"has no subject {options.subject!r}", where=path,
             advice=f"give --subject, one of {', '.join(subjects)}" if subjects

@@ -48,8 +48,9 @@ def c3d_bytes(
         return struct.pack("<bb", -len(name) if is_locked else len(name), group) + shown.encode()
 
     def texts(values):
-        width = max([len(value) for value in values] or [0])
-        return b"".join(value.encode().ljust(width) for value in values), -1, [width, len(values)]
+        raw = [value.encode() for value in values]
+        width = max([len(value) for value in raw] or [0])
+        return b"".join(value.ljust(width) for value in raw), -1, [width, len(raw)]
 
     def parameters(start):
         short = lambda number: struct.pack(order + "H", number)  # noqa: E731

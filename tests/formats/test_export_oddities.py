@@ -29,8 +29,6 @@ def named(*names):
 @pytest.mark.parametrize("write", [write_csv, write_c3d])
 @pytest.mark.parametrize("least", [0.0, 4e-7])
 def test_a_point_at_the_origin_comes_back_a_micrometre_beside_it_and_not_as_a_gap(tmp_path, write, least):
-    if write is write_c3d:
-        pytest.importorskip("ezc3d")
     take = a_take(20)
     take.points[:, 1], take.points_valid[:, 1] = [least, -least, 0.0], True
     path = tmp_path / f"a.{write.__name__[-3:]}"
@@ -42,8 +40,6 @@ def test_a_point_at_the_origin_comes_back_a_micrometre_beside_it_and_not_as_a_ga
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "a ", " a", "a\u202eb"])
 @pytest.mark.parametrize("write", [write_csv, write_c3d])
 def test_a_name_that_would_not_come_back_is_refused(tmp_path, write, name):
-    if write is write_c3d:
-        pytest.importorskip("ezc3d")
     path = tmp_path / f"a.{write.__name__[-3:]}"
     with pytest.raises(TakeError, match="has characters that no marker file keeps; export it as NPZ"):
         write(path, named(name, "b", "c", "d"))
@@ -59,7 +55,6 @@ def test_a_name_that_a_spreadsheet_would_run_is_no_formula_in_a_csv_file_and_com
 
 
 def test_an_export_to_one_rate_says_how_far_it_moved_frames(tmp_path):
-    pytest.importorskip("ezc3d")
     rng = np.random.default_rng(5)
     steady = a_take(40)
     jittered = replace(steady, time=np.arange(40) / 30 + rng.uniform(-0.002, 0.002, 40))
@@ -118,7 +113,6 @@ def test_the_longest_take_that_c3d_can_hold_is_put_at_its_rate():
 
 def test_a_gap_in_c3d_is_three_zeros_with_a_residual_below_zero(tmp_path):
     """Programs differ in which of the two they read. Words 3 and 9 of the header: points of a frame, first block."""
-    pytest.importorskip("ezc3d")
     take = a_take(20)
     take.points[3, 1], take.points[4, 1] = np.nan, [0.5, -0.25, 2.0]
     write_c3d(tmp_path / "a.c3d", take)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unicodedata import normalize
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -116,3 +118,18 @@ def test_of_markers_of_one_name_those_of_the_subject_are_used():
     assert wanted.markers(["John:a", "Jane:b ", "Jane:a", "c"]) == [1, 2]
     assert Wanted(("a", "b")).markers(["John:a", "Jane:b", "Jane:a", "c"]) == [0, 1, 2]
     assert Wanted(("x",)).markers(["John:a", "c"]) == [0, 1]
+
+
+@pytest.mark.parametrize("ending", [".csv", ".c3d"])
+@pytest.mark.parametrize(("own", "theirs"), [("NFC", "NFD"), ("NFD", "NFC")])
+def test_a_name_is_found_whether_its_accents_are_composed_or_not(tmp_path, ending, own, theirs):
+    """macOS writes a letter and its accent as two characters; a subject's name may be written so too."""
+    points = tuple(msgspec.structs.replace(one, name=normalize(own, f"Ä{one.name}")) for one in GARMENT.points)
+    garment = msgspec.structs.replace(GARMENT, points=points)
+    labels = tuple(normalize(theirs, f"Käte:Ä{name}") for name in NAMES)
+    tracks = replace(hanging(FRAMES), labels=labels)
+    path = written(tmp_path, tracks, ending)
+    take = import_marker_take(path, garment, MarkerOptions(subject=normalize(own, "Käte")))
+    np.testing.assert_allclose(take.points, tracks.positions, atol=1e-6)
+    with pytest.raises(TakeError, match="has no subject 'Kate'"):
+        import_marker_take(path, GARMENT, MarkerOptions(subject="Kate"))

@@ -91,6 +91,18 @@ def test_an_effect_that_closes_the_same_share_everywhere_is_sure_however_the_mot
     assert gain_p_value(base, after, 0.0) > 0.01
 
 
+def test_a_half_second_below_the_noise_is_no_independent_piece_of_the_gap():
+    """Gaps of 84, 84, 84 and -12 mm^2, of which 64, 40, 50 and 0 close: three pieces, and two degrees of freedom."""
+    base, left = errors_of(100.0, 100.0, 100.0, 4.0), errors_of(36.0, 60.0, 50.0, 4.0)
+    gaps, gains = np.array([84.0, 84.0, 84.0, -12.0]), np.array([64.0, 40.0, 50.0, 0.0])
+    value, whole = 154 / 240, 240.0
+    rest = np.array([156.0, 156.0, 156.0, 240.0])  # the gap without a block; the last one has none to lose
+    sd = np.sqrt(3 / 4 * (((gains - value * gaps) / rest) ** 2).sum())
+    assert whole == gaps.sum()
+    found = share_of(base, left, 16.0)
+    assert (found.value, found.error, found.freedom) == pytest.approx((value, sd, 2.0))
+
+
 def test_an_uncertain_floor_widens_the_interval_of_closure():
     """d closure / d floor = 2 x 5 x (50/75) / 75 per mm, times t of two degrees of freedom times 0.05 mm."""
     value, (low, high) = closure(level(100.0), level(50.0), 5.0, floor_error_mm=0.05, replicas=3)

@@ -174,8 +174,11 @@ def test_closure_has_an_interval_and_is_not_given_where_there_is_hardly_a_gap():
 
 
 def test_a_cause_leaves_three_fifths_of_the_gap_at_most_and_no_more_than_its_law_may():
-    """Of 119 beyond the noise's 25: 71.4 and 1 of mesh; by law 25, twice that 1, and a share of the gap."""
-    found = flat_evidence({"air_drag": 6.0, "hem": 6.0}, numerics_mm=1.0, floor_error_mm=0.0)
+    """Of 119 beyond the noise's 25: 71.4 and 1 of mesh; by law 25, twice that 1, and a share of the gap.
+
+    Laws of lift differ by so much that the three fifths are less.
+    """
+    found = flat_evidence({"air_drag": 6.0, "hem": 6.0, "air_lift": 6.0}, numerics_mm=1.0, floor_error_mm=0.0)
     for name, one in found.singles.items():
         share = max((3 * KINDS[name].law_spread) ** 2, 0.05)
         by_law = 25.0 + 2.0 + share * 119.0
@@ -186,6 +189,17 @@ def test_a_cause_leaves_three_fifths_of_the_gap_at_most_and_no_more_than_its_law
     # Noise that is hardly known may be a fifth larger, and no more.
     loose = dataclasses.replace(found, floor_error_mm=1.0)
     assert float(loose.most_by_law(found.singles["hem"], np.array(0.0))) == pytest.approx(30.0 + 2.0)
+
+
+def test_a_cause_leaves_half_of_the_gap_of_a_silhouette_at_most_whatever_its_law():
+    """Half of 119 beyond the noise's 25 and 4 of mesh and solver; one take of markers, and three fifths count."""
+    found = flat_evidence({"air_lift": 6.0}, numerics_mm=2.0, floor_error_mm=0.0)
+    takes = [SimpleNamespace(camera=SimpleNamespace(is_placed=is_placed)) for is_placed in (True, True, False)]
+    for recordings, share in ((takes[:2], 0.5), (takes, 0.6), ([], 0.6)):
+        judged = dataclasses.replace(found, judge=SimpleNamespace(recordings=recordings))
+        limit = np.sqrt(share * 119 + 25 + 4)
+        for over, is_enough in ((-0.01, True), (0.01, False)):
+            assert judged.explains_enough(level(found.singles["air_lift"], limit + over)) == is_enough
 
 
 def test_draws_are_won_by_the_effect_that_leaves_least():

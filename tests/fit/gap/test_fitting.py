@@ -147,3 +147,9 @@ def test_a_single_block_has_no_more_than_its_own_scores():
     """One block whose scores add up to 4 beside four ones: 4 / 4."""
     found = sandwich(np.ones((4, 1)), np.ones(4), np.zeros(4, int), np.array([1e6]))
     assert found == pytest.approx([1.0])
+
+
+def test_the_sandwich_of_few_blocks_is_the_standard_error_of_their_mean():
+    """Residuals of 2, -1 and -1, each of a block of its own: a deviation of sqrt(6 / 2), over the root of three."""
+    found = sandwich(np.ones((3, 1)), np.array([2.0, -1.0, -1.0]), np.arange(3), np.array([1e6]))
+    assert found == pytest.approx([np.std([2.0, -1.0, -1.0], ddof=1) / np.sqrt(3)])

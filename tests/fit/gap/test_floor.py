@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fit.gap import floor as floors
 from fit.gap.floor import Floor, measured_noise, neighbour_noise, noise_floor, noisier, own_noise_mm
 from fit.methods import SI
 from fit.observer.residuals import Observer
@@ -76,6 +77,24 @@ def test_the_points_own_noise_is_that_of_the_points_that_are_judged():
     assert own_noise_mm(observer, [noise]) == pytest.approx(np.sqrt(3))
     mixed = np.where(np.arange(25) < 15, 0.001, 0.002)
     assert own_noise_mm(observer, [mixed]) == pytest.approx(np.sqrt(3 * (1 + 4) / 2))
+
+
+def test_the_floor_is_the_growth_of_squares_or_the_points_own_noise_and_what_a_silhouettes_row_keeps(monkeypatch):
+    """3 mm that noise makes 5, 4 and 3.1: 4 mm, and twice the points' own 3; the row is off by 4 mm more."""
+    shaken = [np.array([5.0]), np.array([4.0]), np.array([3.1])]
+    off = SimpleNamespace(counted=np.ones((2, 1), bool), camera=SimpleNamespace(row_off=0.004), point_sd=np.array([1.0]))
+    observer = SimpleNamespace(
+        recordings=[off], residuals=lambda vectors, amplitudes: np.array([[3.0]]), in_mm=lambda row: float(row[0]),
+        of=lambda recordings: observer,
+    )  # fmt: skip
+    monkeypatch.setattr(floors, "measured_noise", lambda observer, residual: [np.array([0.003 / np.sqrt(3)])])
+    monkeypatch.setattr(floors, "noisier", lambda recording, noise, rng: recording)
+    monkeypatch.setattr(floors, "residuals_together", lambda asked: [row[None] for row in shaken])
+    found = noise_floor(observer, np.zeros(1), np.zeros(1), np.random.default_rng(1))
+    each = np.hypot([4.0, 3.0, 3.0], 4.0)
+    assert found.mm == pytest.approx(each.mean())
+    assert found.error_mm == pytest.approx(np.sqrt(((each - each.mean()) ** 2).sum() / 2 / 3))
+    assert found.measured_mm == pytest.approx(3.0)
 
 
 def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noise():

@@ -80,9 +80,11 @@ def test_the_points_own_noise_is_that_of_the_points_that_are_judged():
 
 
 def test_the_floor_is_the_growth_of_squares_or_the_points_own_noise_and_what_a_silhouettes_row_keeps(monkeypatch):
-    """3 mm that noise makes 5, 4 and 3.1: 4 mm, and twice the points' own 3; the row is off by 4 mm more."""
+    """Noise makes 3 mm 5, 4 and 3.1: 4 mm, and twice the points' own 3. The row is off by 4 mm."""
     shaken = [np.array([5.0]), np.array([4.0]), np.array([3.1])]
-    off = SimpleNamespace(counted=np.ones((2, 1), bool), camera=SimpleNamespace(row_off=0.004), point_sd=np.array([1.0]))
+    off = SimpleNamespace(
+        counted=np.ones((2, 1), bool), camera=SimpleNamespace(row_off=0.004), point_sd=np.array([1.0])
+    )
     observer = SimpleNamespace(
         recordings=[off], residuals=lambda vectors, amplitudes: np.array([[3.0]]), in_mm=lambda row: float(row[0]),
         of=lambda recordings: observer,

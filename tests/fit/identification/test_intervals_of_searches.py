@@ -73,8 +73,8 @@ def an_end(cost, at):
     )  # fmt: skip
 
 
-def intervals_of(monkeypatch, **changes):
-    """What the intervals of a search are made with, whose best end costs 100 and another one e^(2/3) times that."""
+def intervals_of(monkeypatch, rise=2 / 3, **changes):
+    """What the intervals of a search are made with, whose best end costs 100 and another one e^rise times that."""
     given = {}
     monkeypatch.setattr(trials, "block_intervals", lambda space, model, **more: given.update(more, model=model))
     free = SimpleNamespace(
@@ -88,7 +88,7 @@ def intervals_of(monkeypatch, **changes):
     for name, value in changes.items():
         setattr(run, name, value)
     best = SimpleNamespace(parameters=np.array([1.0, 2.0]), cost=100.0, residuals=np.ones(4), jacobian=np.ones((4, 2)))
-    ends = [an_end(100.0, [1.0, 2.0]), an_end(100.0 * np.exp(2 / 3), [2.0, 2.0])]
+    ends = [an_end(100.0, [1.0, 2.0]), an_end(100.0 * np.exp(rise), [2.0, 2.0])]
     Run._intervals(run, best, ends)
     return given
 
@@ -102,7 +102,8 @@ def test_ends_of_descents_without_samples_count_a_number_for_every_two_seconds(m
 
 
 @pytest.mark.parametrize(("apart", "pieces"), [(0.001, 40.0), (0.1, 20.0)])
-def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pieces):
+@pytest.mark.parametrize("rise", [2 / 3, 0.01])  # of the other end, whose weight is nothing, and nearly the best one's
+def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pieces, rise):
     """Of 40 independent numbers chance moves a cost by 2 / 40; trials that end farther apart leave fewer numbers."""
     told = {}
     monkeypatch.setattr(trials, "independent", lambda takes: 40.0)
@@ -113,10 +114,11 @@ def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pi
         lambda cost, places, pieces, seed: told.update(pieces=pieces) or np.array([[0.25, 0.2], [0.35, 0.2]]),
     )
     given = intervals_of(
-        monkeypatch, residuals=np.ones((6, 4)), costs=np.arange(6.0), units=np.zeros((6, 2)),
+        monkeypatch, rise, residuals=np.ones((6, 4)), costs=np.arange(6.0), units=np.zeros((6, 2)),
         least=[100.0, 100.0 * np.exp(apart)],
     )  # fmt: skip
     assert told["pieces"] == pytest.approx(pieces)
     # Draws lie 0 and 0.1 of the box from the best end, and the other end 0.25; the wider of both counts.
-    share = np.exp(-pieces / 3) / (1 + np.exp(-pieces / 3))
+    share = np.exp(-pieces * rise / 2) / (1 + np.exp(-pieces * rise / 2))
+    assert (0.25 * np.sqrt(share) > 0.1 / np.sqrt(2)) == (rise < 0.1)
     assert given["spread"][0] == pytest.approx(max(0.1 / np.sqrt(2), 0.25 * np.sqrt(share)))

@@ -13,7 +13,7 @@ from fit.gap.likelihood import Sums
 from fit.gap.subsets import CHANCE, SIZES, Columns, log_evidence, log_prior, log_share, reduced, subsets, summed_out
 
 NUMBERS, PARAMETERS = 40, 3
-PRECISION, OFFSET = np.array([0.5, 1.0, 2.0]), np.array([0.3, -0.2, 0.1])
+PRECISION, OFFSET = np.array([0.5, 1.0, 5.0]), np.array([0.3, -0.2, 0.1])
 
 
 def sums_of(rows):

@@ -267,3 +267,11 @@ def test_an_edges_numbers_are_as_uncertain_as_their_points_and_the_paths_spline_
         each = sd**2 / 5 + path
         assert edge.sd[:, :3] == pytest.approx(np.sqrt(each), rel=1e-3)
         assert edge.static_sd[:3] == pytest.approx(np.sqrt(MARKER_OFFSET**2 / 5 + each / len(TIME)), rel=1e-3)
+
+
+def test_a_row_that_is_off_makes_the_edges_numbers_less_certain_by_as_much():
+    """3 mm that all points of a silhouette's row share, beside noise of 1 mm: a hypotenuse, in each of four numbers."""
+    recording, _ = a_recording()
+    off = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, row_off=0.003))
+    before, after = EdgeResiduals(recording).sd, EdgeResiduals(off).sd
+    assert after == pytest.approx(np.hypot(before, 0.003))

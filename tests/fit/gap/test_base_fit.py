@@ -75,9 +75,15 @@ def ended(world, told=lambda *_: None):
 
 
 def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
-    told, names, kept = [], [], Checkpoint(None, {})
+    told, names, begun, kept = [], [], [], Checkpoint(None, {})
     recall, places = kept.recall, kept.recall_vectors
-    monkeypatch.setattr(kept, "recall", lambda wanted, go: names.extend(wanted) or recall(wanted, go))
+
+    def recalled(wanted, go):
+        names.extend(wanted)
+        begun.append([task.vector for task in go.args[1]])
+        return recall(wanted, go)
+
+    monkeypatch.setattr(kept, "recall", recalled)
     monkeypatch.setattr(kept, "recall_vectors", lambda name, go: names.append(name) or places(name, go))
     fits, chosen, gate = fit_base(world, lambda *said: told.append(said), kept, 0)
     assert np.log(fits[0].vector / SI.initial) == pytest.approx(SHIFT, abs=0.1)
@@ -94,6 +100,8 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     ]  # fmt: skip
     beyond = [f"base-0-beyond-{k}" for k in range(len(fits) - 2)]
     assert names == ["looks-1-60-18", "looks-0-50-10", "base-0-0", "base-0-1", *beyond]
+    one, other = Problem(world).space.to_unit(np.array(begun[0]))
+    assert np.abs(one - other).max() > 0.15  # of the box, in one parameter at least
 
 
 def test_candidates_are_simulated_on_the_coarse_mesh_under_a_pull_and_then_on_the_fine_one(world, monkeypatch):

@@ -301,3 +301,11 @@ def test_frames_that_repeat_are_found_whatever_is_hidden(hidden, times):
     gate = gate_of("repeated frames", [prepare(held)])
     assert gate.passed == (times == 1)
     assert gate.figure == pytest.approx(100 * (1 - 1 / times), abs=1.0)
+
+
+def test_the_noise_that_a_nudge_may_reach_is_that_of_the_varying_part_of_the_judged_points():
+    """1 mm per axis; what else the residual holds, here known to 2 cm, is no noise."""
+    observer = Chaotic(lambda hz: 0.34)
+    judged = np.arange(len(observer.layout.sd)) < 900
+    observer.layout = dataclasses.replace(observer.layout, is_judged=judged, sd=np.where(judged, 1e-3, 0.02))
+    assert predictability_gate(observer, SI.initial, observer.off).limit == pytest.approx(np.sqrt(3.0))

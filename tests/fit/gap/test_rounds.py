@@ -325,3 +325,55 @@ def test_a_further_effect_is_significant_by_what_it_leaves_of_motions_that_were_
     assert gain_p_value(before, after, 5.0) < 1e-4
     assert gain_p_value(after, before, 5.0) > 0.99
     assert gain_p_value(errors(9.0, wobble=0.5, seed=1), errors(9.0, wobble=0.5, seed=2), 5.0) > 0.1
+
+
+# Drag leaves 6 or 9 mm^2 beyond the noise, and half the square of 4 mm of mesh and solver is 8.
+@pytest.mark.parametrize(("left", "rounds_tried"), [(6.0, 0), (9.0, 1)])
+def test_no_further_effect_is_looked_for_in_what_mesh_and_solver_may_be_wrong_by(monkeypatch, left, rounds_tried):
+    search = a_search((12.0, 100.0), {"air_drag": (np.sqrt(25.0 + left), 20.0)})
+    tried = []
+    monkeypatch.setattr(Rounds, "_with_another", lambda self, start, floor: tried.append(start.effects) or [])
+    search.further_rounds(5.0, 4.0)
+    assert len(tried) == rounds_tried
+
+
+@pytest.mark.parametrize(("gain", "is_needed"), [(13.5, True), (12.9, False)])
+def test_what_a_further_effect_must_close_is_a_share_of_the_error_beyond_the_noise(gain, is_needed):
+    """Of 144 mm^2 119 are beyond the noise, and of the 64 that drag leaves 39: a tenth is 11.9, and a third 13."""
+    search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
+    found = hypothesis(("air_drag", "hem"), np.sqrt(64.0 - gain))
+    assert search._is_needed(search.singles["air_drag"], found, 5.0) == is_needed
+
+
+def test_an_effect_that_was_fitted_on_is_significant_among_all_that_were_tried(monkeypatch):
+    """Of three that were tried beside drag."""
+    search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
+    pairs = [hypothesis(("air_drag", name), mm) for name, mm in (("hem", 6.0), ("time_offset", 7.0), ("draught", 7.5))]
+    monkeypatch.setattr(
+        Rounds,
+        "_with_another",
+        lambda self, start, floor: [(h, 0.01) for h in pairs] if len(start.effects) == 1 else [],
+    )
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
+    monkeypatch.setattr(Rounds, "_better_of_twins", lambda self, pair, p_value, floor: pair)
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair, numerics: None)
+    monkeypatch.setattr(Rounds, "_p_value", lambda self, before, found, refitted, floor: refitted / 1000)
+    search.further_rounds(5.0, 0.1)
+    assert search.joint == [(pairs[0], 0.003)]
+
+
+def test_the_cheapest_fit_is_continued_and_the_one_that_misses_the_held_out_motion_least(monkeypatch):
+    """Drag saves most of the cost and the hem next; a draught saves less than half as much and misses by least."""
+    search = a_search((12.0, 100.0), {})
+    found = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0), "hem": (11.0, 40.0), "draught": (7.0, 70.0)}).singles
+    search.tested, search.fits, search.progress = tuple(found), [search.base.fitted], lambda stage, share: None
+    search.kept = SimpleNamespace(recall=lambda names, go: [with_cost(search.base, 101.0).fitted])
+    continued = []
+    monkeypatch.setattr(rounds, "screen", lambda *given: like(air_drag=1.0, hem=0.5, draught=0.1))
+    monkeypatch.setattr(rounds, "shortlist", lambda screened: list(screened))
+    monkeypatch.setattr(rounds, "judged", judged_at(6.0))
+    monkeypatch.setattr(Rounds, "_and_leads", lambda self, names, screened, before: names)
+    monkeypatch.setattr(Rounds, "refit_alone", lambda self, names: self.singles.update(found))
+    monkeypatch.setattr(Rounds, "_fitted_on", lambda self, fits: continued.extend(f.active for f in fits) or fits)
+    search.first_round((), has_gap=True)
+    assert continued == [("air_drag",), ("draught",)]

@@ -208,3 +208,16 @@ def test_a_twin_closes_nine_tenths_or_four_fifths_and_is_often_the_better_one(mm
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[lag])
     pair = dataclasses.replace(evidence.joint[0][0], errors=errors(5.5, wobble=wobble, seed=8))
     assert ("filter_lag" in evidence.alternatives(pair).get("time_offset", {})) == is_twin
+
+
+# Of 119 mm^2 beyond the noise both leave 42.5 in every half-second, or 0 and 85 by turns: 64 %, [45 to 84 %].
+@pytest.mark.parametrize(("left", "verdict"), [((42.5, 42.5), "several"), ((0.0, 85.0), "unknown")])
+def test_two_effects_that_hide_each_other_must_surely_close_half_of_the_gap(left, verdict):
+    """Lift alone closes a tenth of it, and laws of lift may leave all that both do."""
+    pair = hypothesis(("air_lift", "hem"), 5.5)
+    sums = 10.0 * (25.0 + np.array(left * (BLOCKS // 2)))
+    pair = dataclasses.replace(pair, errors=BlockErrors(sums, np.full(BLOCKS, 10.0), np.zeros(3)))
+    evidence = dataclasses.replace(evidence_of({"air_lift": 11.5}), joint=[(pair, 0.001)])
+    evidence = dataclasses.replace(evidence, screened=evidence_of({"air_lift": 11.5, "hem": 11.9}).screened)
+    assert evidence.closure_of(pair).value == pytest.approx(76.5 / 119, abs=0.02)
+    assert decide(evidence).verdict == verdict

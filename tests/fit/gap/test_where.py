@@ -136,3 +136,22 @@ def test_the_highest_frequency_of_an_even_number_of_frames_counts_once(scene):
     shares = {b.name: b.share for b in missed(scene, by).frequency}
     assert shares["0 to 0.3 Hz"] == pytest.approx(9 / 25)
     assert shares["above 3 Hz"] == pytest.approx(16 / 25)
+
+
+def test_bands_share_the_squares_of_all_frames_of_all_takes():
+    """3 mm constant and 4 mm cos at 1 Hz are 9 and 8 mm^2; a take of half as many frames at 1 Hz has half the part."""
+    recordings = [a_still_take(0.0, rate=rate) for rate in (30, 15)]
+    observer = Observer(recordings, SI, (), frequency=0.0)
+    frames = [len(one.time) for one in recordings]
+    assert frames[0] == 2 * frames[1]
+
+    def shares(*errors):
+        away = [by[:, None, None] * np.ones(one.points.shape) for by, one in zip(errors, recordings, strict=True)]
+        residual = observer.residuals_of([(r.points - by)[None] for r, by in zip(recordings, away, strict=True)])[0]
+        return {b.name: b.share for b in find_where(observer, residual).frequency}
+
+    waves = [np.cos(2 * np.pi * one.time) for one in recordings]
+    mixed = shares(*(0.003 + 0.004 * wave for wave in waves))
+    assert (mixed["0 to 0.3 Hz"], mixed["0.7 to 1.5 Hz"]) == pytest.approx((9 / 17, 8 / 17))
+    apart = shares(0.003 + 0.0 * waves[0], 0.004 * waves[1])
+    assert (apart["0 to 0.3 Hz"], apart["0.7 to 1.5 Hz"]) == pytest.approx((18 / 26, 8 / 26))

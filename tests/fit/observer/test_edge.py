@@ -25,6 +25,7 @@ from fit.observer.edge import (
     is_seen_on_edge,
 )
 from fit.observer.residuals import BLOCK_SECONDS, Observer
+from fit.recordings.camera import Edge
 from fit.recordings.noise import held_noise
 from fit.recordings.recording import MARKER_OFFSET, SILHOUETTE_OFFSET, prepare
 from fit.recordings.smoothing import steady_spline
@@ -136,6 +137,15 @@ def test_a_silhouettes_corners_may_be_further_beside_the_cloth_than_markers_on_i
     still = [layout.sd[(layout.frame < 0) & ~layout.is_edge] for layout in layouts]
     assert len(still[0])
     assert still[1] == pytest.approx(2 * still[0], rel=0.05)
+
+
+def test_an_edge_that_was_taken_from_its_own_row_is_off_from_it_by_no_markers_offset():
+    """A millimetre of such an edge over the root of five, whatever the offsets of silhouettes are."""
+    recording, _ = a_recording(noise=1e-6)
+    silhouette = dataclasses.replace(recording, offset_sd=SILHOUETTE_OFFSET)
+    camera = dataclasses.replace(recording.camera, edge=Edge(0.0, 0.0, 0.4))
+    for one, off in ((silhouette, 0.002), (dataclasses.replace(silhouette, camera=camera), 0.001)):
+        assert EdgeResiduals(one).static_sd[:3] == pytest.approx(off / np.sqrt(5), rel=0.01)
 
 
 def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as_much():

@@ -51,6 +51,12 @@ def test_varying_errors_are_divided_by_the_noise_and_constant_ones_by_their_prio
     assert float(observer.in_mm(found)) == pytest.approx(np.sqrt(9 + 1))
 
 
+def test_the_weighed_mass_is_spread_over_the_cloths_own_area(still):
+    """kg over m^2 of the flat outline."""
+    (left, bottom), (right, top) = (f(np.array(still.garment.outline_m), axis=0) for f in (np.min, np.max))
+    assert observer_of(still).densities == pytest.approx([still.garment.mass_kg / ((right - left) * (top - bottom))])
+
+
 def test_a_point_is_never_known_better_than_a_tenth_of_a_millimetre(still):
     fine = dataclasses.replace(still, point_sd=np.full(25, 1e-6))
     assert observer_of(fine).layout.sd[0] == pytest.approx(1e-4)

@@ -145,6 +145,16 @@ def test_the_ten_fabrics_in_kes_units():
 def test_a_median_fabric_is_above_half_of_618():
     assert share_below("weight", 19.7) == "more than 50 % of them"
     assert share_below("bending warp", 0.001) == "less than 95 % of them"
+    # Between the median and the 75 % quantile by logarithms: the root of both weights lies half-way, at 62.5 %.
+    assert share_below("weight", np.sqrt(19.7 * 29.4)) == "more than 62 % of them"
+
+
+def test_linearity_is_one_of_a_law_that_pulls_in_proportion_to_the_extension():
+    """LT = WT / (F EMT / 2): of a stiff cloth, which stretches by 1 / 1000, nearly a spring's; less where it curves."""
+    made = make_sheet(MEDIAN | {"stretch_stiffness": 490.3325 * 1000})
+    assert made.warp.linearity == pytest.approx(1.0, abs=2e-3)
+    assert made.warp.extension == pytest.approx(0.1, rel=2e-3)
+    assert made.warp.tensile_energy * 9.80665e-3 / 1e-2 == pytest.approx(490.3325 * 0.001 / 2, rel=3e-3)
 
 
 def known(result, *unknown):

@@ -4,7 +4,6 @@
 
 import dataclasses
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -175,18 +174,6 @@ def test_effects_on_the_material_change_its_numbers():
     assert effect("strain_stiffening").material(row, np.array([40.0]))[mat.STIFFENING] == pytest.approx(40.0)
 
 
-def test_a_clock_that_gains_shows_weaker_forces_and_longer_times():
-    """At a rate of 0.98 of its own: forces 0.98^2, damping rates 0.98, damping times 1 / 0.98."""
-    row = np.arange(1.0, 1.0 + len(mat.MATERIAL_NAMES))
-    shown = effect("clock_drift").material(row, np.array([0.02]))
-    factors = dict.fromkeys(range(len(row)), 1.0)
-    factors |= dict.fromkeys((mat.STRETCH, mat.SHEAR, mat.BENDING), 0.98**2) | {mat.VELOCITY: 0.98}
-    factors |= dict.fromkeys((mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VISCOSITY), 1 / 0.98)
-    expected = row * [factors[k] for k in range(len(row))]
-    expected[mat.GRAVITY_LOG] += np.log(0.98**2)
-    assert shown == pytest.approx(expected)
-
-
 def test_a_stiffer_warp_stretches_less_under_its_own_weight():
     """Warp e^(0.7/2) = 1.419 times stiffer: the bottom sinks by 1/1.419 of before."""
     before = -resting(None, 0, stretch_stiffness=100.0)[2, 2] - 0.45
@@ -335,15 +322,6 @@ def test_a_slip_stays_after_the_hardest_jerk():
     assert lowered[0] == pytest.approx([0, 0])
     assert lowered[-1] == pytest.approx([0.008, 0])
     assert 0.5 < instants[np.argmax(lowered[:, 0] > 0.004)] < 2.3
-
-
-def test_a_slip_is_half_complete_at_its_instant_and_takes_a_tenth_of_a_second():
-    """A smooth step s^2 (3 - 2 s) of either end: at 25 ms before and after the instant 10 / 64 and 54 / 64 of it."""
-    recording = SimpleNamespace(slip_at=1.0)
-    path = effect("clip_slip").drive(lambda t: np.zeros((len(t), 6)), recording, np.array([0.008, 0.004]))
-    lowered = -path(1.0 + np.array([-0.06, -0.05, -0.025, 0.0, 0.025, 0.05, 1.0]))[:, [2, 5]]
-    shares = np.array([0.0, 0.0, 10 / 64, 0.5, 54 / 64, 1.0, 1.0])
-    assert lowered == pytest.approx(shares[:, None] * [0.008, 0.004], abs=1e-12)
 
 
 def test_local_effects_say_where_they_act():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from fit.cloth.effect import Effect, amplitudes_of
 from fit.effects import LIBRARY
+from fit.effects.sliding_points import slides
 from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.recordings.recording import prepare
 from tests.fit.effects.test_effects import FRAME, driven, effect, observed
@@ -153,6 +155,37 @@ def test_an_eroded_corner_is_seen_nearer_to_the_middle():
     assert moved[0, 0] == pytest.approx([0, 0, 0])  # held corners keep their place
     border = observed("corner_erosion", (0.0, 0.01), flat) - flat
     assert abs(border[0, 14, 0]) == pytest.approx(0.01)  # middle of the right border, half a width from the middle
+
+
+def test_corners_at_the_shoulders_are_held_and_not_eroded():
+    """Of a sheet of 0.4 m whose shoulders slope by 2 cm no corner above the middle is free."""
+    outline = ((-0.1, 0.0), (0.1, 0.0), (0.2, -0.02), (0.2, -0.4), (-0.2, -0.4), (-0.2, -0.02))
+    places = [(-0.2, -0.02), (0.2, -0.02), (-0.2, -0.4), (0.2, -0.4)]
+    garment = SimpleNamespace(outline_m=outline, points=[SimpleNamespace(at_m=at) for at in places])
+    points = np.array([[[x, 0.0, y] for x, y in places]])
+    moved = effect("corner_erosion").observe(points, SimpleNamespace(garment=garment), np.array([0.01, 0.0])) - points
+    assert np.linalg.norm(moved, axis=2)[0] == pytest.approx([0.0, 0.0, 0.01, 0.01])
+
+
+def test_targets_have_the_smoothing_taken_back_to_first_order():
+    """Of a bump of 10 mm a share of 0.3 was smoothed away: 3 mm more, and its neighbours' halves of it back."""
+    places = [(x, y) for y in (0.0, 0.1, 0.2) for x in (0.0, 0.1, 0.2)]
+    garment = SimpleNamespace(points=[SimpleNamespace(at_m=at) for at in places])
+    recording = SimpleNamespace(garment=garment, has_curve=np.ones(9, bool))
+    targets = np.zeros((1, 9, 6))
+    targets[0, 4, 1] = 0.01
+    found = effect("tracker_smoothing").unobserved(targets, recording, np.array([0.3]))
+    assert found[0, 4, 1] == pytest.approx(0.013)
+
+
+def test_a_grid_of_one_length_does_not_slide_however_long_it_is():
+    """A tenth too short in every frame, or by turns a tenth and not at all."""
+    grid = SimpleNamespace(down=np.array([0.0, 0.2, 0.4]))
+    time = np.arange(6) / 30
+    recording = SimpleNamespace(time=time, grid_length=np.full(6, 0.36))
+    assert slides(recording, grid) is None
+    recording.grid_length = np.array([0.36, 0.4] * 3)
+    assert slides(recording, grid) == pytest.approx([-0.1, 0.0] * 3)
 
 
 def test_smoothing_leaves_flat_cloth_and_lowers_a_bump():

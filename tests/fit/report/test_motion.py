@@ -57,6 +57,19 @@ def test_the_rms_of_a_frame_by_hand():
     assert 1e3 * replace(shown, real=hidden).rms("base")[1] == pytest.approx(3.5355, abs=1e-3)
 
 
+def test_the_offset_of_a_silhouettes_point_is_its_mean_over_the_frames_that_show_it():
+    """4 mm off in the frames that show it, of which there are two of four: no error is left, and none of the others."""
+    still = np.zeros((4, 5, 3))
+    off = still + np.array([0.0, 0.004, 0.0])
+    seen = still.copy()
+    seen[:2, 3] = np.nan
+    shown = motion(
+        time=np.arange(4) / 10, real=seen, runs={"base": Run(points=off)}, held=None, triangles=None, is_material=False
+    )
+    assert shown.offset("base")[2:] == pytest.approx(np.tile([0.0, -0.004, 0.0], (3, 1)))
+    assert shown.rms("base") == pytest.approx(np.zeros(4))
+
+
 def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
     """Frame 1 is 30 mm off and frame 2 is 90 mm off, but shows one point of three."""
     still = np.zeros((3, 5, 3))

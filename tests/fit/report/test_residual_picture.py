@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.recordings.recording import prepare
-from fit.report.residual_picture import draw_residuals, views_of
+from fit.report.residual_picture import Views, draw_residuals, views_of
 from tests.fit.recordings.silhouettes import silhouette_sheet, swung
 
 TIME = np.arange(0, 6, 1 / 10)
@@ -26,6 +26,17 @@ def test_errors_are_split_along_the_bar_down_and_out(offset, part):
     assert np.argmax(middle) == part
     assert np.sqrt((middle**2).sum()) == pytest.approx(0.004)
     assert np.nanmax(views.parts_mm) <= 4.01
+
+
+def test_a_frames_error_is_the_root_mean_square_over_the_points_that_it_shows():
+    """3 and 4 mm down the cloth, and a third point that is not seen: the root of 12.5 mm^2; nothing where none is."""
+    along = np.zeros((5, 3, 3))
+    along[0, :2, 1] = 0.003, 0.004
+    along[0, 2] = along[1] = np.nan
+    counted = np.isfinite(along).all(2)
+    views = Views(np.arange(5.0), along, along, along, counted)
+    assert views.parts_mm[0] == pytest.approx([0.0, np.sqrt(12.5), 0.0])
+    assert np.isnan(views.parts_mm[1]).all()
 
 
 def test_a_picture_of_moderate_size_is_written(tmp_path):

@@ -139,6 +139,10 @@ def test_the_ten_fabrics_in_kes_units():
     """Denim: 32.4 mg/cm^2, shear 53.4 / 4 / 56.188 = 0.2376; the lightest of the ten has 11.3 mg/cm^2."""
     assert len(TEN) == 10
     assert range_of_ten("weight") == pytest.approx((11.3, 32.4))
+    assert range_of_ten("slope") == pytest.approx((3.3 / 0.980665, 2035.0 / 0.980665), rel=1e-6)
+    assert range_of_ten("bending") == pytest.approx((14.3e-6 / 9.80665e-5, 125.4e-6 / 9.80665e-5), rel=1e-6)
+    denim = next(fabric for fabric in TEN if "denim" in fabric.name)
+    assert (np.sqrt(np.prod(denim.stretch)), np.mean(denim.bending)) == pytest.approx((456.0, 8.06e-5), rel=2e-3)
     assert range_of_ten("shear")[1] == pytest.approx(104.8 / 4 / 56.188, rel=1e-4)
 
 
@@ -147,6 +151,8 @@ def test_a_median_fabric_is_above_half_of_618():
     assert share_below("bending warp", 0.001) == "less than 95 % of them"
     # Between the median and the 75 % quantile by logarithms: the root of both weights lies half-way, at 62.5 %.
     assert share_below("weight", np.sqrt(19.7 * 29.4)) == "more than 62 % of them"
+    assert share_below("weight", np.sqrt(29.4 * 48.8)) == "more than 85 % of them"
+    assert share_below("weight", 49.0) == "more than 95 % of them"
 
 
 def test_linearity_is_one_of_a_law_that_pulls_in_proportion_to_the_extension():
@@ -258,3 +264,10 @@ def test_the_sheet_of_a_real_fit_says_what_motion_cannot_identify():
 def test_a_result_without_its_material_is_refused():
     with pytest.raises(FitError, match="does not hold its material"):
         sheet_of(fit_result())
+
+
+def test_a_parameter_at_its_bound_decides_a_number_as_any_other_does():
+    """Fitted at its least value, a stretch stiffness moves the slope only towards its largest."""
+    lowest = next(p.minimum for p in a_fit().parameters if p.name == "stretch_stiffness")
+    result = known(a_fit(values={"stretch_stiffness": lowest}), "stretch_stiffness")
+    assert "warp.first_slope" in unidentified_of(result)

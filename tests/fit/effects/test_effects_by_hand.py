@@ -1,0 +1,65 @@
+"""Laws of effects at sizes and instants that tell their parts from each other, by hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fit.cloth import material as mat
+from fit.cloth.mesh import build_mesh
+from formats.nature import AIR_DENSITY
+from tests.fit.effects.test_effects import effect, face_force
+from tests.fit.scenes import sheet
+
+
+def test_drag_brings_the_lift_that_leaning_plates_have_at_small_angles():
+    """Duchemin's 2 c sin a / (1 + sin^2 a) less c sin^2 a of the drag alone is 2 c of a lift that goes with sin a."""
+    angle = 1e-6
+    more = 2 * np.sin(angle) / (1 + np.sin(angle) ** 2) - np.sin(angle) ** 2
+    assert dict(effect("air_drag").brings)["air_lift"] == pytest.approx(
+        more / (np.sin(angle) * np.cos(angle)), rel=1e-5
+    )
+
+
+def test_a_draught_pushes_a_face_that_moves_by_the_difference_to_still_air():
+    """At 1 m/s against and with 0.3 m/s of wind: |u| u of 0.7 and 1.3 m/s less the 1 of drag in still air."""
+    for speed, push in ((1.0, 1.0 - 0.49), (-1.0, 1.69 - 1.0)):
+        force = face_force("draught", (0.0, 0.3), (0, speed, 0), (0, 1, 0), 0.01)
+        assert force == pytest.approx([0, 0.5 * AIR_DENSITY * 1.2 * 0.01 * push, 0], rel=1e-4)
+
+
+def test_mass_moves_within_the_weighed_garment():
+    """A hem of 0.02 kg/m along 0.4 m is 8 of 32 g, which the rest lacks; a slope beyond what nodes can lose as well."""
+    mesh = build_mesh(sheet(width=0.4, height=0.4), 0.067)
+    mass = 0.2 * mesh.node_area
+    hemmed = effect("hem").node_mass(mass, mesh, np.array([0.02]))
+    assert (mass.sum(), hemmed.sum()) == pytest.approx((0.032, 0.032))
+    bottom = np.isclose(mesh.rest[:, 1], mesh.rest[:, 1].min())
+    assert hemmed[~bottom] == pytest.approx(0.75 * mass[~bottom])
+    assert (hemmed - 0.75 * mass)[bottom].sum() == pytest.approx(0.02 * 0.4)
+    steep = effect("mass_distribution").node_mass(mass, mesh, np.array([0.8, 0.8]))
+    assert steep.sum() == pytest.approx(0.032)
+    assert steep.min() > 0.0
+
+
+def test_a_clock_that_gains_shows_weaker_forces_and_longer_times():
+    """At a rate of 0.98 of its own: forces 0.98^2, damping rates 0.98, damping times 1 / 0.98."""
+    row = np.arange(1.0, 1.0 + len(mat.MATERIAL_NAMES))
+    shown = effect("clock_drift").material(row, np.array([0.02]))
+    factors = dict.fromkeys(range(len(row)), 1.0)
+    factors |= dict.fromkeys((mat.STRETCH, mat.SHEAR, mat.BENDING), 0.98**2) | {mat.VELOCITY: 0.98}
+    factors |= dict.fromkeys((mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VISCOSITY), 1 / 0.98)
+    expected = row * [factors[k] for k in range(len(row))]
+    expected[mat.GRAVITY_LOG] += np.log(0.98**2)
+    assert shown == pytest.approx(expected)
+
+
+def test_a_slip_is_half_complete_at_its_instant_and_takes_a_tenth_of_a_second():
+    """A smooth step s^2 (3 - 2 s) of either end: at 25 ms before and after the instant 10 / 64 and 54 / 64 of it."""
+    recording = SimpleNamespace(slip_at=1.0)
+    path = effect("clip_slip").drive(lambda t: np.zeros((len(t), 6)), recording, np.array([0.008, 0.004]))
+    lowered = -path(1.0 + np.array([-0.06, -0.05, -0.025, 0.0, 0.025, 0.05, 1.0]))[:, [2, 5]]
+    shares = np.array([0.0, 0.0, 10 / 64, 0.5, 54 / 64, 1.0, 1.0])
+    assert lowered == pytest.approx(shares[:, None] * [0.008, 0.004], abs=1e-12)

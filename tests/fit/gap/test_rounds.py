@@ -338,7 +338,7 @@ def test_no_further_effect_is_looked_for_in_what_mesh_and_solver_may_be_wrong_by
 
 
 @pytest.mark.parametrize(("gain", "is_needed"), [(13.5, True), (12.9, False)])
-def test_what_a_further_effect_must_close_is_a_share_of_the_error_beyond_the_noise(gain, is_needed):
+def test_a_further_effect_closes_a_share_of_the_error_beyond_the_noise(gain, is_needed):
     """Of 144 mm^2 119 are beyond the noise, and of the 64 that drag leaves 39: a tenth is 11.9, and a third 13."""
     search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
     found = hypothesis(("air_drag", "hem"), np.sqrt(64.0 - gain))

@@ -116,13 +116,13 @@ def test_the_objective_is_the_mean_of_the_takes_distances_and_its_history_ends_a
     assert task.numbers == pytest.approx((89 + 119) / 30 / 0.5)  # half seconds of both takes
 
 
-def test_what_is_said_of_a_trivial_predictor_is_of_the_take_held_out(fit):
+def test_the_note_on_a_trivial_predictor_is_on_the_take_held_out(fit):
     result, _, _ = fit
     _, fitted = initial_and_fitted(result)
     assert f"The fit misses by {1e3 * expected('c', fitted).mean():.1f} mm held out" in " ".join(result.notes)
 
 
-def test_intervals_reach_to_both_sides_and_parameters_that_motion_cannot_tell_apart_are_not_identified(fit):
+def test_intervals_reach_to_both_sides_and_degenerate_parameters_are_not_identified(fit):
     """The points depend on all five; Air and Velocity are degenerate by the method's own map."""
     result, _, _ = fit
     assert [p.is_identified for p in result.parameters] == [True, True, True, False, False]

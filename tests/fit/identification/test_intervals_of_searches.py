@@ -124,9 +124,9 @@ def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pi
     assert given["spread"][0] == pytest.approx(max(0.1 / np.sqrt(2), 0.25 * np.sqrt(share)))
 
 
-def test_few_sound_places_leave_the_ends_alone_to_tell_the_spread(monkeypatch):
-    """An emulator of two parameters needs more than three places; of four, one blew up."""
-    monkeypatch.setattr(trials, "Emulator", lambda units, gram: pytest.fail("three places are too few"))
+def test_few_sound_samples_leave_the_spread_to_the_ends_alone(monkeypatch):
+    """An emulator of two parameters needs more than three samples; of four, one blew up."""
+    monkeypatch.setattr(trials, "Emulator", lambda units, gram: pytest.fail("three samples are too few"))
     given = intervals_of(
         monkeypatch, residuals=np.ones((4, 4)), costs=np.array([1.0, 2.0, np.inf, 3.0]), units=np.zeros((4, 2))
     )
@@ -137,7 +137,7 @@ def test_few_sound_places_leave_the_ends_alone_to_tell_the_spread(monkeypatch):
 
 def a_run(start=(1.0, 2.0), **settings):
     search = SimpleNamespace(space=SPACE, free=SimpleNamespace(simulations=0))
-    return Run(search, np.array(start), ObservedSettings(looks=20, **settings), lambda step: None, ())
+    return Run(search, np.array(start), ObservedSettings(samples=20, **settings), lambda step: None, ())
 
 
 def test_a_search_has_the_prior_of_an_even_draw_from_its_box_about_the_start():
@@ -147,15 +147,15 @@ def test_a_search_has_the_prior_of_an_even_draw_from_its_box_about_the_start():
     assert np.linalg.inv(prior.precision) == pytest.approx(np.diag([16 / 12, 100 / 12]))
 
 
-def test_every_trial_looks_at_places_of_its_own():
-    """The first one at the start and at scattered places, later ones at other scattered places."""
-    run, looked_at = a_run(seed=3), []
+def test_every_trial_has_scattered_samples_of_its_own():
+    """The first one begins at the start and at scattered samples, later ones at other scattered samples."""
+    run, drawn = a_run(seed=3), []
     for trial in range(3):
-        looked_at.append(run._next_units())
-        run.units = np.concatenate([run.units, looked_at[-1]])
+        drawn.append(run._next_units())
+        run.units = np.concatenate([run.units, drawn[-1]])
         run.residuals, run.first = np.zeros((len(run.units), 1)), len(run.units)
         run.least = [100.0] * (trial + 1)
-    assert looked_at[0][0] == pytest.approx([0.25, 0.2])  # the start, in shares of the box
-    every = np.concatenate(looked_at)
+    assert drawn[0][0] == pytest.approx([0.25, 0.2])  # the start, in shares of the box
+    every = np.concatenate(drawn)
     assert len(every) == 48
     assert len(np.unique(every, axis=0)) == 48

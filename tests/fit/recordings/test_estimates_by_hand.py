@@ -90,7 +90,7 @@ def test_a_scale_is_estimated_from_two_centimetres_of_travel_on(share, is_known)
     assert (scan.with_scale(A_TIMING).scale_interval is not None) == is_known
 
 
-def test_what_a_path_explains_is_of_the_frames_that_count():
+def test_the_share_that_a_path_explains_is_of_the_frames_that_count():
     """Half a metre off in one frame, which is left out: the path explains all the same."""
     scan = a_scan(noise=1e-4, seconds=8.0)
     row = scan.row.copy()
@@ -139,7 +139,7 @@ def test_a_held_edge_is_taken_from_five_frames_at_rest_and_no_fewer(resting, dow
 
 
 @pytest.mark.parametrize(("excess", "is_found"), [(1.4, False), (1.75, True)])
-def test_frames_are_off_by_more_than_noise_that_few_frames_at_rest_tell(excess, is_found):
+def test_frames_are_off_where_the_noise_of_few_frames_at_rest_cannot_be_the_cause(excess, is_found):
     """Of 20 frames at rest the noise's square is known to sqrt(2 / (0.37 x 20)), and three of those are 1.56 of it."""
     time = np.arange(0, 10, 1 / 10)
     noise = 1.4826 * 0.002  # 2 mm to and fro are their own median absolute deviation

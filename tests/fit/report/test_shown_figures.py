@@ -227,7 +227,7 @@ def test_single_points_are_the_worst_ones_with_their_root_mean_square():
     assert "rms 30.0 mm" in page
 
 
-def test_what_a_missing_force_does_is_told_with_its_own_shares_and_the_sign_of_its_power():
+def test_a_missing_force_is_shown_with_its_own_shares_and_the_sign_of_its_power():
     force = diagnosis().missing_force
     for power, does in ((-0.2, "takes energy out"), (0.2, "gives energy to the cloth")):
         shown = words_on(sections.missing_force(msgspec.structs.replace(force, power=power)))

@@ -115,17 +115,17 @@ def test_candidates_drawn_about_a_best_one_at_the_bound_stay_in_the_box(monkeypa
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
 
-def test_every_batch_of_proposals_draws_its_own_places(monkeypatch):
-    """Of the seed and of the number of places so far: 16 draw others than 18."""
+def test_every_batch_of_proposals_draws_samples_of_its_own(monkeypatch):
+    """Drawn from the seed and the number of samples so far: 16 give others than 18."""
     asked = []
     costs = Emulator.costs
     monkeypatch.setattr(
-        Emulator, "costs", lambda self, places, caution: asked.append(places) or costs(self, places, caution)
+        Emulator, "costs", lambda self, samples, caution: asked.append(samples) or costs(self, samples, caution)
     )
     looked_at(swung, 2)
-    over_box = [places[: looks.DRAWN[0]] for places in asked if len(places) == sum(looks.DRAWN)]
+    over_box = [samples[: sampling.DRAWN[0]] for samples in asked if len(samples) == sum(sampling.DRAWN)]
     first, second = over_box[0], over_box[2]
-    assert np.abs(first[:, None] - second[None]).max(2).min() > 0.0  # no place is drawn twice
+    assert np.abs(first[:, None] - second[None]).max(2).min() > 0.0  # no sample is drawn twice
 
 
 def test_proposals_depend_on_the_samples_and_the_seed_alone():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from fit.recordings import point_kind
+from fit.recordings import filtered_copies, point_kind
 from fit.recordings import recording as recordings
 from fit.recordings.camera import FEWEST_RESTING_FRAMES, STILL_SPEED, Camera, Seen, edge_shown, examined, is_still
 from fit.recordings.frame_offsets import FrameOffsets, find_frame_offsets
@@ -229,3 +229,23 @@ def test_a_recording_begins_with_its_first_picture():
     alone = np.where(np.arange(len(time)) < 3, int(FrameState.HANGER_ALONE), 0).astype(take.state.dtype)
     found = recordings.prepare(dataclasses.replace(take, state=alone))
     assert (found.begin, found.time[0], len(found.time)) == pytest.approx((0.1, 0.0, len(time) - 3))
+
+
+@pytest.mark.parametrize(("tap", "gain"), [(0.5, 0.25), (2.0, 1.0)])
+def test_the_noise_left_between_two_takes_is_in_units_of_both_and_of_the_numbers_that_are_free(monkeypatch, tap, gain):
+    """Of 184 steps of three points six tenths count, of which 17 taps and 6 of position and turn are fitted.
+
+    One tap passes its square of the first take's noise, and no more than all. Of three points one has ten times the
+    error.
+    """
+    positions = np.ones((200, 3, 3))
+    positions[0] = 0.0
+    take = filtered_copies._Smoothed(positions, np.ones((200, 3), bool))
+    taps = np.zeros(17)
+    taps[8] = tap
+    size = np.tile([1.0, 1.0, 10.0], 184)[:, None] * np.full(3, 0.002)
+    monkeypatch.setattr(filtered_copies, "_residual", lambda x, y: (size, taps))
+    noises = np.full(3, 5e-6), np.full(3, 3e-6)
+    numbers = 0.6 * 3 * 184
+    expected = 3 * 0.002**2 / (gain * 5e-6 + 3e-6) * numbers / (numbers - 17 - 6)
+    assert filtered_copies._left(take, take, 0, 10.0, noises) == pytest.approx(expected)

@@ -13,6 +13,7 @@ from fit.search.least_squares import (
     BoundedSpace,
     LeastSquaresSettings,
     Prior,
+    _Search,
     minimise,
     search,
     side_by_side,
@@ -89,6 +90,16 @@ def test_a_search_far_above_the_known_cost_is_stopped_after_a_few_steps():
     assert not hopeless.is_converged
     assert hopeless.reason == "it will hardly fall below the known cost"
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
+
+
+@pytest.mark.parametrize(
+    ("history", "is_hopeless"),
+    [((500, 400, 300, 200, 150, 109), False), ((500, 400, 300, 200, 150, 111), True), ((200, 150, 130, 111), False)],
+)
+def test_a_search_that_falls_is_given_up_a_tenth_above_the_known_cost_and_after_four_steps(history, is_hopeless):
+    """Of a known cost of 100."""
+    one = _Search(box([0], [1]), None, LeastSquaresSettings(known_cost=100.0))
+    assert one._is_hopeless(list(history), has_moved=True) == is_hopeless
 
 
 def test_a_search_that_falls_by_less_than_a_hundredth_is_stopped_above_the_known_cost_and_not_below():

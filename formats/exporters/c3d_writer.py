@@ -18,7 +18,7 @@ from formats.importers.c3d_layout import C3D_KEY
 from formats.importers.c3d_parameters import FLOAT, INTEL, SECTION_HEAD, SHORT, TEXT
 
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
-PIECE = 1 << 22  # bytes that are written at once
+BYTES_AT_ONCE = 1 << 22  # bytes that are written at once
 SHARED = 255  # labels that one parameter can hold; LABELS2 holds the next (C3D user guide)
 MOST_BLOCKS = 255  # of parameters, counted in a byte
 MILLIMETRES = 1e3  # in a metre
@@ -47,7 +47,7 @@ def c3d_pieces(labels: Sequence[str], positions: Floats, rate: float) -> Iterabl
 def _frames(positions: Floats) -> Iterator[bytes]:
     """Yield the frames, filled to whole blocks; `positions` as in `c3d_pieces`."""
     frames, points = positions.shape[:2]
-    at_once = max(PIECE // max(POINT_BYTES * points, 1), 1)
+    at_once = max(BYTES_AT_ONCE // max(POINT_BYTES * points, 1), 1)
     for begin in range(0, frames, at_once):
         places = positions[begin : begin + at_once]
         is_seen = np.asarray(np.isfinite(places).all(2))

@@ -33,7 +33,7 @@ from formats.plausible import RATES
 LARGEST_C3D = 1 << 30  # bytes
 PIECE = 1 << 22  # bytes of the data that are converted to positions at once
 TEXTS = ("LABELS", "UNITS")  # of each point
-PARTS = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
+SUFFIXES = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
 
 
 def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
@@ -50,7 +50,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
     header, parameters = read_header(path, size)
     layout, rate = header.layout, _rate(parameters, header)
-    labels, units = ([text for part in PARTS for text in parameters.texts("POINT", name + part)] for name in TEXTS)
+    labels, units = ([text for part in SUFFIXES for text in parameters.texts("POINT", name + part)] for name in TEXTS)
     points = layout.points
     frames = min(header.held, layout.frames)
     if points and frames <= 0 and header.held:

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fit.blind import judging
 from fit.blind.boundary import real_ends
 from fit.blind.cases import _garment, _take, draw_look, draw_truth
 from fit.blind.engine import Cloth, Engine
-from fit.blind.judging import Judged, named_by
+from fit.blind.judging import Judged, judge, named_by
 from fit.blind.page import _marks
 from fit.blind.plants import PLANTS, Planted
 from fit.blind.scoring import rates_of, summarise
@@ -114,3 +115,16 @@ def test_a_take_states_the_noise_that_its_points_have():
     take = _take(truth, _garment(truth.look), "a", ends, np.zeros((740, 81, 3)), np.random.default_rng(0))
     assert np.unique(take.points_sd) == pytest.approx([0.002 * np.sqrt(1 + 1 / 9)])
     assert (take.points - take.points.mean((0, 1))).std() == pytest.approx(take.points_sd[0, 0, 0], rel=0.02)
+
+
+@pytest.mark.parametrize(("share", "is_covered"), [(0.85, False), (0.95, True), (1.05, True), (1.15, False)])
+def test_a_true_amplitude_is_covered_between_both_ends_of_the_interval(monkeypatch, tmp_path, share, is_covered):
+    """An estimate of so much of the true amplitude, a tenth of it to either side."""
+    lag = next(plant for plant in PLANTS if plant.id == "filter_lag")
+    truth = draw_truth("a", "single", (lag,), (1, 2))
+    true = truth.planted[0].amplitude
+    said = diagnosis("effect", ["filter_lag"], [finding("filter_lag", share * true, true / 3)])
+    monkeypatch.setattr(judging, "answer_of", lambda answers, case: said)
+    found = judge(truth, tmp_path)
+    assert found.amplitude_covered == is_covered
+    assert found.amplitude_error == pytest.approx(abs(share - 1.0))

@@ -11,6 +11,7 @@ import pytest
 from fit.effects import LIBRARY
 from fit.gap.closure import BlockErrors, Resampling, gain_p_value
 from fit.gap.evidence import (
+    Evidence,
     are_worth_adding,
     best_of,
     is_at_bound,
@@ -21,6 +22,7 @@ from fit.gap.evidence import (
     wrong_by_mesh,
 )
 from fit.gap.fitting import Pinned
+from fit.gap.verdict import decide, passing_effects
 from tests.fit.gap.verdict_scene import EFFECTS, KINDS, evidence_of, hypothesis, signature
 
 OBSERVER = SimpleNamespace(**EFFECTS)
@@ -237,3 +239,19 @@ def test_a_mesh_is_coarse_that_is_wrong_by_more_than_noise_and_solver_together(m
     """5 mm of noise and 3 of the solver."""
     found = flat_evidence({"hem": 6.0}, mesh_mm=mesh, numerics_mm=float(np.hypot(mesh, 3.0)))
     assert found.is_coarse == is_coarse
+
+
+@pytest.mark.parametrize(("closure", "passes"), [(0.24, False), (0.26, True)])
+def test_an_effect_that_closes_less_than_a_quarter_of_the_gap_passes_no_test(closure, passes):
+    """Of 119 mm^2 beyond the noise, in every half-second alike."""
+    evidence = evidence_of({"air_drag": np.sqrt(144 - closure * 119)})
+    assert evidence.p_value("air_drag") < 0.05
+    assert passing_effects(evidence) == (["air_drag"] if passes else [])
+
+
+@pytest.mark.parametrize(("wins", "verdict"), [(0.82, "effect"), (0.78, "ambiguous")])
+def test_an_effect_that_wins_four_of_five_draws_has_no_rival(monkeypatch, wins, verdict):
+    """The hem closes nearly as much, and wins the other draws."""
+    evidence = evidence_of({"air_drag": 6.0, "hem": 6.2})
+    monkeypatch.setattr(Evidence, "win_shares", lambda self: {"air_drag": wins, "hem": 1.0 - wins})
+    assert decide(evidence).verdict == verdict

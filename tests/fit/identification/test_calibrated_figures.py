@@ -100,6 +100,8 @@ def test_errors_are_means_over_all_frames_of_the_takes_fitted_to_and_of_the_one_
         both = np.concatenate([expected("a", vector), expected("b", vector)])
         assert train.per_frame_m == pytest.approx(both.tolist())
         assert (train.mean_m, train.max_m) == pytest.approx((both.mean(), both.max()))
+        assert np.diff(train.time_s).max() == pytest.approx(1.0)  # between both takes
+        assert np.diff(train.time_s).min() == pytest.approx(1 / 30)
         assert held_out.mean_m == pytest.approx(expected("c", vector).mean())
 
 

@@ -55,7 +55,7 @@ def test_the_figures_beside_a_verdict_are_those_of_the_gap():
         "base model on the points as tracked 17.0 mm 91 % of the gap from there closed",
         "base model has the held edge off by 3.3 mm 1.1 mm with air drag",
         "held where its edge was tracked 8.0 mm 37 % of the gap closed",
-        "share of the gap closed 66 % 51 to 82 %",
+        "share of the gap closed 66 % 51 to 82 %", "size of air drag 1.31 1.02 to 1.6; ",
     ):  # fmt: skip
         assert figure in shown.replace("&#39;", "'"), figure
 
@@ -312,3 +312,11 @@ def test_a_picture_of_residuals_is_signed_and_says_the_whole_distance(monkeypatc
     monkeypatch.setattr(ImageDraw, "text", lambda self, at, text, **more: said.append(text))
     draw_residuals(recording, simulated, tmp_path / "left.png", "thirteen")
     assert said[0] == "thirteen: 13.0 mm rms"
+
+
+def test_the_ticks_of_a_chart_stand_at_their_instants():
+    """Of a take from 10 to 12 s the first tick stands at the left end, and 11 in the middle."""
+    curve = Curve("after", np.array([0.002, 0.008, 0.006]), None, "after the fit")
+    page = str(error_chart("take", np.array([10.0, 11.0, 12.0]), [curve]))
+    assert re.search(r"left:\s*0.00%[^>]*>\s*10\s*<", page)
+    assert re.search(r"left:\s*50.00%[^>]*>\s*11\s*<", page)

@@ -227,3 +227,15 @@ def test_chaotic_cloth_does_not_hide_the_evidence_of_the_held_edge(after, verdic
     assert ("not predictable in them" in found.sentence) == (verdict == "effect")
     still = dataclasses.replace(evidence, gates=[*evidence.gates, STILL])
     assert decide(still).verdict == "inconclusive"
+
+
+@pytest.mark.parametrize(("seed", "is_told"), [(3, True), (0, False)])
+def test_the_held_edge_identifies_an_effect_unless_the_cloth_is_certainly_worse_with_it(seed, is_told):
+    """12.1 mm instead of 12, up and down by turns of the half-seconds, or by the same share in each of them."""
+    evidence = evidence_of({"eroded_outline": 8.0})
+    eaten = with_edge(hypothesis(("eroded_outline",), 12.1, seed=seed), 1150)
+    evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 2000), singles={"eroded_outline": eaten})
+    closed = evidence.closure_of(eaten)
+    assert closed.value < 0.0
+    assert (closed.interval[1] > 0.0) == is_told
+    assert evidence.identified_by_edge == (frozenset({"eroded_outline"}) if is_told else frozenset())

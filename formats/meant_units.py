@@ -22,7 +22,9 @@ WEIGHTS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3}
 UNITS_OF = {
     "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": WEIGHTS,
     "mb": {"MB": 1.0, "GB": 1e3, "kB": 1e-3}, "hz": {"Hz": 1.0}, "degrees": {"\u00b0": 1.0, "deg": 1.0, "degrees": 1.0},
-    "px": {"px": 1.0, "pixels": 1.0}, "days": {unit: size / 86_400.0 for unit, size in TIMES.items()},
+    "px": {"px": 1.0, "pixels": 1.0}, "minutes": {unit: size / 60.0 for unit, size in TIMES.items()},
+    "hours": {unit: size / 3600.0 for unit, size in TIMES.items()},
+    "days": {unit: size / 86_400.0 for unit, size in TIMES.items()},
     "bytes": {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "bytes": 1.0},
 }  # fmt: skip
 MINUS_SIGNS = str.maketrans("\u2212\u2013", "--")  # the minus sign, and the dash that some editors make of a hyphen

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from formats.meant_units import number_meant
+
 COMMA_FOR_POINT = re.compile(r"[+-]?\d*,\d+")
 RANGE_WORDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 NOUNS = {
@@ -14,6 +16,11 @@ NOUNS = {
     "bool": "answer of yes or no",
     "path": "path",
 }
+# Of an option, by its value's word in the help or by its name: a field's name whose ending has the same unit.
+UNIT_FIELDS = {
+    "METRES": "_m", "KG": "_kg", "HZ": "_hz", "HERTZ": "_hz", "SECONDS": "_s", "HOURS": "_hours", "MINUTES": "_minutes",
+    "seconds": "_s", "height": "_m", "keep_days": "_days",
+}  # fmt: skip
 
 
 def reword(error: Any) -> None:
@@ -30,9 +37,20 @@ def reword(error: Any) -> None:
     noun = next((noun for begin, noun in NOUNS.items() if kind.startswith(begin)), None)
     if limits:
         error.message = f"{given} is outside the range: it must be {' and '.join(limits)}"
+        if given.lower().lstrip("+-") == "nan":
+            error.message = f"{given!r} is no number"
     elif noun is not None:
         error.message = f"{given!r} is no {noun}"
         if COMMA_FOR_POINT.fullmatch(given.strip()):
             error.message += f"; write a decimal point: {given.strip().replace(',', '.')}"
+        elif kind.startswith(("float", "finite")) and (number := number_meant(given, _field_of(error))):
+            error.message += f"; was {number} meant?"
     else:
         error.message = str(first["msg"]).removeprefix("Value error, ")
+
+
+def _field_of(error: Any) -> str:
+    """Return the name of a field with the unit of the option that an error names, '' if the option has none."""
+    parameter = getattr(error, "param", None)
+    words = getattr(parameter, "metavar", None), getattr(parameter, "name", None)
+    return next((UNIT_FIELDS[word] for word in words if word in UNIT_FIELDS), "")

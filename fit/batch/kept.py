@@ -41,8 +41,8 @@ def sound(results: Store, name: str) -> bytes:
     """
     content = results.read(name)
     if results.has(name + CHECKSUM_SUFFIX):
-        stated = results.read(name + CHECKSUM_SUFFIX).split()[:1]
-        if stated != [digest_of(content).encode()]:
+        stated = results.read(name + CHECKSUM_SUFFIX).split()
+        if stated != [digest_of(content).encode(), name.rsplit("/", 1)[-1].encode()]:  # a copy has another name
             raise BatchError(
                 "is damaged: its checksum does not fit", where=f"{results.url}/{name}",
                 advice="run the batch again, which makes it again",

@@ -24,7 +24,7 @@ from fit.batch.worker import run_job, words_of
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
-from formats.errors import ImplausibleError, TakeError
+from formats.errors import HangtimeError, ImplausibleError, TakeError
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without any outcome, after which the batch gives up
@@ -311,7 +311,8 @@ def _outcome_of(future: Any, job: Task) -> Outcome | UnreachableError | None:
         if isinstance(error, KilledWorker):
             sentence = "every worker that took it on died; another start of the batch tries again"
             return Outcome(key=job.key, state="refused", sentence=sentence)
-        return Outcome(key=job.key, state="refused", sentence=f"{type(error).__name__}: {error}")
+        sentence = str(error) if isinstance(error, HangtimeError) else f"{type(error).__name__}: {error}"
+        return Outcome(key=job.key, state="refused", sentence=sentence)
     try:
         found = future.result(timeout=GATHER)
     except Exception:

@@ -42,7 +42,7 @@ class Store(Protocol):
         ...
 
     def remove(self, name: str) -> None:
-        """Remove a file that may be there."""
+        """Remove a file that may be there; BatchError if it cannot be removed."""
         ...
 
     def path(self, name: str) -> Path | None:
@@ -124,7 +124,15 @@ class Folder:
 
     def remove(self, name: str) -> None:
         """Remove a file that may be there."""
-        (self.root / name).unlink(missing_ok=True)
+        path = self.root / name
+        try:
+            path.unlink(missing_ok=True)
+        except NotADirectoryError:  # no file is below a file
+            return
+        except OSError as error:
+            raise BatchError(
+                f"cannot be removed ({error.strerror})", where=path, advice=step_to_write(error)
+            ) from error
 
     def path(self, name: str) -> Path | None:
         """Return the path of the file."""

@@ -102,7 +102,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     except (OSError, ImportError) as error:
         if isinstance(error, OSError) and error.errno in FULL:
             raise store_is_full(error, error.filename or results.url) from error
-        return ended("refused", f"this worker cannot do it ({error})")
+        return ended("refused", f"this worker cannot do it ({_cause_of(error)})")
     except Exception as error:  # no fault of a take may end a batch
         sentence = words_of(error)
         record = {"format": "hangtime-batch-failure/1", "take": ", ".join(errand.digests), "sentence": sentence,
@@ -113,6 +113,13 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     errand.tidy()
     results.remove(failure_name(job.key))
     return ended(errand.done)
+
+
+def _cause_of(error: OSError | ImportError) -> str:
+    """Return the system's reason and the file, without the system's number of the error."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    return str(error)
 
 
 def write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:

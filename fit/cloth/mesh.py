@@ -151,7 +151,7 @@ def cost_words(garment: Garment, spacing: float | None) -> str:
 
 def _nodes(garment: Garment, spacing: float) -> float:
     """Return the approximate number of nodes of a mesh with a spacing [m]."""
-    return (2 if garment.seams else 1) * garment.area_m2 / spacing**2
+    return (2 if garment.seams else 1) * garment.area_m2 / spacing / spacing  # the square of a tiny one is 0
 
 
 @functools.lru_cache(maxsize=8)

@@ -276,7 +276,7 @@ def test_a_folder_that_a_worker_cannot_make_is_no_fault_of_the_take(takes, tmp_p
     (tmp_path / search_name(job.key)).parent.write_text("")
     outcome = run_job(job)
     assert outcome.state == "refused"
-    assert outcome.sentence.startswith("this worker cannot do it (")
+    assert outcome.sentence == f"this worker cannot do it (File exists: {(tmp_path / search_name(job.key)).parent})"
     assert not (tmp_path / "failed").exists()
     found = survey(open_store(str(takes)), open_store(str(tmp_path)), PLAN)
     assert job.key in [waiting.key for waiting in found.waiting]

@@ -47,7 +47,11 @@ def state_of(night):
 
 @pytest.mark.parametrize(
     ("spacing", "sentence"),
-    [(0.0005, r"gives it about \d+ nodes where 40000 are the most; choose a spacing from 0\.00"), (0.05, None)],
+    [
+        (1e-308, "more than 1000000 nodes"),
+        (0.0005, r"gives it about \d+ nodes where 40000 are the most; choose a spacing from 0\.00"),
+        (0.05, None),
+    ],
 )
 def test_a_spacing_that_gives_a_take_no_mesh_is_reported_before_the_night(night, spacing, sentence):
     (night[0].path("") / "torn.mcap").write_bytes(b"torn")
@@ -93,6 +97,16 @@ def test_a_result_that_is_not_what_was_written_is_made_again(night, damage, stat
     damage(path)
     assert state_of(night) == state
     assert has_fit(results, key) is (state == "known")
+
+
+def test_a_result_of_another_take_under_this_name_is_made_again(night):
+    """Someone copied a result together with its checksum, whose line still has the other name."""
+    _, results = night
+    (key,) = survey(*night, PLAN).keys.values()
+    keep(results, result_name("other"), result_bytes(fit_result(), results.path("k")))
+    for suffix in ("", CHECKSUM_SUFFIX):
+        results.write(result_name(key) + suffix, results.read(result_name("other") + suffix))
+    assert state_of(night) == "waiting"
 
 
 def test_a_checksum_is_one_that_sha256sum_checks(night):

@@ -18,10 +18,10 @@ from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.cluster import Workers, connect
 from fit.batch.diagnosing import heard
 from fit.batch.jobs import Outcome
-from fit.batch.runner import Outage, Survey, run, survey
+from fit.batch.runner import Outage, Survey, _outcome_of, run, survey
 from fit.batch.store import Bucket, Folder, open_store
 from fit.batch.summary import rows_of
-from fit.errors import UnreachableError
+from fit.errors import BatchError, UnreachableError
 from fit.identification.request import Plan
 from tests.fit.batch.night import (
     HANGS,
@@ -221,6 +221,17 @@ def test_a_batch_says_at_once_that_a_worker_waits_with_a_finished_result(takes, 
     assert [line for line in told if not line.startswith("Dashboard")] == [
         "fits/a.json.sha256: cannot be written; make room. Waiting for it to come back."
     ]
+
+
+def test_an_error_of_a_worker_is_reported_in_its_own_words_without_the_name_of_its_class():
+    job = SimpleNamespace(key="k")
+    for error, sentence in (
+        (BatchError("cannot be written (Is a directory)", where="fits", advice="give another name"),
+         "fits: cannot be written (Is a directory); give another name"),
+        (KeyError("a"), "KeyError: 'a'"),
+    ):  # fmt: skip
+        future = SimpleNamespace(status="error", exception=lambda timeout, error=error: error)
+        assert _outcome_of(future, job).sentence == sentence
 
 
 def test_an_outage_lasts_from_its_first_word_to_its_last_and_five_minutes_of_silence_end_it():

@@ -90,6 +90,15 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
         open_store(str(tmp_path / "file")).write("fits/a.json", b"")
 
 
+def test_what_cannot_be_removed_is_one_sentence_and_nothing_is_below_a_file(tmp_path):
+    store = open_store(str(tmp_path))
+    (tmp_path / "failed").touch()
+    store.remove("failed/a.json")
+    (tmp_path / "fits/a.json").mkdir(parents=True)
+    with pytest.raises(BatchError, match=r"a\.json: cannot be removed \(Is a directory\); "):
+        store.remove("fits/a.json")
+
+
 def test_addresses_lead_to_folders_and_buckets(tmp_path):
     assert isinstance(open_store("takes"), Folder)
     assert open_store("takes").path("a") == Path.cwd() / "takes" / "a"

@@ -79,6 +79,8 @@ def _coded(places: Floats, where: str) -> bytes:
     if np.isinf(places).any():
         raise TakeError("a place is infinite", where=where, advice="give NaN where nothing was seen")
     seen = np.asarray(np.isfinite(places).all(1))
+    if (np.isfinite(places).any(1) & ~seen).any():
+        raise TakeError("a place lacks a coordinate", where=where, advice="give NaN for all three where it is unseen")
     shown = np.where(seen[:, None], places, 0.0)
     if np.abs(shown).max() > FARTHEST_PLACE:
         raise TakeError(f"a place lies {np.abs(shown).max():g} m away", where=where, advice="give metres")

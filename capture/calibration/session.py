@@ -34,6 +34,7 @@ from capture.hanger.seen_otherwise import seen_otherwise
 from firmware_host.depth_sensor import DepthSensor
 from formats.arrays import Floats
 from formats.descriptions import DEPTH_SCALES
+from formats.plausible_rig import DICTIONARIES
 from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
 
 SHORTEST_LINE = 0.1  # m between a plumb line's markers: below, gravity is known to two degrees at best
@@ -85,6 +86,12 @@ def calibrate(
         raise UntrackableError(
             f"a marker id is used twice among {', '.join(map(str, ids))}", where="--plumb-ids, --clip-ids",
             advice="give six different ones: two each to hanger, plumb line and clips",
+        )  # fmt: skip
+    count = DICTIONARIES.get(hanger.dictionary, 0)  # 0: the detector refuses the name
+    if wrong := [number for number in ids if count and not 0 <= number < count]:
+        raise UntrackableError(
+            f"there is no marker {wrong[0]} in {hanger.dictionary}", where="--plumb-ids, --clip-ids",
+            advice=f"give ids from 0 to {count - 1}",
         )  # fmt: skip
     detector = MarkerDetector(hanger.dictionary, ids)
     still = watch(sensor, detector, seconds, lambda colour: seen_otherwise(colour, hanger))

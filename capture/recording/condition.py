@@ -54,7 +54,8 @@ class Condition(Enum):
     )
     MISFIT = Saying(
         "both markers are read, but depth and the rig's sizes contradict each other",
-        "measure marker_size_m and marker_distance_m of the rig again; keep sun and gloss off the markers", Lamp.SLOW,
+        "measure marker_size_m and marker_distance_m of the rig again; look whether depth comes in millimetres; keep "
+        "sun and gloss off the markers", Lamp.SLOW,
     )  # fmt: skip
     NO_GARMENT = Saying(
         "the garment is not seen", "let it hang free below the hanger, away from walls and things", Lamp.SLOW

@@ -177,6 +177,8 @@ def _scan(grid=2, contour=4, time=1.0, place=1.0):
         (_scan(contour=65537), "scan at 1 s: has (2, 2) places and 65537 around them; give a square of at most 512 a "
          "side and at most 65536 around it"),
         (_scan(time=-1.1e10), "scan at -1.1e+10 s: lies centuries away; give its time in seconds"),
+        (replace(_scan(), contour=np.array([[np.nan, 1.0, 1.0]])), "scan at 1 s: a place lacks a coordinate; give NaN "
+         "for all three where it is unseen"),
         (_scan(place=-1001.0), "scan at 1 s: a place lies 1001 m away; give metres"),
     ],
 )  # fmt: skip

@@ -189,6 +189,9 @@ def test_a_scene_that_moves_or_has_no_markers_is_refused():
 def test_ids_that_are_used_twice_and_a_short_plumb_line_are_refused():
     with pytest.raises(UntrackableError, match="a marker id is used twice"):
         calibrated([], clip_ids=(1, 2))
+    for wrong in (50, -1):
+        with pytest.raises(UntrackableError, match=f"there is no marker {wrong} in DICT_4X4_50; give ids from 0 to 49"):
+            calibrated([], clip_ids=(2, wrong))
     rng = np.random.default_rng(4)
     short = [*hanger_plates(), marker_plate(4, [-0.4, 0.0, 1.5]), marker_plate(5, [-0.4, 0.09, 1.5])]
     with pytest.raises(CalibrationError, match=r"markers are only \d\d mm apart"):

@@ -18,6 +18,7 @@ from fit.search.annealing import AnnealingSettings
 from fit.search.choice import OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
 
+MOST_ITERATIONS = 1_000_000  # days of simulation; their schedule takes a second, and that of 1e9 half an hour
 SIDE_BY_SIDE = 16  # candidates a batch
 
 
@@ -133,7 +134,7 @@ def request_of(
             that is not above 0; iterations or a seed that is no count; bounds that are crossed, malformed, given twice,
             of an unknown parameter or beyond its range.
     """
-    check_count(iterations, "iterations", least=1)
+    check_count(iterations, "iterations", least=1, most=MOST_ITERATIONS)
     check_count(seed, "seed", least=0)
     if check_search(search) in OBSERVED and engine != OWN_ENGINE:
         raise FitError(
@@ -180,14 +181,16 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
             )
 
 
-def check_count(number: int, name: str, *, least: int) -> None:
+def check_count(number: int, name: str, *, least: int, most: int | None = None) -> None:
     """Refuse a number that is no count.
 
     Raises:
-        FitError: it is no whole number, or below the least.
+        FitError: it is no whole number, below the least, or above the most.
     """
-    if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < least:
-        raise FitError(f"{name} is {number!r}", where=f"--{name}", advice=f"give a whole number from {least} on")
+    is_whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
+    if not is_whole or number < least or (most is not None and number > most):
+        until = "on" if most is None else f"to {most}"
+        raise FitError(f"{name} is {number!r}", where=f"--{name}", advice=f"give a whole number from {least} {until}")
 
 
 def _check_gamma(gamma: float) -> None:

@@ -192,6 +192,18 @@ def test_markers_held_ends_and_points_come_back_by_their_own_validity():
     assert found["markers"] == pytest.approx(markers, abs=0.5001e-4, nan_ok=True)
 
 
+def test_a_point_that_is_not_seen_yet_has_the_place_and_deviation_of_its_first_sight():
+    """So each of its six columns is constant: no difference, no bit."""
+    valid = np.ones((FRAMES, 2), bool)
+    valid[:2, 1] = False
+    moved = np.full((FRAMES, 2, 3), 3.0)
+    moved[:2, 1] = np.nan
+    (block,) = encode_blocks(columns_of(points=moved, points_valid=valid), np.array([FRAMES]), 0)
+    begin = sum(widths(2)[name] for name in list(widths(2))[: list(widths(2)).index("points")])
+    assert block["table"][begin : begin + 12] == bytes(12)
+    assert block["table"][0] > 0
+
+
 def test_blocks_begin_with_their_own_first_frame_and_time():
     """Three and three frames of ticks from 0 and 100000 on; the file's first is the seventh."""
     first, second = encode_blocks(columns_of(), np.array([3, 3]), 7)

@@ -56,6 +56,12 @@ def test_a_value_that_jumps_is_an_exception():
     assert np.array_equal(decode_tables([coded], np.array([100]), 1)[0], values)
 
 
+def test_wide_noise_costs_two_bits_a_number_more_than_its_own():
+    """Differences of even noise of 28 bits: 29 bits with the sign, in k = 28 bits and a quotient of 2 bits at most."""
+    values = np.random.default_rng(6).integers(-(2**27), 2**27, (1000, 1))
+    assert len(one(values)) * 8 < 31 * 1000
+
+
 @given(st.data())
 @settings(max_examples=60, deadline=None)
 def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):

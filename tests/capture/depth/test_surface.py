@@ -46,15 +46,25 @@ def test_an_exact_plane_is_found_with_its_slope_its_height_and_its_deviation():
     assert fitted(u, v, z, correlated=9.0).sd == pytest.approx(3 * plane.sd)
 
 
-def test_pixels_of_another_surface_are_cut_and_reported_with_how_far_they_are_behind():
+def test_the_deviation_of_a_slanted_patch_is_that_of_its_least_squares():
+    """Rows 0 to 8 begin a pixel farther right each, so that u and v are correlated: their terms do not vanish."""
+    v, u = np.mgrid[3:12, 2:15].astype(float)
+    u, v = (u + v).ravel(), v.ravel()
+    design = np.stack([np.ones_like(u), u, v], axis=1)
+    of_inverse = pixel_sd(1.6, FOCAL) / 1.6**2 * math.sqrt(np.linalg.inv(design.T @ design)[0, 0])
+    assert fitted(u, v, np.full(u.size, 1.6)).sd == pytest.approx(1.6**2 * of_inverse, rel=1e-6)
+
+
+@pytest.mark.parametrize("behind", [0.04, -0.04])
+def test_pixels_of_another_surface_are_cut_and_reported_with_how_far_they_are_behind(behind):
     """Forty millimetres are eight pixel noises at 1.6 m, and within the spread of the first cut."""
     u, v = grid()
     z = 1.0 / (A + B * u + C * v)
-    z[::10] += 0.04
+    z[::10] += behind
     plane = fitted(u, v, z)
     assert plane.depth == pytest.approx(1.6, rel=1e-9)
     assert plane.used.tolist() == [k % 10 != 0 for k in range(z.size)]
-    assert plane.residuals[::10] == pytest.approx(0.04, rel=0.02)
+    assert plane.residuals[::10] == pytest.approx(behind, rel=0.02)
 
 
 @pytest.mark.parametrize("order", [1, -1])

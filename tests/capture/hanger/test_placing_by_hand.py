@@ -44,8 +44,9 @@ def test_the_normal_over_the_distance_of_an_exact_plane():
 def test_the_deviation_of_a_plates_pitch_by_hand():
     """(s / z) fy sqrt(pixels) / height with 4 pixels and a height of 20 px."""
     plate = SurfaceDepth(2.0, 0.001, np.zeros(2), 20.0, np.zeros(1), np.ones(1, bool))
-    slope = plate_slope(plate, np.array([CAMERA.cx, CAMERA.cy]), CAMERA, 4.0)
-    assert slope.sd == pytest.approx(pixel_sd(2.0, CAMERA.fx) / 2.0 * CAMERA.fy * 2.0 / 20.0)
+    camera = msgspec.structs.replace(CAMERA, fy=1.1 * CAMERA.fx)
+    slope = plate_slope(plate, np.array([CAMERA.cx, CAMERA.cy]), camera, 4.0)
+    assert slope.sd == pytest.approx(pixel_sd(2.0, CAMERA.fx) / 2.0 * 1.1 * CAMERA.fx * 2.0 / 20.0)
     assert slope.normal == pytest.approx([0.0, 0.0, 0.5])
 
 
@@ -130,6 +131,18 @@ def test_depth_is_looked_up_aside_by_the_offset():
     assert moved.depth == pytest.approx(1.59, abs=3e-4)
     upright = PlatePlacer(CAMERA, SIZE, (0.0, 5.0)).plate_depth(quad[:, ::-1] + [80, -80], at, depth.T[:480, :480])
     assert upright is None or upright.depth != pytest.approx(1.59, abs=3e-4)
+
+
+def test_a_plates_normal_is_that_of_its_place_in_colour():
+    """(0.2, -0.3, 0.9) . X = 1.44; depth is shifted by 30 and -20 px, and rounded to a millimetre."""
+    normal, distance, shift = np.array([0.2, -0.3, 0.9]), 1.44, np.array([30.0, -20.0])
+    rows, columns = np.indices((CAMERA.height, CAMERA.width))
+    u, v = columns - shift[0] - CAMERA.cx, rows - shift[1] - CAMERA.cy
+    z = distance / (normal[0] * u / CAMERA.fx + normal[1] * v / CAMERA.fy + normal[2])
+    outline = np.array([[200.0, 120], [300, 120], [300, 220], [200, 220]])
+    placer = PlatePlacer(CAMERA, 0.3, tuple(shift))
+    plate = placer.plate_depth(outline, outline.mean(0), np.rint(1e3 * z).astype(np.uint16))
+    assert plate.slope.normal == pytest.approx(normal / distance, abs=1e-3)
 
 
 def test_a_plate_at_the_pictures_border_is_fitted_to_the_part_inside():

@@ -30,6 +30,27 @@ def test_two_jumps_in_different_directions_are_no_clock_that_was_set():
     assert clock.place(200.2) == pytest.approx(1.5)
 
 
+def test_of_three_frames_far_ahead_each_must_follow_the_one_before():
+    """202 s follow 200 s, and not the 204 s between; 209.8 s follow 204.9 s, and not 200 s."""
+    clock = FrameClock(10.0)
+    assert [clock.place(time) for time in (1.0, 200.0, 204.0, 202.0, 202.1)] == [1.0, None, None, None, None]
+    assert clock.place(202.2) == pytest.approx(1.5)
+    clock = FrameClock(10.0)
+    assert [clock.place(time) for time in (1.0, 200.0, 204.9)] == [1.0, None, None]
+    assert clock.place(209.8) == pytest.approx(1.3)
+
+
+def test_the_dropped_frames_must_account_for_nine_tenths_of_a_leap():
+    """At 5 a second, 24 dropped and the frame itself are 5.0 s of 5.5 s; 23 are 4.8 s, which lack 0.7 s."""
+    assert [FrameClock(5.0).place(1.0), _after_one(24), _after_one(23)] == [1.0, 6.5, None]
+
+
+def _after_one(dropped):
+    clock = FrameClock(5.0)
+    clock.place(1.0)
+    return clock.place(6.5, dropped=dropped)
+
+
 def test_a_gap_of_five_seconds_is_a_gap_and_not_a_clock_that_was_set():
     clock = FrameClock(30.0)
     assert [clock.place(time) for time in (1.0, 6.0, 11.1)] == [1.0, 6.0, None]
@@ -65,6 +86,15 @@ def test_a_pause_during_which_the_clock_was_set_is_as_long_as_the_hosts_clock_sa
     assert [clock.place(0.1 * k, host_time=517.0 + 0.1 * k) for k in range(2)] == [None, None]
     assert clock.place(0.2, host_time=517.2) == pytest.approx(17.2)
     assert clock.place(0.3, host_time=517.3) == pytest.approx(17.3)
+
+
+@pytest.mark.parametrize(("late", "time"), [(0.4, 7.3), (0.6, 7.9)])
+def test_the_hosts_clock_shows_no_pause_of_half_a_second_or_less_while_a_clock_is_set(late, time):
+    """Three frames of 0.1 s after 7.0 s are at 7.3 s."""
+    clock = FrameClock(10.0)
+    clock.place(7.0, host_time=507.0)
+    found = [clock.place(0.1 * k, host_time=507.1 + late + 0.1 * k) for k in range(3)]
+    assert found == [None, None, pytest.approx(time)]
 
 
 def test_frames_dropped_before_one_that_is_left_out_count_for_the_next_one():

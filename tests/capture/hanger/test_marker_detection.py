@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
-from capture.hanger.marker_detection import MarkerDetector
+from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing
 
 
 def picture(side):
@@ -30,3 +31,11 @@ def test_a_sparing_detector_finds_markers_of_13_pixels_in_every_second_picture()
 
 def test_a_sparing_detector_finds_markers_of_30_pixels_in_every_picture():
     assert seen(MarkerDetector("DICT_4X4_50", (0, 1), is_sparing=True), 30, 3) == [True, True, True]
+
+
+@pytest.mark.parametrize("side", [16, 30, 60])
+def test_a_marker_is_as_far_to_the_right_in_an_enlarged_window_as_in_its_picture(side):
+    """Enlarged 4, 2 and 1 times. The middle of the columns 80 to 79 + side is at 79.5 + side / 2, rows likewise."""
+    middle = np.array([79.5, 99.5]) + side / 2
+    corners = MarkerDetector("DICT_4X4_50", (0, 1)).in_window(picture(side), 0, middle + 3.0, 1.5 * side, side)
+    assert diagonal_crossing(corners) == pytest.approx(middle, abs=0.1)

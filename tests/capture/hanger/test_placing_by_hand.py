@@ -145,6 +145,15 @@ def test_a_plates_normal_is_that_of_its_place_in_colour():
     assert plate.slope.normal == pytest.approx(normal / distance, abs=1e-3)
 
 
+def test_a_steep_plate_is_placed_where_it_reaches_its_own_size_in_depth():
+    """Three columns 0.2 m apart, of a marker of 0.3 m; within a tenth of that there is only the middle one."""
+    depth = depth_of(3.0)
+    depth[100:120, 300:303] = [1400, 1600, 1867]  # as far apart in inverse depth
+    outline = np.array([[300.0, 100], [302, 100], [302, 119], [300, 119]])
+    plate = PlatePlacer(CAMERA, 0.3).plate_depth(outline, np.array([301.0, 110.0]), depth)
+    assert plate.depth == pytest.approx(1.6, abs=1e-3)
+
+
 def test_a_plate_at_the_pictures_border_is_fitted_to_the_part_inside():
     depth = depth_of(1.6)
     outline = np.array([[-10.0, -10], [9, -10], [9, 9], [-10, 9]])

@@ -1,0 +1,76 @@
+"""What hides the hanger, and how far a view without markers is: by sights and depth images made by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from capture.hanger.fiducial_tracker import nothing_seen
+from capture.recording.frame_faults import HangerWatch, view_faults
+from formats.take import FrameState
+from tests.capture.garment.towel import HANGER
+
+FAR = np.full((480, 640), 2000, np.uint16)
+LOST = FrameState.MARKER_LOST
+
+
+def seen():
+    """Both markers at 1.6 m, 20 px wide, around the pixels (200, 100) and (300, 100)."""
+    centres = np.array([[200.0, 100.0], [300.0, 100.0]])
+    places = np.array([[-0.3, -0.4, 1.6], [0.0, -0.4, 1.6]])
+    return dataclasses.replace(
+        nothing_seen(), centres=centres, sides=np.full(2, 20.0), positions=places, valid=np.ones(2, bool)
+    )
+
+
+def watched():
+    watch = HangerWatch(HANGER)
+    assert watch.faults(seen(), FAR, 0.0) == 0
+    return watch
+
+
+def covered(millimetres, columns=slice(190, 211)):
+    depth = FAR.copy()
+    depth[90:111, columns] = millimetres
+    return depth
+
+
+@pytest.mark.parametrize(
+    ("depth", "bit"),
+    [
+        pytest.param(covered(1299), FrameState.VIEW_BLOCKED, id="30 cm nearer and a millimetre"),
+        pytest.param(covered(1300), 0, id="30 cm nearer"),
+        pytest.param(covered(0), 0, id="without depth"),
+        pytest.param(covered(1000, slice(190, 201)), FrameState.VIEW_BLOCKED, id="11 of 21 columns"),
+        pytest.param(covered(1000, slice(190, 200)), 0, id="10 of 21 columns"),
+        pytest.param(covered(1000, slice(211, 280)), 0, id="beside it"),
+    ],
+)
+def test_a_thing_hides_a_marker_where_it_covers_half_of_its_21_by_21_pixels(depth, bit):
+    assert watched().faults(nothing_seen(), depth, 0.1) == LOST | bit
+
+
+def test_a_marker_that_stays_hidden_stays_known_and_a_lost_one_is_forgotten_after_three_seconds():
+    watch, depth = watched(), covered(1000)
+    for time in (2.0, 4.5, 7.5):
+        assert watch.faults(nothing_seen(), depth, time) == LOST | FrameState.VIEW_BLOCKED
+    assert watch.faults(nothing_seen(), depth, 10.6) == LOST
+    assert watched().faults(nothing_seen(), depth, 3.0) == LOST | FrameState.VIEW_BLOCKED
+    assert watched().faults(nothing_seen(), depth, 3.1) == LOST
+
+
+@pytest.mark.parametrize(("rows", "fault"), [(40, 0), (16, FrameState.TOO_FAR)])
+def test_a_view_is_too_far_where_at_most_a_twentieth_of_it_is_nearer_than_three_and_a_half_metres(rows, fault):
+    """40 and 16 of 480 rows are a twelfth and a thirtieth."""
+    depth = np.full((480, 640), 3600, np.uint16)
+    depth[:rows] = 2000
+    assert view_faults(depth) == fault
+
+
+@pytest.mark.parametrize(("rows", "fault"), [(232, 0), (248, FrameState.TOO_NEAR)])
+def test_a_view_is_too_near_where_half_of_it_is_nearer_than_eight_decimetres(rows, fault):
+    depth = FAR.copy()
+    depth[:rows] = 700
+    assert view_faults(depth) == fault

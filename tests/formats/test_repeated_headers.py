@@ -35,6 +35,17 @@ def test_more_copies_of_a_header_than_64_mib_can_hold_are_no_damage(tmp_path):
     assert report.unread_blocks == 0
 
 
+def test_a_header_comes_first_after_5_blocks_every_30_from_there_and_before_the_end(tmp_path):
+    """Of 66 blocks: before the 1st, the 6th, the 36th and the 66th."""
+    path = write_take(tmp_path / "a.mcap", replace(long_take(66), notes={}))
+    kinds = [
+        "header" if "format" in content else "block" if "table" in content else "end"
+        for _, _, content in chunks_of(path.read_bytes())
+    ]
+    blocks = ["header", *5 * ["block"], "header", *30 * ["block"], "header", *30 * ["block"], "header", "block"]
+    assert kinds == [*blocks, "header", "end"]
+
+
 def test_copies_that_come_more_often_than_a_writer_puts_them_take_of_the_64_mib(tmp_path):
     """A hundred on end: one of 20 is free, and 64 MiB hold 67 others."""
     raw = write_take(tmp_path / "a.mcap", long_take(20)).read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -229,6 +230,23 @@ def test_the_name_of_a_recording_is_on_the_disk_before_its_first_block(tmp_path,
     add(writer, 40)
     assert seen[2:] == [str(writer.partial)]
     writer.keep()
+
+
+def test_a_take_is_whole_on_the_disk_before_the_descriptions_beside_it_are_replaced(tmp_path, monkeypatch):
+    """`man 2 fsync`: what a power cut leaves is what the file had at the last call."""
+    sizes = {}
+    monkeypatch.setattr("os.fsync", lambda handle: sizes.update({os.fstat(handle).st_ino: os.fstat(handle).st_size}))
+    writer = a_writer(tmp_path)
+    add(writer, 40)
+    before = []
+
+    @contextlib.contextmanager
+    def beside():
+        before.append(sizes[writer.partial.stat().st_ino])
+        yield
+
+    size = writer.finish(beside()).stat().st_size
+    assert before == [size]
 
 
 def test_a_recording_that_ended_before_its_first_block_blocks_no_name(tmp_path):

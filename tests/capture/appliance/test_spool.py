@@ -9,9 +9,10 @@ import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from capture.appliance.receipts import READ_BACK, Receipt, receipts, write_receipt
+from capture.appliance.receipts import READ_BACK, Receipt, read_receipt, receipts, write_receipt
 from capture.appliance.retention import Retention
 from capture.appliance.spool import CRASHED, UNNAMED, Spool, sha256_of
 from capture.errors import SpoolError
@@ -219,6 +220,16 @@ def test_a_verified_take_leaves_after_its_days_and_not_because_the_clock_is_at_1
     record(spool)
     room = spool.make_room(Retention(least_free_bytes=0, days=30.0), now=NOW + timedelta(days=days))
     assert room.left == leaves
+
+
+def test_a_take_whose_receipt_becomes_that_of_another_server_meanwhile_stays(spool, monkeypatch):
+    take = record(spool)
+    received(spool, take)
+    known = read_receipt(spool.folder, take.stem)
+    found = iter([known, msgspec.structs.replace(known, url="file:///elsewhere")])
+    monkeypatch.setattr("capture.appliance.spool.read_receipt", lambda folder, stem: next(found))
+    assert spool.make_room(Retention(quota_bytes=0, least_free_bytes=0), now=NOW).left == ()
+    assert take.path.exists()
 
 
 def test_a_receipt_that_cannot_be_read_is_none(spool):

@@ -60,3 +60,9 @@ def test_data_that_is_cut_off_is_refused() -> None:
 def test_more_than_32768_distinct_values_are_refused() -> None:
     with pytest.raises(ValueError, match="32768"):
         encode_depth(np.arange(40_000, dtype=np.uint16))
+
+
+def test_a_step_of_six_either_way_is_a_nibble() -> None:
+    """Steps of -1 six times are the nibbles 5; 6 - 0 = 6 is the nibble 12, and 0 - 6 is the nibble 0."""
+    image = np.array([[0, 1, 2, 3, 4, 5, 6, 0, 6]], np.uint16)
+    assert encode_depth(image)[-4:] == bytes([0x55, 0x55, 0x55, 0xC0])

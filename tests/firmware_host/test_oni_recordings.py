@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import os
 import resource
+import struct
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -152,3 +156,70 @@ def test_a_frame_of_another_size_or_type_is_refused(tmp_path: Path) -> None:
             writer.write_depth(1, np.zeros((64, 48), np.uint16))
         with pytest.raises(ValueError, match="int64"):
             writer.write_depth(1, np.zeros((48, 64), np.int64))
+
+
+def test_numbers_up_to_the_count_of_frames_are_within_it(tmp_path: Path) -> None:
+    assert summarise(write_recording(tmp_path / "a.oni", 6)).beyond == 0
+
+
+def test_an_interval_across_a_dropped_frame_is_none(tmp_path: Path) -> None:
+    """Numbers 1, 2, 4 at 1, 2 and 5 ms: one interval of 1 ms."""
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL, with_colour=False) as writer:
+        for stamp in (1000, 2000, 5000):
+            writer.write_depth(stamp, picture(0)[0])
+    third = [record for record in read_records(path) if record.type == RecordType.NEW_DATA][2]
+    data = bytearray(path.read_bytes())
+    data[third.position + RECORD_HEADER.size + 8] = 4
+    path.write_bytes(data)
+    found = summarise(path)
+    assert (found.interval_us, found.beyond) == (1000, 1)
+
+
+def test_a_payload_of_two_thousand_million_bytes_is_damage_and_no_cut(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 6)
+    third = [record for record in read_records(path) if record.type == RecordType.NEW_DATA][2]
+    data = bytearray(path.read_bytes())
+    data[third.position + 19] ^= 0x80  # the highest byte of the payload's size
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=f"the recording is damaged at byte {third.position}; copy"):
+        summarise(path)
+
+
+@pytest.mark.parametrize(("nodes", "is_sound"), [(255, True), (256, False)])
+def test_a_header_states_255_streams_at_most(tmp_path: Path, nodes: int, is_sound: bool) -> None:
+    path = write_recording(tmp_path / "a.oni", 2)
+    data = bytearray(path.read_bytes())
+    data[20:24] = nodes.to_bytes(4, "little")
+    path.write_bytes(data)
+    if is_sound:
+        assert summarise(path).depth_frames == 2
+    else:
+        with pytest.raises(RecordingError, match="the recording is damaged at byte 20; copy"):
+            summarise(path)
+
+
+def test_the_views_of_unequal_focal_lengths_are_those_of_width_and_height(tmp_path: Path) -> None:
+    """Twice the arc tangents of 32 / 50 and 24 / 40."""
+    path = tmp_path / "a.oni"
+    with OniWriter(path, msgspec.structs.replace(SMALL, fx=50.0, fy=40.0), with_colour=False) as writer:
+        writer.write_depth(1000, picture(0)[0])
+    view = next(record.fields for record in read_records(path) if record.fields[4:10] == b"xnFOV\0")
+    assert struct.unpack("<dd", view[-16:]) == pytest.approx((2 * math.atan(32 / 50), 2 * math.atan(24 / 40)))
+
+
+def test_each_frame_leads_back_to_the_one_before_of_its_stream(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 4)
+    raw = path.read_bytes()
+    before = {1: 0, 2: 0}
+    for record in read_records(path):
+        if record.type == RecordType.NEW_DATA:
+            assert RECORD_HEADER.unpack_from(raw, record.position)[-1] == before[record.node]
+            before[record.node] = record.position
+
+
+def test_a_closed_recording_is_whole_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr("os.fsync", lambda handle: sizes.append(os.fstat(handle).st_size))
+    path = write_recording(tmp_path / "a.oni", 2)
+    assert sizes == [path.stat().st_size]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pickle
+import struct
 import tempfile
 
 import numpy as np
@@ -75,3 +77,12 @@ def test_an_error_of_the_player_names_the_recording_and_not_the_link(tmp_path, m
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(SensorUnavailableError, match="the Python package `openni` is not installed"):
         RecordedSensor(path)
+
+
+def test_a_frame_of_five_megapixels_with_colour_passes_through_the_pipe(tmp_path):
+    """25 MB: depth of 2 bytes and colour of 3 bytes a pixel."""
+    content = pickle.dumps(bytes(25_000_000), protocol=5)
+    (tmp_path / "pipe").write_bytes(struct.pack("<Q", len(content)) + content)
+    sensor = object.__new__(RecordedSensor)
+    with (tmp_path / "pipe").open("rb") as sensor._pipe:
+        assert len(sensor._receive()) == 25_000_000

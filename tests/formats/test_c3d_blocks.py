@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.c3d_blocks import _spans
 from formats.importers.c3d_file import read_c3d
 from tests.formats.c3d_by_hand import c3d_bytes
 
@@ -151,3 +152,15 @@ def test_markers_that_all_rest_at_one_position_are_read(tmp_path, points):
     """Every block is then the same."""
     found = read(tmp_path, c3d_bytes(np.ones((150, points, 3)), [f"m{k}" for k in range(points)]))
     assert (found.warning, np.isfinite(found.positions).all()) == ("", True)
+
+
+def test_a_block_that_begins_with_a_points_fourth_number_holds_no_coordinate_of_it():
+    """Frames of 17 floats: block 5 has the numbers 640 to 767, so 11 to 16 of frame 37, and 7 further frames.
+
+    Number 11 is the fourth of the third point. The numbers 12 to 15 are the fourth point's, and 16 is analogue.
+    """
+    spans = dict(_spans(np.zeros((60, 4, 3)), 5, 4, 68))
+    touched = {frame: np.arange(4)[points].tolist() for frame, points in spans.items()}
+    assert touched[37] == [3]
+    assert touched[38] == [0, 1, 2, 3]
+    assert sorted(touched) == list(range(37, 46))

@@ -168,3 +168,10 @@ def test_a_count_of_exceptions_that_cannot_be_is_no_table_and_takes_no_memory(co
     tracemalloc.stop()
     assert not sound.any()
     assert most < 1 << 20
+
+
+def test_an_exception_that_no_quotient_marks_spoils_its_table():
+    """As `test_a_column_by_hand`, with an exception of eight bytes more."""
+    raw = bytes([33, 20, 0, 0, 0, 1, 0, 0, 0, 0b10]) + bytes(8) + bytes([0b1100])
+    assert not decode_tables([raw], np.array([3]), 1)[1].any()
+    assert table(one([[10], [12], [11]]), 3, 1) == [[10], [12], [11]]

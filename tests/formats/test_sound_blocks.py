@@ -8,7 +8,7 @@ import pytest
 
 from formats.blocks import LATEST, MOST_ROWS
 from formats.sound_blocks import _batches, in_order, increasing, sound_scans
-from formats.surface import encode_scan
+from formats.surface import encode_scan, places_of
 from formats.table_memory import TableMemory
 from formats.take_end import Held, contradictions, is_end, missing_spans
 from formats.take_messages import Message
@@ -184,3 +184,7 @@ def test_an_end_that_its_blocks_contradict_is_named_to_the_microsecond(ends, dou
 def test_a_message_keeps_the_fields_that_a_reader_knows():
     content = msgpack.unpackb(msgpack.packb({"take": b"1", "first": 3, "stranger": 4}))
     assert (dict(message(content, 7)), message(content, 7).own) == ({"take": b"1", "first": 3}, 7)
+
+
+def test_a_scan_has_the_square_of_its_grid_and_its_contour_of_positions():
+    assert places_of({"grid_size": 12, "contour_size": 96}) == 12 * 12 + 96

@@ -271,3 +271,11 @@ def test_a_file_that_appears_while_a_take_gets_its_name_is_not_replaced(tmp_path
     writer.keep()
     assert (tmp_path / "t.mcap").read_text() == "mine"
     assert names(tmp_path) == ["t.mcap", "t.mcap.partial"]
+
+
+def test_the_new_name_of_a_file_that_is_put_aside_is_on_the_disk(tmp_path, monkeypatch):
+    partial = tmp_path / "t.mcap.partial"
+    partial.write_bytes(b"left")
+    seen = synced(monkeypatch)
+    assert put_aside(partial, tmp_path / "t.mcap").name == "t.left-1.mcap.partial"
+    assert seen == [str(tmp_path)]

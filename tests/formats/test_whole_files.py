@@ -164,3 +164,10 @@ def test_two_exports_at_once_to_one_file_are_one_whole_file_and_one_refusal(tmp_
     assert said[ends[2]] == f"hangtime: out/a.npz: is already there; {step}\n"
     with np.load(tmp_path / "out/a.npz") as archive:
         assert f'"take_id": "{ends[0]}"' in str(archive["about"])
+
+
+def test_a_file_that_gets_its_name_by_a_hard_link_leaves_no_other_name(tmp_path, monkeypatch):
+    """As on a file system that cannot rename unless the name is free."""
+    monkeypatch.setattr("formats.whole_files._rename_where_none_is", lambda partial, path: False)
+    write_whole(tmp_path / "a.json", b"one", may_replace=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]

@@ -255,3 +255,32 @@ def test_a_number_with_13_digits_is_given_to_no_take_because_it_could_not_be_fou
     (spool.folder / "sequence").write_text("1")
     assert spool.salvage() == []
     assert spool.begin().sequence == 2
+
+
+@pytest.fixture
+def synced(spool, monkeypatch):
+    """The names of takes and facts in the spool at each time that its folder is put on the disk."""
+    seen = []
+    monkeypatch.setattr(
+        "capture.appliance.spool.sync_folder",
+        lambda folder: seen.append(sorted(path.name for path in folder.glob("take-0*.*") if path.is_file())),
+    )
+    return seen
+
+
+def test_a_kept_take_has_its_name_on_the_disk(spool, synced):
+    record(spool, 40)
+    assert synced[-1:] == [["take-000001.json", "take-000001.mcap"]]
+
+
+def test_a_take_has_left_the_disk_before_its_facts_leave(spool, synced):
+    received(spool, record(spool, 40))
+    spool.make_room(Retention(quota_bytes=0, least_free_bytes=0), now=NOW)
+    assert synced[-1] == ["take-000001.json"]
+    assert not list(spool.folder.glob("take-0*.*"))
+
+
+def test_room_is_enough_where_the_requested_bytes_leave_the_disk_its_own(spool, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 1000}))
+    limits = Retention(quota_bytes=1 << 30, least_free_bytes=900)
+    assert [spool.make_room(limits, now=NOW, need=need).is_enough for need in (100, 101)] == [True, False]

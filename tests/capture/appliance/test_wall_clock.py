@@ -67,3 +67,19 @@ def test_a_wall_clock_that_jumps_in_mid_take_changes_no_duration(monkeypatch, le
     assert facts["seconds"] == pytest.approx(6.0)
     assert facts["pre_roll_s"] == pytest.approx(2.0)
     assert take.seconds_since_press == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("answer", "status", "error"), [(0, 0x2001, 0.012), (5, 0x2041, None), (-1, 0x2001, None)])
+def test_the_kernels_bound_on_its_error_is_in_microseconds_and_counts_while_the_clock_is_disciplined(
+    monkeypatch, answer, status, error
+):
+    """`man 2 adjtimex`: maxerror of 12000 us; STA_UNSYNC is 0x40 of status; -1 is a refusal."""
+
+    class Kernel:
+        def adjtimex(self, timex):
+            timex[24:32] = (12_000).to_bytes(8, "little")
+            timex[40:44] = status.to_bytes(4, "little")
+            return answer
+
+    monkeypatch.setattr(wall_clock.ctypes, "CDLL", lambda *_, **__: Kernel())
+    assert wall_clock._kernel_error_s() == (error if error is None else pytest.approx(error))

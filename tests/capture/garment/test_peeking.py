@@ -85,3 +85,10 @@ def test_pixels_less_than_forty_millimetres_below_the_held_edge_are_the_hangers(
 def test_a_held_edge_that_slopes_is_where_its_line_is(right, counts):
     """From row 140 to 340 or 440 over 133 columns: above the patch, or through it."""
     assert peeking(scene(), held=np.array([[-0.2, -0.3, 1.5], [0.2, right, 1.5]])) == pytest.approx(counts)
+
+
+def test_a_pixel_of_unequal_focal_lengths_has_the_area_of_both():
+    """1.5 m / 500 px across, and 1.5 m / 400 px down."""
+    camera = Sensor(width=640, height=480, fx=500.0, fy=400.0, cx=320.0, cy=240.0)
+    area = peeking_area(scene(), CORNER, 0.1, HELD, np.ones(2), camera)
+    assert area == pytest.approx(100 * (1.5 / 500) * (1.5 / 400))

@@ -63,3 +63,12 @@ def test_a_fold_that_looks_like_a_corner_for_one_frame_is_never_accepted():
 def test_ten_frames_a_second_are_followed_as_well():
     gate = MotionGate(1)
     assert all(gate.admit(at(0.02 * k), SD, 0.1 * k)[0].all() for k in range(5))
+
+
+def test_a_point_that_is_first_seen_in_the_third_frame_counts_with_its_own_deviation():
+    gate = MotionGate(1)
+    for k in range(2):
+        gate.admit(at(np.nan), SD, k * PERIOD)
+    valid, sd = gate.admit(at(0.0), SD, 2 * PERIOD)
+    assert valid.all()
+    np.testing.assert_array_equal(sd, SD)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -116,3 +117,10 @@ def test_a_scan_without_a_corner_has_a_contour_that_begins_at_the_windows():
     scan = scan_surface(silhouette(WHOLE), corners, SQUARE, 0.0, grid=3, contour=40)
     assert np.isnan(scan.grid).all()
     assert scan.contour[0, :2] * 500 / 1.6 + [319.5, 239.5] == pytest.approx(CORNERS[0], abs=2)
+
+
+def test_a_position_across_and_down_has_each_axis_its_own_focal_length():
+    """80.5 px right and 100 px down at 2 m: 161 / 500 and 200 / 550 m."""
+    camera = msgspec.structs.replace(SQUARE, fx=500.0, fy=550.0)
+    found = _in_metres(np.array([[3.0, 4.5]]), np.full((9, 9), 2.0, np.float32), np.array([397.0, 335.0]), camera)
+    assert found[0] == pytest.approx([2 * 80.5 / 500, 2 * 100 / 550, 2.0])

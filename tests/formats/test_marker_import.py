@@ -279,3 +279,29 @@ def test_the_import_says_which_way_the_front_looks_as_a_mirror_image_looks_like_
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
     done = hangtime_here("import", "a.csv", "--garment", "g.toml", folder=tmp_path)
     assert done.stdout.partition("\n")[0].endswith(f" s, its front looks along {front}")
+
+
+def test_a_take_begins_at_0_s_wherever_the_clock_of_its_file_does(tmp_path):
+    tracks = hanging_tracks()
+    late = MarkerTracks(tracks.labels, tracks.time + 5.0, tracks.positions)
+    take = import_marker_take(write_marker_csv(tmp_path / "a.csv", late), GARMENT)
+    assert take.time == pytest.approx(tracks.time, abs=2e-6)
+
+
+def test_the_first_frame_of_a_trc_file_without_a_line_of_axes_is_read(tmp_path):
+    """Some programs leave out the line of X1, Y1, Z1."""
+    head = ["PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tNumFrames\tNumMarkers\tUnits", "100\t3\t1\tm"]
+    frames = [f"{k}\t{(k - 1) / 100:.2f}\t0.1\t0.2\t{k}.5" for k in (1, 2, 3)]
+    for axes in ([], ["\t\tX1\tY1\tZ1"]):
+        path = tmp_path / "a.trc"
+        path.write_text("\n".join([*head, "Frame#\tTime\ta\t\t", *axes, *frames]) + "\n")
+        assert read_marker_tracks(path).positions[:, 0, 2].tolist() == [1.5, 2.5, 3.5]
+
+
+def test_the_rate_of_motive_is_that_of_its_export_where_it_states_both(tmp_path):
+    path = tmp_path / "a.csv"
+    head = "Format Version,1.23,Capture Frame Rate,240,Export Frame Rate,120,Length Units,Meters"
+    rows = [",Type,Marker,Marker,Marker", ",Name,a,a,a", ",,Position,Position,Position", "Frame,Time,X,Y,Z"]
+    frames = [f"{k},{k / 120:.6f},0.1,0.2,0.3" for k in range(4)]
+    path.write_text("\n".join([head, *rows, *frames]) + "\n")
+    assert read_marker_tracks(path).rate == 120.0

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from formats.errors import ImplausibleError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_outliers import remove_jumps
+from formats.importers.path_outliers import are_jumps, refuse_jumps
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
 
@@ -154,3 +156,19 @@ def test_a_position_that_does_not_come_back_is_no_jump():
     where[AT:, 0] = [0.9, 0.9, 1.0]
     where[AT + 2 :, 0, 2] = 0.9
     assert jumps(np.arange(120) / 100, where) == ("", [])
+
+
+def test_a_step_after_which_the_held_ends_stay_is_no_jump_away_and_back():
+    """Half a metre off the line before and after it, and a metre between its neighbours."""
+    time, ends = np.arange(40) / 100, np.zeros((40, 2, 3))
+    ends[20:] = [1.0, 0.0, 0.0]
+    refuse_jumps(time, ends, "a.npz", one="pose", advice="leave it out")
+    ends[30, 0] = 0.0
+    with pytest.raises(ImplausibleError, match=r"1 pose jumps .* first number 31 at 0\.30 s, by 1 m"):
+        refuse_jumps(time, ends, "a.npz", one="pose", advice="leave it out")
+
+
+def test_a_steady_path_does_not_jump_where_its_times_are_ten_times_farther_apart():
+    """100 m/s throughout: 0.1 m in 1 ms, 1 m in 10 ms."""
+    assert not are_jumps(np.array([0.0, 0.001, 0.011]), np.array([[0.0], [0.1], [1.1]])).any()
+    assert are_jumps(np.array([0.0, 0.001, 0.011]), np.array([[0.0], [0.1], [1.2]])).all()

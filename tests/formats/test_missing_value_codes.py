@@ -128,3 +128,9 @@ def test_a_c3d_file_names_the_frame(tmp_path, sign):
     assert found.warning == SIGN.format(f"{sign:.8g}", "4 times", f"frame {CUT + 1}")
     assert np.isnan(found.positions[CUT : CUT + 4, 1]).all()
     assert np.isfinite(np.delete(found.positions, range(CUT, CUT + 4), 0)).all()
+
+
+def test_a_single_number_beyond_all_positions_is_a_code_of_either_sign(tmp_path):
+    for sign in ("-3.697314e28", "3.697314e28"):
+        found = imported(tmp_path, with_sign(sign, frames=1))
+        assert found.warning == SIGN.format(f"{float(sign):.7g}", "1 time", LINE)

@@ -10,6 +10,7 @@ import pytest
 from formats.errors import TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.missing_values import warning_of_zeros
 from formats.importers.swatch_mocap import import_marker_take
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_marker_oddities import GARMENT, hanging
@@ -85,3 +86,15 @@ def test_a_corner_that_was_never_seen_says_how_often_zeros_stand_for_it(tmp_path
     with pytest.raises(TakeError) as refused:
         import_marker_take(path, GARMENT)
     assert str(refused.value) == f"{path}: {sentence}"
+
+
+def test_zeros_may_be_a_position_where_the_path_on_either_side_of_them_is_near():
+    """Steps of 10 mm; before three zeros the marker is 8 mm away, and after them 200 mm."""
+    path = np.zeros((60, 1, 3))
+    path[:, 0, 0] = 0.008 + 0.01 * np.abs(np.arange(60) - 30)
+    path[33:, 0, 0] = 0.2 + 0.01 * np.arange(27)
+    zeros = np.isin(np.arange(60), (31, 32))[:, None]
+    path[zeros] = np.nan
+    for order in (1, -1):
+        warning = warning_of_zeros(zeros[::order], path[::order], ["a"], "frame {}".format)
+        assert "a 2 times, with a position 8 mm from there in a neighbouring frame" in warning

@@ -13,6 +13,7 @@ from capture.errors import UntrackableError
 from capture.garment import tracker as module
 from capture.garment.folding import TRACES
 from capture.garment.plausibility import MotionGate
+from capture.garment.sight import frame_quality
 from capture.garment.silhouette import Window
 from capture.garment.slant import UPRIGHT
 from capture.garment.tracker import CELL, REACH_FACTOR, SilhouetteTracker, garment_tracker
@@ -309,3 +310,9 @@ def test_points_are_admitted_each_by_its_own_step():
         valid, found = gate.admit(places, sd, k * period)
     assert valid.tolist() == [True, True, False]
     assert (found == 0.002).all()
+
+
+def test_the_quality_of_a_frame_is_the_share_of_its_points_times_that_of_its_depth():
+    """Of four points one is unseen, one known to 16 mm and two to 8 mm or better: (0.5 + 1 + 1) / 4 x 0.8."""
+    sd = np.array([[np.nan, 0, 0], [0, 0, 0.016], [0, 0.008, 0], [0.001, 0, 0]])
+    assert frame_quality(np.arange(4) > 0, sd, 0.8) == pytest.approx(0.5)

@@ -6,13 +6,13 @@ import io
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
 from fit.errors import FitError
-from fit.report.motion import ReportMotion, Run
+from fit.report.motion import RUNS, ReportMotion, Run
 from fit.report.origin import Origin
 from formats.arrays import Floats, Indices
 from formats.diagnosis_records import Diagnosis
@@ -24,14 +24,26 @@ FORMAT = "hangtime-report-motion/1"
 STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
 NOT_SEEN, FARTHEST_KEPT = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
 FAULT = "is no motion of a report"
-MOST_UNPACKED = 1 << 28  # bytes: hundreds of times the motion of a page of 1.5 MB
+KINDS = {"time": "float64", "triangles": "int64", "free": "bool", "outline": "float64"}  # types of the plain arrays
+FREE_BYTES, UNPACKED = 1 << 25, 16  # unpacked bytes of a file, and more for each of its own: motion has 4 to 8
+
+
+class _Take(msgspec.Struct, frozen=True, kw_only=True):
+    """What a motion holds beside its arrays, as in `ReportMotion`; `runs` are the names of its runs."""
+
+    take_id: str
+    is_held_out: bool
+    point_names: tuple[str, ...]
+    runs: tuple[str, ...]
+    pull_hz: Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
+    is_material: bool
 
 
 class _Head(msgspec.Struct, frozen=True, kw_only=True):
     format: str
     created: str
     origin: Origin
-    takes: list[dict[str, Any]]
+    takes: list[_Take]
 
 
 def place_beside(report: Path) -> Path:
@@ -52,19 +64,21 @@ def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, crea
     Raises:
         FitError: the file cannot be written.
     """
-    takes: list[dict[str, Any]] = []
+    takes: list[_Take] = []
     arrays: dict[str, Any] = {}
     for number, motion in enumerate(motions):
-        takes.append({
-            "take_id": motion.take_id, "is_held_out": motion.is_held_out, "point_names": list(motion.point_names),
-            "runs": list(motion.shown), "pull_hz": motion.pull_hz, "is_material": motion.is_material,
-        })  # fmt: skip
+        takes.append(_Take(
+            take_id=motion.take_id, is_held_out=motion.is_held_out, point_names=motion.point_names, runs=motion.shown,
+            pull_hz=float(motion.pull_hz), is_material=bool(motion.is_material),
+        ))  # fmt: skip
         tracks = {"real": motion.real, "held": motion.held}
         tracks |= {f"points_{name}": run.points for name, run in motion.runs.items()}
         tracks |= {f"mesh_{name}": run.mesh for name, run in motion.runs.items()}
         arrays |= {f"{number}_{name}": _rounded(track) for name, track in tracks.items() if track is not None}
         plain = {"time": motion.time, "triangles": motion.triangles, "free": motion.free, "outline": motion.outline}
-        arrays |= {f"{number}_{name}": np.asarray(value) for name, value in plain.items() if value is not None}
+        arrays |= {
+            f"{number}_{name}": np.asarray(value, KINDS[name]) for name, value in plain.items() if value is not None
+        }
     head = msgspec.json.encode(_Head(format=FORMAT, created=created, origin=origin, takes=takes))
     packed = io.BytesIO()
     np.savez_compressed(packed, head=np.frombuffer(head, np.uint8), **arrays)
@@ -89,8 +103,9 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
     try:
         check_ends(path)
         with zipfile.ZipFile(path) as archive:
-            if sum(part.file_size for part in archive.infolist()) > MOST_UNPACKED:
-                raise FitError(FAULT, where=path, advice="remove it, or fit or diagnose the takes again")
+            unpacked = sum(part.file_size for part in archive.infolist())
+            if unpacked > FREE_BYTES + UNPACKED * path.stat().st_size:
+                raise ValueError("too many bytes unpacked")
         with np.load(path, allow_pickle=False) as arrays:
             head = msgspec.json.decode(arrays["head"].tobytes(), type=_Head)
             if head.format != FORMAT:
@@ -105,25 +120,52 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
         raise FitError(FAULT, where=path, advice="remove it, or fit or diagnose the takes again") from error
 
 
-def _motion(number: int, take: dict[str, Any], arrays: Any) -> ReportMotion:
-    def plain(name: str) -> Any:
-        return arrays.get(f"{number}_{name}")
+def _motion(number: int, take: _Take, arrays: Any) -> ReportMotion:
+    """Return one motion.
 
-    def track(name: str) -> Any:
-        found = plain(name)
-        if found is None:
-            return None
-        steps = np.cumsum(found, axis=0, dtype=np.int32)
+    Raises:
+        ValueError: an array is missing, or has another type or shape than `save_motions` gives it.
+        KeyError: the same.
+    """
+
+    def plain(name: str, *shape: int | None) -> Any:
+        values = arrays[f"{number}_{name}"]
+        sizes = zip(values.shape, shape, strict=True)
+        if values.dtype != KINDS.get(name, "int32") or any(size != right for size, right in sizes if right is not None):
+            raise ValueError(f"{name} is {values.dtype} {values.shape}")
+        return values
+
+    def track(name: str, points: int | None) -> Any:
+        found = plain(name, len(time), points, 3)
+        steps = np.cumsum(found, axis=0, dtype=np.int32, out=found)
         return np.where(steps == NOT_SEEN, np.nan, steps * STEP)
 
-    def run(name: str) -> Run:
-        return Run(points=track(f"points_{name}"), mesh=track(f"mesh_{name}"))
+    def has(name: str) -> bool:
+        return f"{number}_{name}" in arrays
 
+    time = plain("time", None)
+    if len(time) < 2 or not (np.isfinite(time).all() and (np.diff(time) > 0).all()) or not set(take.runs) <= {*RUNS}:
+        raise ValueError("its time does not increase, or a run is not known")
+    points = len(take.point_names)
+    runs = {
+        name: Run(
+            points=track(f"points_{name}", points),
+            mesh=track(f"mesh_{name}", None) if has(f"mesh_{name}") else None,
+        )
+        for name in take.runs
+    }  # fmt: skip
+    triangles = plain("triangles", None, 3) if has("triangles") else None
+    vertices = [run.mesh.shape[1] for run in runs.values() if run.mesh is not None]
+    if triangles is not None and vertices and not ((triangles >= 0) & (triangles < min(vertices))).all():
+        raise ValueError("a triangle has a corner that the mesh lacks")
+    outline = plain("outline", None, 2) if has("outline") else None
+    if outline is not None and not np.isfinite(outline).all():
+        raise ValueError("the outline is not finite")
     return ReportMotion(
-        take_id=take["take_id"], is_held_out=take["is_held_out"], time=plain("time"), real=track("real"),
-        point_names=tuple(take["point_names"]), runs={name: run(name) for name in take["runs"]},
-        triangles=plain("triangles"), pull_hz=take["pull_hz"], held=track("held"), free=plain("free"),
-        is_material=take["is_material"], outline=plain("outline"),
+        take_id=take.take_id, is_held_out=take.is_held_out, time=time, real=track("real", points),
+        point_names=take.point_names, runs=runs, triangles=triangles, pull_hz=take.pull_hz,
+        held=track("held", 2) if has("held") else None, free=plain("free", points) if has("free") else None,
+        is_material=take.is_material, outline=outline,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -132,6 +133,48 @@ def test_a_motion_kept_beside_a_page_comes_back(tmp_path):
 def test_a_damaged_motion_is_refused_in_one_sentence(content, tmp_path):
     place_beside(tmp_path / "report.html").write_bytes(content)
     with pytest.raises(FitError, match=r"report\.motion\.npz: is no motion of a report"):
+        load_motions(tmp_path / "report.html", "2026")
+
+
+def _with_head(arrays, **changes):
+    """The arrays of a motion file, with other words about its first take."""
+    head = json.loads(arrays["head"].tobytes())
+    head["takes"][0].update(changes)
+    return {**arrays, "head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
+
+
+DAMAGES = {
+    "no points of the cloth": lambda found: {n: v for n, v in found.items() if n != "0_real"},
+    "no time": lambda found: {n: v for n, v in found.items() if n != "0_time"},
+    "time of no number": lambda found: {**found, "0_time": np.full_like(found["0_time"], np.nan)},
+    "time that stands": lambda found: {**found, "0_time": np.zeros_like(found["0_time"])},
+    "time in words": lambda found: {**found, "0_time": np.full(found["0_time"].shape, "x")},
+    "one number for a track": lambda found: {**found, "0_held": np.int32(1)},
+    "tracks of bytes": lambda found: {**found, "0_real": found["0_real"].astype(np.int8)},
+    "a frame less": lambda found: {**found, "0_mesh_base": found["0_mesh_base"][1:]},
+    "two coordinates": lambda found: {**found, "0_held": found["0_held"][..., :2]},
+    "corners of no mesh": lambda found: {**found, "0_triangles": found["0_triangles"] + 10**6},
+    "triangles of numbers with commas": lambda found: {**found, "0_triangles": found["0_triangles"] * 1.0},
+    "no judged points": lambda found: {**found, "0_free": np.zeros(0, bool)},
+    "an endless outline": lambda found: {**found, "0_outline": np.full((4, 2), np.inf)},
+    "names of few points": lambda found: _with_head(found, point_names=["a"]),
+    "a name for the points": lambda found: _with_head(found, point_names="a"),
+    "a run that no fit has": lambda found: _with_head(found, runs=["salto"]),
+    "a pull in words": lambda found: _with_head(found, pull_hz="x"),
+    "a take of no name": lambda found: _with_head(found, take_id=None),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_motion_of_other_arrays_is_refused_in_one_sentence(damage, tmp_path):
+    shown = motion(free=np.ones(5, bool), outline=np.array([[0, 0], [1, 0], [1, 1], [0, 1]]))
+    save_motions(tmp_path / "report.html", [shown], Origin(facts=[], takes=[]), "2026")
+    assert len(load_motions(tmp_path / "report.html", "2026")[0]) == 1
+    kept = place_beside(tmp_path / "report.html")
+    with np.load(kept) as arrays:
+        found = DAMAGES[damage](dict(arrays))
+    np.savez_compressed(kept, **found)
+    with pytest.raises(FitError, match=r"report\.motion\.npz: is no motion of a report; remove it, or"):
         load_motions(tmp_path / "report.html", "2026")
 
 

@@ -100,13 +100,13 @@ def a_bomb(file, size):
             part.write(bytes(1 << 20))
 
 
-@pytest.mark.parametrize("kind", [pytest.param("bomb", marks=pytest.mark.slow), "pipe", "holes"])
+@pytest.mark.parametrize("kind", ["bomb", "pipe", "holes"])
 def test_hostile_motion_beside_a_report_is_refused_in_one_sentence(kind, folder, tmp_path):
-    """300 MB unpacked, a pipe that nobody writes to, and 300 GB of holes."""
+    """40 MB of zeros in 40 kB, a pipe that nobody writes to, and 300 GB of holes."""
     kept = folder / "report.motion.npz"
     kept.unlink()
     if kind == "bomb":
-        a_bomb(kept, 300 << 20)
+        a_bomb(kept, 40 << 20)
     elif kind == "pipe":
         os.mkfifo(kept)
     else:

@@ -21,6 +21,7 @@ from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
+RESULTS = ("fit.json", "diagnosis.json")
 NAMED_BESIDE = "Warning: the diagnosis beside this fit "
 
 
@@ -74,12 +75,17 @@ def alone(folder: Path) -> Iterator[None]:
 def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], bool]) -> str:
     """Rename an earlier result of other takes, and its report, by a number; return a sentence that reports this.
 
-    Nothing is returned if there is no earlier result, or one of the same takes, which the new one replaces.
+    Nothing is returned if there is no earlier result, or one of the same takes, which the new one replaces. A report
+    beside no result at all is somebody's own page, and is renamed too.
 
     are_of: returns whether a result is of the present takes, such as `Ready.are_of`
     """
+    both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))
     if not path.exists():
-        return ""
+        there = [one for one in both if os.path.lexists(one)]
+        if not there or any(path.with_name(name).exists() for name in RESULTS):
+            return ""
+        return f"{there[0]} is of no result in this folder: kept as {_kept(there).name}."
     try:
         kept = load_fit_result(path) if path.name == "fit.json" else load_diagnosis(path)
     except ResultError as error:
@@ -88,12 +94,16 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
         if are_of(kept):
             return ""
         whose = f"is of other takes ({plain(', '.join(map(shortened, kept.take_ids)))})"
-    both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))
-    number = next(n for n in itertools.count(1) if not any(_numbered(one, n).exists() for one in both))
-    for one in both:
-        if one.exists():
+    return f"{path} {whose}: kept as {_kept(both).name}, with its report."
+
+
+def _kept(files: Sequence[Path]) -> Path:
+    """Rename files by one number that none of them has yet; return the new name of the first."""
+    number = next(n for n in itertools.count(1) if not any(os.path.lexists(_numbered(one, n)) for one in files))
+    for one in files:
+        if os.path.lexists(one):
             one.rename(_numbered(one, number))
-    return f"{path} {whose}: kept as {_numbered(path, number).name}, with its report."
+    return _numbered(files[0], number)
 
 
 def refuse_unfinished(file: Path) -> None:

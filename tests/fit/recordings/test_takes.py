@@ -259,6 +259,21 @@ def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(
     assert "is not known to be of these takes" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
 
 
+def test_a_page_that_is_of_no_result_gets_a_number(tmp_path):
+    """Somebody's own page stays; beside a diagnosis a page is the report of both, which the new one replaces."""
+    fit, report, elsewhere = tmp_path / "fit.json", tmp_path / "report.html", tmp_path / "elsewhere.html"
+    report.write_text("mine")
+    said = set_aside_other_takes(fit, ready([a_take()], []).are_of)
+    assert said == f"{report} is of no result in this folder: kept as report.1.html."
+    assert (tmp_path / "report.1.html").read_text() == "mine"
+    assert set_aside_other_takes(fit, ready([a_take()], []).are_of) == ""
+    report.symlink_to(elsewhere)
+    assert "kept as report.2.html" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
+    save_diagnosis(tmp_path / "diagnosis.json", diagnosis("none", [], []))
+    report.write_text("of both")
+    assert set_aside_other_takes(fit, ready([a_take()], []).are_of) == ""
+
+
 def test_a_folder_is_one_commands_at_a_time(tmp_path):
     again = alone(tmp_path)
     with alone(tmp_path), pytest.raises(FitError, match="another command writes here"), again:

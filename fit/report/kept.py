@@ -29,7 +29,7 @@ FREE_BYTES, UNPACKED = 1 << 25, 16  # unpacked bytes of a file, and more for eac
 
 
 class _Take(msgspec.Struct, frozen=True, kw_only=True):
-    """What a motion holds beside its arrays, as in `ReportMotion`; `runs` are the names of its runs."""
+    """The values of a motion beside its arrays, as in `ReportMotion`; `runs` are the names of its runs."""
 
     take_id: str
     is_held_out: bool

@@ -2,7 +2,9 @@
 
 HangtimeError
   +-- FitError            the request cannot be fitted
+        +-- MismatchError a take that contradicts its garment, its rig or its other clock
         +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
+              +-- ImpossiblePathError   one with jumps, or with exchanged ends
         +-- BlowUpError     a simulation that did not stay finite
         +-- BatchError    a folder, bucket or cluster that a batch cannot work with
               +-- UnreachableError   one that is unreachable or full for a while; exit code 75
@@ -21,6 +23,14 @@ class FitError(HangtimeError):
 
 class DriveError(FitError):
     """A hanger path with gaps or jumps that no simulation can be driven by."""
+
+
+class MismatchError(FitError):
+    """A take that contradicts its garment, its rig or its other clock, which lost frames do not cause."""
+
+
+class ImpossiblePathError(DriveError):
+    """A hanger path with jumps or exchanged ends, which lost frames do not cause."""
 
 
 class BlowUpError(FitError):

@@ -22,9 +22,12 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
     Raises:
         TakeError: the header is of a newer version, or malformed; names the field.
     """
-    name, _, version = str(header["format"]).partition("/")
+    if not isinstance(header["format"], str):
+        raise TakeError("its header is invalid: format must be text", where=path, advice="give a take archive")
+    name, _, version = header["format"].partition("/")
     if name != PROFILE.partition("/")[0]:
-        raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
+        what = f"is a {shortened(header['format'])!r}, not a take"
+        raise TakeError(what, where=path, advice="give a take archive")
     if (other := of_another_version(version, path)) is not None:
         raise other
     held: str = "rig"

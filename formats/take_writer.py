@@ -42,6 +42,7 @@ BINDING_BYTES = 8  # of a header's hash, `formats/SPEC.md`
 MOST_HEADER_BYTES = 1 << 20  # `formats/SPEC.md`, limits
 STORED = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
            "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
+OPTIONAL = ("quality", "pitch", "pitch_sd", "points_hidden")  # of these, None where nothing was measured
 MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists
 
 
@@ -94,7 +95,7 @@ class TakeWriter:
         self._most_rows = most_rows(self._points)
         header = {
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
-            "garment": msgspec.to_builtins(garment), "source": in_utf8(source), "notes": told.notes,
+            "garment": msgspec.to_builtins(garment), "source": _escaped(source), "notes": told.notes,
             **({"missing": [list(span) for span in told.missing]} if told.missing else {}),
         }  # fmt: skip
         make_folders(path.parent)
@@ -331,6 +332,14 @@ def _not_text(value: object, field: str) -> str:
     return field if _is_cut(value) else ""
 
 
+def _escaped(source: str) -> str:
+    """Return the origin of a recording with the bytes of a file name escaped; other halves of letters stay."""
+    try:
+        return in_utf8(source)
+    except UnicodeEncodeError:  # refused when the header is packed
+        return source
+
+
 def _is_cut(text: object) -> bool:
     return isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text)
 
@@ -351,6 +360,8 @@ def write_take(
     """
     values = {name: getattr(take, name) for name in STORED}
     columns = as_arrays({name: value for name, value in values.items() if value is not None}, path)
+    if lacking := [name for name in STORED if name not in {*columns, *OPTIONAL}]:
+        raise TakeError(f"{lacking[0]} is None", where=path, advice="give an array")
     told = _checked_words(path, take.take_id, take.created, take.source, take.notes, take.missing)
     if len(told.missing) <= MOST_MISSING:
         _check_spans(told.missing, columns["time"].ravel(), path)
@@ -358,7 +369,7 @@ def write_take(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
         notes=take.notes, overwrite=overwrite, missing=take.missing, instead=instead, tell_aside=tell_aside,
     )  # fmt: skip
-    absent = dict.fromkeys(("quality", "pitch", "pitch_sd"), np.full(columns["time"].shape, np.nan))
+    absent = dict.fromkeys(OPTIONAL[:3], np.full(columns["time"].shape, np.nan))
     unseen = {"points_hidden": np.zeros(columns["points_valid"].shape, bool)}
     try:
         writer.append_columns({**absent, **unseen, **columns})

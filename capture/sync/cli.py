@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formats.help_pages import OUTPUT
 from formats.plain_text import counted, sized
 from formats.telling import know, tell
+
+if TYPE_CHECKING:
+    from capture.sync.settings import Range
 
 Config = Annotated[Path, typer.Option("--config", metavar="FILE", help="The appliance's configuration.")]
 SpoolFolder = Annotated[
@@ -97,17 +101,20 @@ def prune_takes(
 
     from capture.appliance.spool import Spool
     from capture.sync.rounds import now_here
-    from capture.sync.settings import SyncSettings, SyncSetup, load_settings
+    from capture.sync.settings import MB, RANGES_OF_RETENTION, SyncSettings, SyncSetup, load_settings
 
+    days, quota = RANGES_OF_RETENTION["days"], RANGES_OF_RETENTION["quota_bytes"]
+    _check_option("--keep-days", keep_days, days)
+    _check_option(
+        "--quota-mb", quota_mb, replace(quota, least=quota.least / MB, most=quota.most / MB, unit="MB", others=())
+    )
     setup = load_settings(config, spool) if spool is None or config.exists() else SyncSetup(SyncSettings(), spool)
     _check_folder(setup.spool)
     retention = setup.settings.retention
     if keep_days is not None:
-        if keep_days != keep_days:
-            raise typer.BadParameter("nan is no number of days", param_hint="'--keep-days'")
         retention = msgspec.structs.replace(retention, days=keep_days)
     if quota_mb is not None:
-        retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
+        retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * MB)
     room = Spool(setup.spool).make_room(retention, now=now_here(), url=setup.settings.url)
     for stem in room.left:
         tell(f"{stem} is removed from this device; its receipt says where it is")
@@ -124,7 +131,8 @@ def prune_takes(
     )
     tell(f"{counted(len(room.left), 'take')} removed, {sized(room.used)} of takes stay, {sized(room.free)} are free")
     if not room.is_enough:
-        tell(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
+        asked = "--quota-mb" if quota_mb is not None else "the configuration"
+        tell(f"that is more than {asked} allows: {unsafe} takes are not safe on the server and stay")
 
 
 def _start(command: str, config: Path, spool: Path | None) -> None:
@@ -133,6 +141,18 @@ def _start(command: str, config: Path, spool: Path | None) -> None:
     code = start(command, config, spool)
     know(exit_code=code)
     raise typer.Exit(code)
+
+
+def _check_option(name: str, value: float | None, limits: Range) -> None:
+    """Refuse a number outside the range that the configuration's own key has."""
+    from capture.errors import SyncError
+
+    try:
+        if value is not None:
+            limits.check("it", value)
+    except ValueError as error:
+        what, _, advice = str(error).partition("; ")
+        raise SyncError(what, where=name, advice=advice) from error
 
 
 def _check_folder(folder: Path) -> None:

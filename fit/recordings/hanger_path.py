@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fit.errors import DriveError
+from fit.errors import DriveError, ImpossiblePathError
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN
@@ -97,7 +97,8 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
     is_whole: whether gaps longer than `LONGEST_GAP` are refused
 
     Raises:
-        DriveError: the ends were seen in too few frames, are lost for too long, jump, or are exchanged.
+        DriveError: the ends were seen in too few frames, or are lost for too long.
+        ImpossiblePathError: they jump, or are exchanged.
     """
     if len(seen) < FEWEST_SEEN:
         raise DriveError(
@@ -116,7 +117,7 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
     speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
     if speed.max() > FASTEST_END:
         at = seen[int(np.argmax(speed.max(1)))]
-        raise DriveError(
+        raise ImpossiblePathError(
             f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
             where=name,
             advice=NO_HAND,
@@ -125,12 +126,12 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
     jumps = np.flatnonzero((pull > most).any(1))
     if len(jumps):
         first = int(jumps[0])
-        raise DriveError(
+        raise ImpossiblePathError(
             f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
         )
     swapped = exchanged(seen, places.reshape(-1, 2, 3))
     if swapped.any():
-        raise DriveError(
+        raise ImpossiblePathError(
             f"left and right held end are exchanged in {swapped.sum()} of {len(seen)} frames, first at "
             f"{seen[int(np.argmax(swapped))]:.2f} s",
             where=name,

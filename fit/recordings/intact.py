@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, ImpossiblePathError, MismatchError
 from formats.arrays import Floats
 from formats.fault_words import doubts_of
 from formats.missing import listed, missing_words, origin_of, span_words
@@ -150,11 +150,13 @@ def naming_damage(takes: Sequence[Take]) -> Iterator[None]:
     """Add to a refusal within this context which of these takes are incomplete or damaged, as that may be its cause.
 
     Raises:
-        FitError: the refusal, of its own class; unchanged if it is about an option, a file or the garment, or if the
-        takes are whole.
+        FitError: the refusal, of its own class; unchanged if it is about an option, a file or the garment, if lost
+        frames do not cause it, or if the takes are whole.
     """
     try:
         yield
+    except (MismatchError, ImpossiblePathError):
+        raise
     except FitError as error:
         named = [take for take in takes if error.where == take.take_id] or list(takes)
         is_elsewhere = _is_elsewhere(error.where) or error.where in {take.garment.name for take in takes}

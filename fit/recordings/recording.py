@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, MismatchError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
 from fit.recordings.camera import (
     EVERY_STEP,
@@ -330,11 +330,11 @@ def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
     """Return the rig's bodies in the world frame; ends [m], (n, 6), of the held edge, which must stay outside.
 
     Raises:
-        FitError: the held edge enters one of them.
+        MismatchError: the held edge enters one of them.
     """
     entered = first_entered(take.rig, ends.reshape(-1, 2, 3) @ rotation)
     if entered is not None:
-        raise FitError(entered.words, where=take.take_id, advice=entered.advice)
+        raise MismatchError(entered.words, where=take.take_id, advice=entered.advice)
     found: list[Body] = []
     for body in take.rig.near:
         at, radius = _world(rotation, body.at_m), body.radius_m or 0.0

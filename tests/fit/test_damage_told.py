@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from fit.batch.garments import Seen, wardrobe_of
-from fit.errors import DriveError, FitError
+from fit.errors import DriveError, FitError, ImpossiblePathError, MismatchError
 from fit.export.about import remarks_on_take
 from fit.export.kinds import EXPORT_KINDS, Order
 from fit.identification.calibrate import calibrate
 from fit.identification.request import Plan
 from fit.recordings.intact import FRAME_FIELDS, describe_doubts, describe_flaws, describe_missing, naming_damage
+from fit.recordings.ready import ready
 from fit.virtual_tests.sheet import sheet_of
 from formats.archive import read_take, write_take
 from formats.fault_words import state_of_take
@@ -216,8 +217,12 @@ def test_takes_and_fits_side_by_side_and_exports_report_everything_that_does_not
 
 
 def test_a_refused_fit_names_the_damage_that_may_be_its_cause(tmp_path):
-    """Of the five blocks of 5 s, only the first is sound."""
-    raw = bytearray(write_take(tmp_path / "a.mcap", a_take()).read_bytes())
+    """Of the five blocks of 5 s, only the first is sound, in which the hanger is seen for five frames."""
+    time, garment = np.arange(150) / 30, sheet()
+    whole = take_of(garment, time, swing(time), hung(garment, time) + swing(time)[:, None], name="a")
+    seen = whole.held_valid.copy()
+    seen[5:30] = False
+    raw = bytearray(write_take(tmp_path / "a.mcap", replace(whole, held_valid=seen)).read_bytes())
     for begin, end, _ in chunks_of(bytes(raw))[2:-1]:
         raw[(begin + end) // 2] ^= 255
     (tmp_path / "a.mcap").write_bytes(raw)
@@ -242,6 +247,24 @@ def test_only_a_refusal_that_lost_data_may_cause_names_them():
         with pytest.raises(DriveError) as error, naming_damage([take]):
             raise DriveError("is too short", where=where, advice="record a longer take")
         assert error.value.words == "is too short; record a longer take" + told, where
+
+
+@pytest.mark.parametrize("kind", [MismatchError, ImpossiblePathError])
+def test_a_refusal_that_lost_frames_do_not_cause_names_none(kind):
+    with pytest.raises(kind) as error, naming_damage([with_a_hole()]):
+        raise kind("the held ends are 900 mm apart", where=with_a_hole().take_id, advice="check the unit")
+    assert error.value.words == "the held ends are 900 mm apart; check the unit"
+
+
+def test_a_damaged_take_of_a_wrong_garment_is_refused_for_its_garment_alone():
+    time, garment = np.arange(150) / 30, sheet()
+    whole = take_of(garment, time, swing(time), hung(garment, time) + swing(time)[:, None])
+    hole = replace(whole, is_complete=False, missing=((float(time[-1]), np.inf),))
+    wide = [[6 * x, y] for x, y in hole.garment.outline_m]
+    of_another = replace(hole, garment=msgspec.structs.replace(hole.garment, outline_m=wide))
+    with pytest.raises(MismatchError, match=r"the held ends are \d+ mm apart, .* check the garment's outline") as error:
+        ready([of_another], [])
+    assert "may be the cause" not in str(error.value)
 
 
 def test_a_take_too_short_for_intervals_names_its_missing_seconds():

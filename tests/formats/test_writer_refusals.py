@@ -44,6 +44,8 @@ def first_set(array, value):
         (lambda take: {"points": take.points + 0j}, "points is an array of complex128, not of real numbers"),
         (lambda take: {"held": take.held.astype(object)}, "held is an array of object, not of real numbers"),
         (lambda take: {"time": take.time + 0j}, "time is an array of complex128, not of real numbers"),
+        (lambda take: {"points": None}, "points is None; give an array"),
+        (lambda take: {"source": "a\ud800"}, "source holds what is no letter, and no file can keep it; write it anew"),
         (lambda take: {"time": "now"}, "time is an array of <U3, not of real numbers"),
         (lambda take: {"time": take.time[:, None]}, "time has shape (3, 1)"),
         (lambda take: {"time": 1.0}, "time has shape ()"),

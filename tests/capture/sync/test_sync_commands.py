@@ -161,6 +161,27 @@ def test_a_negative_limit_of_retention_is_named_with_its_own_line(tmp_path, key)
     assert f"appliance.toml, line 5: [sync] is invalid: retention.{key} is negative; give a number" in said
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--keep-days", 1e308), "--keep-days: it is 1e+308; give 0 to 3660 days or inf"),
+        (("--keep-days", 604800), "--keep-days: it is 604800; give 0 to 3660 days or inf; were seconds meant?"),
+        (("--quota-mb", 10**30), "--quota-mb: it is 1e+30; give 10 to 1000000000 MB or 0"),
+        (("--quota-mb", 1), "--quota-mb: it is 1; give 10 to 1000000000 MB or 0"),
+    ],
+)
+def test_options_of_prune_have_the_ranges_of_the_configuration(tmp_path, spool, three, words, says):
+    done = hangtime("takes", "prune", "--spool", spool.folder, *words)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert len(spool.takes()) == 3
+
+
+def test_prune_names_the_limit_that_the_takes_exceed(spool, three):
+    by_option = hangtime("takes", "prune", "--spool", spool.folder, "--quota-mb", 0).stdout
+    assert "that is more than --quota-mb allows: 3 takes are not safe on the server and stay" in by_option
+
+
 def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named(tmp_path, spool, three):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n')

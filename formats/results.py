@@ -17,7 +17,7 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
 
-LARGEST_RESULT = 1 << 25  # bytes: a hundred times a diagnosis of hundreds of takes
+LARGEST_RESULT = 1 << 23  # bytes: 25 times a diagnosis of hundreds of takes; decoded, they take 100 MB at most
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
@@ -94,8 +94,7 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
 def _load(path: Path, kind: type[Result]) -> Result:
     try:
         check_ends(path)
-        if (size := path.stat().st_size) > LARGEST_RESULT:
-            raise ResultError(f"has {sized(size)}, which no result has", where=path, advice="check the path")
+        _check_size(path.stat().st_size, path)
         raw = path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
@@ -103,6 +102,7 @@ def _load(path: Path, kind: type[Result]) -> Result:
 
 
 def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
+    _check_size(len(raw), where)
     _refuse_no_text(raw, where)
     try:
         record = msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=kind)
@@ -112,6 +112,11 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
     check_result(record, where)
     return record
+
+
+def _check_size(size: int, where: object) -> None:
+    if size > LARGEST_RESULT:
+        raise ResultError(f"has {sized(size)}, which no result has", where=where, advice="check the path")
 
 
 def _refuse_no_text(raw: bytes, where: object) -> None:

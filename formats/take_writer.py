@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
@@ -93,11 +94,7 @@ class TakeWriter:
         check_garment(garment, take_id)
         self._points, self._take_id = len(garment.points), take_id
         self._most_rows = most_rows(self._points)
-        header = {
-            "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
-            "garment": msgspec.to_builtins(garment), "source": _escaped(source), "notes": told.notes,
-            **({"missing": [list(span) for span in told.missing]} if told.missing else {}),
-        }  # fmt: skip
+        header = _header_of(told, rig, garment)
         make_folders(path.parent)
         self._unfinished = UnfinishedFile(path, overwrite=overwrite, instead=instead, tell_aside=tell_aside)
         self.path, self.partial = path, self._unfinished.partial
@@ -271,6 +268,25 @@ class TakeWriter:
         last = self._last_time * 1e6 if np.isfinite(self._last_time) else 0.0
         stamp = max(1000 * int(last if start is None else start), 0)
         self._mcap.add_message(self._channels[topic], stamp, content, stamp)
+
+
+def _header_of(told: Words, rig: Rig, garment: Garment) -> dict[str, Any]:
+    return {
+        "format": PROFILE, "take_id": told.take_id, "created": told.created, "rig": msgspec.to_builtins(rig),
+        "garment": msgspec.to_builtins(garment), "source": _escaped(told.source), "notes": told.notes,
+        **({"missing": [list(span) for span in told.missing]} if told.missing else {}),
+    }  # fmt: skip
+
+
+def with_room(take: Take) -> Take:
+    """Return a take that was read, with its longest note cut where its header would be too large with what it lacks."""
+    told = Words(take_id=take.take_id, created=take.created, source=take.source, notes=take.notes, missing=take.missing)
+    over = len(msgpack.packb(_header_of(told, take.rig, take.garment))) - MOST_HEADER_BYTES
+    if over <= 0 or not take.notes:
+        return take
+    longest, end = max(take.notes, key=lambda name: len(take.notes[name])), " [cut]"
+    kept = take.notes[longest].encode()[: -over - len(end)].decode(errors="ignore")
+    return replace(take, notes={**take.notes, longest: kept + end})
 
 
 def _checked_words(

@@ -257,11 +257,13 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     from formats.fault_words import EARLIER, lost_scans, state_of_take, unread
     from formats.outputs import no_empty_folder, unwritable
     from formats.plain_text import plain, shortened
+    from formats.take_writer import with_room
     from formats.unfinished import ANOTHER_FOLDER
 
     try:
         with no_empty_folder(target.parent):
-            write_take(target, take, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside)
+            kept = with_room(take)
+            write_take(target, kept, overwrite=overwrite, instead=ANOTHER_FOLDER, tell_aside=tell_aside)
     except OSError as error:
         raise unwritable(target, error) from error
     state = state_of_take(take)
@@ -269,6 +271,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     notes += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
     notes += f"; {unread(report)}" if report.unread_blocks else ""
     notes += "".join(f"; {doubt}" for doubt in report.doubts)
+    notes += "; its longest note is cut, since a header has no more room" if kept is not take else ""
     notes += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
     of = f" of another take in this file, {plain(shortened(take.take_id))}" if is_another else ""
     tell_entry(

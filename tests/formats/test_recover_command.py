@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, verify_take, write_take
+from formats.chunks import Findings, messages_in
+from formats.take_writer import MOST_HEADER_BYTES
 from tests.fit.here import hangtime_here
 from tests.formats.damage import chunks_of, without_end
 from tests.formats.full_disk import no_file_beyond
@@ -34,6 +36,27 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
     assert verified.returncode == 0
     assert verified.stdout.endswith("119 frames in 4 blocks; an earlier file had lost 2.03 to 3.10 s\n")
     assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
+
+
+def test_recover_makes_room_in_a_full_header_for_what_is_missing(tmp_path):
+    """The header has the 2^20 bytes that a reader accepts, and the recovered one names a span more."""
+    empty = write_take(tmp_path / "a.mcap", replace(a_take(), notes={"of": "", "long": ""})).read_bytes()
+    used = len(next(messages_in(empty, Findings())))
+    room = MOST_HEADER_BYTES - used - 4  # the length of a long text takes four bytes more than that of none
+    path = write_take(
+        tmp_path / "a.mcap", replace(a_take(), notes={"of": "", "long": "é" * (room // 2) + "." * (room % 2)})
+    )
+    raw = bytearray(path.read_bytes())
+    assert len(next(messages_in(bytes(raw), Findings()))) == MOST_HEADER_BYTES
+    third = [begin for begin, _, content in chunks_of(bytes(raw)) if content.get("first") == 62]
+    raw[third[0] + 200] ^= 1
+    path.write_bytes(raw)
+    done = hangtime_here("takes", "recover", "a.mcap", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "missing: 2.03 to 3.10 s; its longest note is cut, since a header has no more room" in done.stdout
+    after = read_take(tmp_path / "a.recovered.mcap")
+    assert len(after.missing) == 1
+    assert after.notes["long"].endswith("é [cut]")
 
 
 @pytest.mark.unmutated

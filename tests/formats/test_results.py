@@ -102,6 +102,17 @@ def test_a_file_of_300_gigabytes_is_no_result_and_not_read(tmp_path):
         load_fit_result(tmp_path / "fit.json")
 
 
+def test_a_result_of_millions_of_short_notes_is_refused_before_it_is_decoded(tmp_path):
+    """Decoded, 28 MB of notes of two letters would take 450 MB and four seconds."""
+    file = tmp_path / "fit.json"
+    save_fit_result(file, msgspec.structs.replace(fit_result(), notes=["ab"]))
+    raw = file.read_bytes().replace(b'"ab"', b'"ab"' + b',"ab"' * 1_700_000, 1)
+    file.write_bytes(raw)
+    for read in (lambda: load_fit_result(file), lambda: fit_result_from(raw, "fits/a.json")):
+        with pytest.raises(ResultError, match=r"fits?.*\.json: has 8\.5 MB, which no result has; check the path"):
+            read()
+
+
 def edited(path, *changes):
     """Write what a person made of a result: each change is a path through the JSON and the new value."""
     plain = json.loads(path.read_text())

@@ -186,6 +186,9 @@ def mend_cache(folder: Path) -> None:
         time.sleep(patience)
     with contextlib.suppress(FileNotFoundError):
         (folder / NOTED).unlink(missing_ok=True)
+        for kernel in folder.glob("*.tic"):
+            if not kernel.is_file():  # Taichi would write into a pipe for ever, and end for a folder or a dead link
+                kernel.rename(kernel.with_name(kernel.name + ".damaged"))
         index.rename(index.with_name(INDEX + ".damaged"))
 
 
@@ -204,7 +207,7 @@ def note_kernels(folder: Path, since: float = math.inf) -> None:
     before, now = _noted(folder), {}
     for name in sizes_of_kernels((folder / INDEX).read_bytes()) or {}:
         file = folder / f"{name}.tic"
-        with contextlib.suppress(FileNotFoundError):
+        if file.is_file():
             is_known = name in before and file.stat().st_mtime < since
             now[name] = before[name] if is_known else _hash_of(file)
     if now != before:
@@ -249,7 +252,11 @@ def _is_sound_cache(index: Path) -> bool:
     try:
         for name, size in sizes.items():
             kernel = index.parent / f"{name}.tic"
-            if kernel.stat().st_size != size or (name in noted and _hash_of(kernel) != noted[name]):
+            if (
+                not kernel.is_file()
+                or kernel.stat().st_size != size
+                or (name in noted and _hash_of(kernel) != noted[name])
+            ):
                 return False
         return True
     except FileNotFoundError:

@@ -172,6 +172,28 @@ def test_kernels_of_one_size_that_are_exchanged_are_compiled_again(tmp_path):
     assert not damaged.exists()
 
 
+@pytest.mark.parametrize("kind", ["pipe", "folder", "link that leads to itself"])
+def test_what_is_no_file_under_a_kernels_name_is_put_aside(cache, kind):
+    """Taichi alone waits for ever at the end, or writes a traceback."""
+    folder, run = cache
+    (kernel,) = folder.glob("*.tic")
+    kernel.unlink()
+    if kind == "pipe":
+        os.mkfifo(kernel)
+    elif kind == "folder":
+        kernel.mkdir()
+    else:
+        kernel.symlink_to(kernel.name)
+    done = run()
+    assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
+    aside = kernel.with_name(f"{kernel.name}.damaged")
+    assert os.path.lexists(aside)
+    if kind == "folder":
+        aside.rmdir()
+    else:
+        aside.unlink()
+
+
 @pytest.mark.parametrize("kind", ["nothing", "no text", "pipe", "folder"])
 def test_a_note_on_kernels_that_holds_none_is_written_anew_or_left(cache, kind):
     folder, run = cache

@@ -164,8 +164,8 @@ def test_a_negative_limit_of_retention_is_named_with_its_own_line(tmp_path, key)
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--keep-days", 1e308), "--keep-days: it is 1e+308; give 0 to 3660 days or inf"),
-        (("--keep-days", 604800), "--keep-days: it is 604800; give 0 to 3660 days or inf; were seconds meant?"),
+        (("--keep-days", 1e308), "--keep-days: it is 1e+308; give 0 to 36600 days or inf"),
+        (("--keep-days", 604800), "--keep-days: it is 604800; give 0 to 36600 days or inf; were seconds meant?"),
         (("--quota-mb", 10**30), "--quota-mb: it is 1e+30; give 10 to 1000000000 MB or 0"),
         (("--quota-mb", 1), "--quota-mb: it is 1; give 10 to 1000000000 MB or 0"),
     ],

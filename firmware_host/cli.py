@@ -10,7 +10,7 @@ import typer
 from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_WRITTEN
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
-from formats.plain_text import counted
+from formats.plain_text import counted, plain
 from formats.telling import know, tell
 from formats.terminal import ProgressLine
 
@@ -70,7 +70,7 @@ def play(
     first = last = 0.0
     with open_sensor(source, anyway=anyway) as sensor:
         info = sensor.info
-        tell(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
+        tell(f"{plain(info.name)}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
         camera = info.intrinsics
         tell(f"for rig.toml: fx = {camera.fx:.1f}, fy = {camera.fy:.1f}, cx = {camera.cx:g}, cy = {camera.cy:g}")
         for note in info.notes:

@@ -211,8 +211,8 @@ def fit_command(
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
-        kept = f"the search is kept in {checkpoint}. The same command continues." if is_kept else "nothing is kept."
-        say(f"Interrupted; {kept}")
+        kept = f"the search is kept in {plain(checkpoint)}. The same command continues."
+        say(f"Interrupted; {kept if is_kept else 'nothing is kept.'}")
         raise typer.Exit(130) from None
     if aside:
         say(aside)
@@ -373,7 +373,7 @@ def diagnose_command(
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:
         progress.end()
-        say(f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command continues.")
+        say(f"Interrupted; finished fits are kept in {plain(out / 'diagnosis.partial')}. The same command continues.")
         raise typer.Exit(130) from None
     if aside:
         say(aside)

@@ -85,7 +85,7 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
         there = [one for one in both if os.path.lexists(one)]
         if not there or any(path.with_name(name).exists() for name in RESULTS):
             return ""
-        return f"{there[0]} is of no result in this folder: kept as {_kept(there).name}."
+        return f"{plain(there[0])} is of no result in this folder: kept as {_kept(there).name}."
     try:
         kept = load_fit_result(path) if path.name == "fit.json" else load_diagnosis(path)
     except ResultError as error:
@@ -94,7 +94,7 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
         if are_of(kept):
             return ""
         whose = f"is of other takes ({plain(', '.join(map(shortened, kept.take_ids)))})"
-    return f"{path} {whose}: kept as {_kept(both).name}, with its report."
+    return f"{plain(path)} {whose}: kept as {plain(_kept(both).name)}, with its report."
 
 
 def _kept(files: Sequence[Path]) -> Path:

@@ -11,7 +11,7 @@ import typer
 from fit.errors import UnreachableError
 from formats.anyway import Anyway
 from formats.command_groups import FIT
-from formats.plain_text import counted
+from formats.plain_text import counted, plain
 from formats.telling import tell, tell_fault
 from formats.terminal import say
 
@@ -190,23 +190,28 @@ def batch_command(
             morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
     for row in rows:
         if row.sentence:
-            say(f"{row.take}: {row.sentence}")
+            say(f"{plain(row.take)}: {plain(row.sentence)}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     shown = str(place)
-    tell(f"{sentence_of(rows)}\nSummary: {shown}", summary=shown, takes=as_facts(rows))
+    tell(f"{sentence_of(rows)}\nSummary: {plain(shown)}", summary=shown, takes=as_facts(rows))
     if morning is not None:
         page = results.path("morning.html") or f"{results.url}/morning.html"
         for who, what in morning.needs:
-            say(f"{who}: {what}")
+            say(f"{plain(who)}: {plain(what)}")
         needs = [{"who": who, "what": what} for who, what in morning.needs]
-        tell(f"{morning.headline}\nMorning page: {page}", morning=str(page), headline=morning.headline, needs=needs)
+        tell(
+            f"{morning.headline}\nMorning page: {plain(page)}",
+            morning=str(page),
+            headline=morning.headline,
+            needs=needs,
+        )
     if is_interrupted:
         say("Interrupted; the same command continues.")
         raise typer.Exit(130)
     is_done = morning is None or all(finding.state in ("diagnosed", "lacking") for finding in morning.findings)
     if not is_done or any(row.state not in ("fitted", "known") for row in rows):
         page, what = (place, sentence_of(rows)) if morning is None else (page, morning.headline)
-        tell_fault(f"{page}: {what}")
+        tell_fault(f"{plain(page)}: {what}")
         raise typer.Exit(SOME_NOT_FITTED)
 
 

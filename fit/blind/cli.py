@@ -12,6 +12,7 @@ import typer
 
 from fit.errors import FitError
 from formats.command_groups import CHECK
+from formats.plain_text import plain
 from formats.telling import tell
 from formats.terminal import ProgressLine, say
 
@@ -156,7 +157,7 @@ def run_command(
             folder, answers, options=option, again=again, limit=limit, workers=workers, takes=takes, progress=show
         )
     without = f"; {failed} cases ended without a diagnosis" if failed else ""
-    tell(f"Answers in {answers}{without}", answers=str(answers), failed=failed)
+    tell(f"Answers in {plain(answers)}{without}", answers=str(answers), failed=failed)
 
 
 @blind.command("score", short_help="Hash the answers, open the seal, print every rate.")
@@ -278,7 +279,7 @@ def strike_command(
         ("nothing named, no gap or no data", struck.nothing),
         ("confident and wrong", struck.confident_and_wrong),
     ))  # fmt: skip
-    tell(f"Struck: {out / STRUCK}", struck=json.loads((out / STRUCK).read_text()))
+    tell(f"Struck: {plain(out / STRUCK)}", struck=json.loads((out / STRUCK).read_text()))
 
 
 @blind.command("report", short_help="Write the score as one HTML file.")
@@ -298,7 +299,7 @@ def report_command(
     if not overwrite:
         refuse_to_replace(out)
     page = write_page(answers, out)
-    tell(f"Report: {page}", report=str(page))
+    tell(f"Report: {plain(page)}", report=str(page))
 
 
 @contextmanager

@@ -353,6 +353,18 @@ def test_the_command_tries_what_failed_again_only_with_its_option(takes, tmp_pat
     assert not kept.exists()
 
 
+def test_a_takes_name_with_an_end_of_line_forges_no_line_of_a_batch(takes, tmp_path):
+    night = tmp_path / "takes"
+    night.mkdir()
+    (night / "two\nlines.mcap").write_bytes((takes / "swing0.mcap").read_bytes())
+    kept = tmp_path / "out" / failure_name(job_of(night / "two\nlines.mcap", tmp_path / "out").key)
+    kept.parent.mkdir(parents=True)
+    kept.write_text('{"sentence": "was not\\nunderstood"}')
+    done = hangtime_here("batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, *SHORT, folder=tmp_path)
+    assert done.returncode == SOME_NOT_FITTED
+    assert "two\\nlines.mcap: was not\\nunderstood\n" in done.stderr
+
+
 def test_a_plan_that_does_not_hold_is_refused_before_the_night():
     with pytest.raises(FitError, match="no effect named"):
         Plan(effects=("gremlins",)).request()

@@ -267,6 +267,9 @@ def test_a_page_that_is_of_no_result_gets_a_number(tmp_path):
     assert said == f"{report} is of no result in this folder: kept as report.1.html."
     assert (tmp_path / "report.1.html").read_text() == "mine"
     assert set_aside_other_takes(fit, ready([a_take()], []).are_of) == ""
+    (tmp_path / "two\nlines").mkdir()
+    (tmp_path / "two\nlines/report.html").write_text("mine")
+    assert "\n" not in set_aside_other_takes(tmp_path / "two\nlines/fit.json", ready([a_take()], []).are_of)
     report.symlink_to(elsewhere)
     assert "kept as report.2.html" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
     save_diagnosis(tmp_path / "diagnosis.json", diagnosis("none", [], []))

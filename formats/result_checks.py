@@ -15,7 +15,7 @@ import numpy as np
 
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
-from formats.fit_records import Combination, FitParameter, FitResult
+from formats.fit_records import TRIVIAL_NAMES, Combination, FitParameter, FitResult
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
@@ -58,6 +58,9 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
     _check_parameters(result.parameters, "parameters", refuse)
     for combination in result.combinations:
         _check_interval(combination, refuse)
+    for number, one in enumerate(result.trivial):
+        if one.name not in TRIVIAL_NAMES:
+            refuse(f"trivial[{number}].name: there is no predictor named {one.name!r}")
     for name in POSITIVE:
         if not result.material.get(name, 1.0) > 0:
             refuse(f"no cloth has {name} = {result.material[name]:g}")
@@ -94,8 +97,16 @@ def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any) -
             if not p.minimum - room <= value <= p.maximum + room:
                 refuse(f"{at}.{kind}: {p.name} is {value:g}, outside its own bounds of {p.minimum:g} to {p.maximum:g}")
         _check_interval(p, refuse)
+        _check_least(p, at, refuse)
         if p.name in [other.name for other in parameters[:number]]:
             refuse(f"{at}: {p.name} is there twice")
+
+
+def _check_least(p: FitParameter, at: str, refuse: Any) -> None:
+    """Refuse a bound or an end of an interval that no cloth has."""
+    for kind, value in (("minimum", p.minimum), ("interval_low", p.interval_low)):
+        if value is not None and ((p.name in POSITIVE and value <= 0) or (p.name in NOT_BELOW_0 and value < 0)):
+            refuse(f"{at}.{kind}: no cloth has {p.name} = {value:g}")
 
 
 def _check_interval(number: FitParameter | Combination, refuse: Any) -> None:

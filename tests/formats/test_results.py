@@ -143,6 +143,11 @@ OWN_BOUNDS = "mass is {}, outside its own bounds of 0.15 to 10"
         (("material",), {"bending_stiffness": 0}, "no cloth has bending_stiffness = 0"),
         (("material",), {"shear_stiffness": -1e-9}, "no cloth has shear_stiffness = -1e-09"),
         (("material",), {"areal_density": -1}, "no cloth has areal_density = -1"),
+        (
+            ("trivial",),
+            [{"name": "crystal ball", "train": {"mean_m": 0.1, "max_m": 0.2, "per_frame_m": [0.1], "time_s": [0.0]}}],
+            "trivial[0].name: there is no predictor named 'crystal ball'",
+        ),
         (("layers",), 0, "layers is 0, and cloth has one or more"),
         (("spacing",), -0.01, "spacing is -0.01 m, and a mesh has more"),
         (("spacing",), 0, "spacing is 0 m, and a mesh has more"),
@@ -155,6 +160,18 @@ def test_a_fit_that_contradicts_itself_is_refused_when_it_is_read(tmp_path, keys
     with pytest.raises(ResultError) as refused:
         load_fit_result(tmp_path / "fit.json")
     assert str(refused.value) == f"{tmp_path}/fit.json: {says}; fit again"
+
+
+@pytest.mark.parametrize(("kind", "value"), [("minimum", 0), ("minimum", -1), ("interval_low", 0)])
+def test_a_bound_that_no_cloth_has_is_refused_by_its_place(tmp_path, kind, value):
+    """A tester's sheet divides by the stiffness at the ends of its interval and at its bounds."""
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    name = ("parameters", 0, "name")
+    edited(tmp_path / "fit.json", (name, "stretch_stiffness"), (("effects",), {"stiffening": 1.0}))
+    load_fit_result(tmp_path / "fit.json")
+    edited(tmp_path / "fit.json", (("parameters", 0, kind), value))
+    with pytest.raises(ResultError, match=rf"parameters\[0\]\.{kind}: no cloth has stretch_stiffness = {value}"):
+        load_fit_result(tmp_path / "fit.json")
 
 
 def test_a_material_that_is_not_the_fitted_one_is_refused_unless_effects_change_it(tmp_path):

@@ -87,7 +87,7 @@ def test_a_sheet_that_is_folded_lies_on_itself_and_how_thick_it_is_hardly_matter
     assert height_of_upper_layer(simulator, through[-1]) == pytest.approx(0.0, abs=1e-4)
     known = {d: turned_over(d)[1][-1] for d in (0.003, 0.005, 0.006)}
     for thickness, shape in known.items():
-        # The row meets the other layer up to a few tenths of a millimetre away from where it is told.
+        # The row meets the other layer up to a few tenths of a millimetre away from its stated position.
         assert height_of_upper_layer(simulator, shape) == pytest.approx(thickness, abs=6e-4)
         moved = float(np.sqrt(((shape - known[0.005]) ** 2).sum(1).mean()))
         assert moved <= abs(thickness - 0.005)

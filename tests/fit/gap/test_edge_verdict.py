@@ -103,7 +103,7 @@ def test_an_effect_that_the_held_edge_contradicts_is_neither_named_nor_a_rival(s
     found = decide(evidence)
     assert (found.verdict, found.named) == (verdict, named)
     assert (probabilities(evidence, None)["attachment_offset"] > 0) == (verdict == "ambiguous")
-    # Where the edge is off by 4000 without either, laws may leave a twentieth of that, 145 or 150: nothing is told.
+    # Where the edge is off by 4000 without either, laws may leave a twentieth of that, 145 or 150: no effect is named.
     far = dataclasses.replace(evidence, base=with_edge(evidence.base, 4100))
     assert decide(far).verdict == "ambiguous"
     # What closes little contradicts nothing, wherever it puts the edge.
@@ -190,7 +190,7 @@ def test_an_edge_that_no_effect_explains_is_reported(base, verdict):
 def test_an_effect_that_leaves_the_edge_off_is_not_named_instead_of_one_that_the_edge_shows():
     """Drag closes 60 % of the cloth's gap; both together are `several` if either needs the other."""
     evidence = told(10.5, other={"air_drag": 8.0})
-    assert passing_effects(evidence) == ["clip_slack", "air_drag"]  # a rival, were it not told
+    assert passing_effects(evidence) == ["clip_slack", "air_drag"]  # a rival, if the edge did not show the first
     assert decide(evidence).named == ["clip_slack"]
     for left, verdict in ((6.0, "several"), (10.2, "effect")):
         both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)

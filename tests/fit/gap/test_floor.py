@@ -63,7 +63,7 @@ def test_slow_noise_counts_and_wrinkles_that_the_mesh_lacks_do_not():
     (noise,) = measured_noise(*seen(observer_of(slow=0.005)))
     assert np.median(noise) == pytest.approx(1.5 * NOISE, rel=0.12)
     (noise,) = measured_noise(*seen(observer_of(slow=0.005, stated=0.004)))
-    assert np.median(noise) == pytest.approx(0.004, rel=0.01)  # as much as is stated is believed
+    assert np.median(noise) == pytest.approx(0.004, rel=0.01)  # as much as is stated is accepted
 
 
 def seen(observer):
@@ -156,7 +156,7 @@ def test_the_floor_is_the_mean_over_three_replicas_and_has_their_standard_error(
     [
         ([2.0, 2.0, 8.0], 4.0, 0.5, [3.0, 3.0, 8.0]),  # at most 1.5 times the white noise, at least that
         ([2.0, 2.0, 8.0], 2.4, 0.5, [2.4, 2.4, 8.0]),
-        ([2.0, 2.0, 8.0], 4.0, 3.6, [3.6, 3.6, 8.0]),  # as much as is stated is believed
+        ([2.0, 2.0, 8.0], 4.0, 3.6, [3.6, 3.6, 8.0]),  # as much as is stated is accepted
         (None, 2.0, 1.8, [1.8, 1.8, 1.8]),  # frames too slow to show white noise
         ([1.0, 2.0, 3.0], None, 1.8, [1.8, 2.0, 3.0]),  # too few neighbours
     ],

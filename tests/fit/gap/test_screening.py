@@ -167,7 +167,7 @@ def test_the_sandwich_of_independent_numbers_is_the_textbook_variance_and_knows_
     # Two blocks that add up to nothing: sqrt(2 x 2 x 2^2) / 4 with one degree of freedom of two left.
     two = sandwich(np.ones((4, 1)), np.array([1.0, 1.0, -1.0, -1.0]), np.array([0, 0, 1, 1]), free)
     assert two[0] == pytest.approx(np.sqrt(2 * 8) / 4)
-    # A prior as wide as the data's 1/20 halves what is told, and so the deviation.
+    # A prior as wide as the data's 1/20 halves the weight of the data, and so the deviation.
     held = sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, np.array([0.05]))
     assert held[0] == pytest.approx(sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, free)[0] / 2, rel=1e-3)
 

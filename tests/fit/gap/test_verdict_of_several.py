@@ -67,7 +67,7 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together(mon
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)
     alone = {f.id: f.amplitude for f in describe_effects(evidence, None, LIBRARY, SI)}
     assert alone["air_drag"] == pytest.approx(1.2)
-    # A p-value is told where it decides: not of several together, nor where masses do.
+    # A p-value is stated where it decides: not of several together, nor where masses do.
     tested = {f.id: f.p_value for f in described}
     assert (tested["air_drag"], tested["hem"]) == (None, None)
     assert tested["time_offset"] == evidence.p_value("time_offset")

@@ -52,9 +52,9 @@ def test_reflection_between_10_and_20(beyond, folded):
 def test_a_redrawn_step_is_the_quantile_of_a_cauchy_distribution_cut_off_at_the_bounds():
     """Centre 0, spread 1, from -1 to 1, where the uncut distribution has a quarter and three quarters of its mass."""
     one = np.ones(1)
-    for uniform, place in ((0.0, -1.0), (0.5, 0.0), (0.75, np.tan(np.pi / 8)), (1.0, 1.0)):
-        assert redraw(0 * one, uniform * one, one, -one, one) == pytest.approx([place], abs=1e-12)
-    # Spread 2 about 0, from -2 to 6: a quarter below, arctan(3) / pi above; the first place is the lower bound.
+    for uniform, drawn_at in ((0.0, -1.0), (0.5, 0.0), (0.75, np.tan(np.pi / 8)), (1.0, 1.0)):
+        assert redraw(0 * one, uniform * one, one, -one, one) == pytest.approx([drawn_at], abs=1e-12)
+    # Spread 2 about 0, from -2 to 6: a quarter below, arctan(3) / pi above; the first draw is the lower bound.
     low, high = -2 * one, 6 * one
     assert redraw(0 * one, 0 * one, 2 * one, low, high) == pytest.approx([-2.0])
     above = np.arctan(3) / np.pi
@@ -71,27 +71,27 @@ def tempered(start, numbers, chains, budget, seed):
     """Parallel tempering as its formulas say; returns the coldest chain's places in the second half, and the steps."""
     random = np.random.default_rng(seed)
     temperature = 30.0 ** (np.arange(chains) / (chains - 1))
-    place, log = np.tile(start, (chains, 1)), np.full(chains, np.log(valley(start)))
+    current, log = np.tile(start, (chains, 1)), np.full(chains, np.log(valley(start)))
     step = 0.1 * np.minimum(np.sqrt(temperature), 4)
     draws, asked, sweep = [], 1, 0
     while asked + chains <= budget:
-        tries = place + random.normal(size=place.shape) * step[:, None]
+        tries = current + random.normal(size=current.shape) * step[:, None]
         tries = np.array([reflect(one, np.zeros(2), np.ones(2)) for one in tries])
         is_settling = asked < budget / 2
         for k, chance in enumerate(random.random(chains)):
             new = np.log(valley(tries[k]))
             is_accepted = chance < min(1, np.exp(-numbers * (new - log[k]) / temperature[k]))
             if is_accepted:
-                place[k], log[k] = tries[k], new
+                current[k], log[k] = tries[k], new
             if is_settling:
                 step[k] = min(step[k] * np.exp(0.13 * (is_accepted - 0.25)), 1.0)  # at most the box
         sweep, asked = sweep + 1, asked + chains
         for k in range(sweep % 2, chains - 1, 2):
             odds = np.exp(numbers * (log[k] - log[k + 1]) * (1 / temperature[k] - 1 / temperature[k + 1]))
             if random.random() < min(1, odds):
-                place[[k, k + 1]], log[[k, k + 1]] = place[[k + 1, k]], log[[k + 1, k]]
+                current[[k, k + 1]], log[[k, k + 1]] = current[[k + 1, k]], log[[k + 1, k]]
         if not is_settling:
-            draws.append(place[0].copy())
+            draws.append(current[0].copy())
     return np.array(draws), step
 
 
@@ -126,10 +126,10 @@ def test_a_candidate_that_blew_up_is_never_accepted_and_shrinks_the_step(rejecti
 # --- draws from the emulated posterior ------------------------------------------------------------
 
 
-def drawn(cost, places, pieces, seed):
+def drawn(cost, starts, pieces, seed):
     """Differential evolution by halves as its formulas say."""
-    random, count = np.random.default_rng(seed), places.shape[1]
-    walker = places[np.arange(64) % len(places)]
+    random, count = np.random.default_rng(seed), starts.shape[1]
+    walker = starts[np.arange(64) % len(starts)]
     walker = np.clip(walker + 3e-3 * random.normal(size=walker.shape), 0, 1)
     kept = []
     for step in range(300):
@@ -151,10 +151,10 @@ def drawn(cost, places, pieces, seed):
 
 def test_draws_follow_their_printed_formulas():
     """Two hundred steps of 64 walkers are kept; one of the three first candidates lies on a bound."""
-    places = np.array([[0.0, 1.0], [0.3, 0.6], [0.5, 0.5]])
-    found = posterior.draw(valley, places, 6.0, 4)
+    starts = np.array([[0.0, 1.0], [0.3, 0.6], [0.5, 0.5]])
+    found = posterior.draw(valley, starts, 6.0, 4)
     assert found.shape == (200 * 64, 2)
-    assert found == pytest.approx(drawn(valley, places, 6.0, 4), rel=1e-9)
+    assert found == pytest.approx(drawn(valley, starts, 6.0, 4), rel=1e-9)
 
 
 # --- CMA-ES ---------------------------------------------------------------------------------------
@@ -198,23 +198,23 @@ def test_a_run_begins_a_quarter_of_the_box_wide_at_the_start_and_inside_the_boun
 def test_the_emulated_cost_is_that_of_kriging_with_the_fitted_ranges():
     """w = K^-1 (k + 1 (1 - 1'K^-1 k) / 1'K^-1 1), cost w' G w + caution s^2 v, v the variance of such weights."""
     random = np.random.default_rng(2)
-    places = random.random((9, 2))
-    told = np.stack([np.sin(3 * places[:, 0] + k) + k * places[:, 1] for k in range(5)], axis=1)
-    gram = told @ told.T
-    emulator = Emulator(places, gram)
+    samples = random.random((9, 2))
+    evaluated = np.stack([np.sin(3 * samples[:, 0] + k) + k * samples[:, 1] for k in range(5)], axis=1)
+    gram = evaluated @ evaluated.T
+    emulator = Emulator(samples, gram)
     lengths, nugget = np.exp(emulator._logs[:2]), np.exp(emulator._logs[2])
 
     def correlated(a, b):
         d = np.sqrt(5 * (((a[:, None] - b[None]) / lengths) ** 2).sum(-1))
         return (1 + d + d**2 / 3) * np.exp(-d)
 
-    ones, whole = np.ones(9), correlated(places, places) + nugget * np.eye(9)
+    ones, whole = np.ones(9), correlated(samples, samples) + nugget * np.eye(9)
     projected = np.linalg.inv(whole)
     projected -= np.outer(projected @ ones, projected @ ones) / (ones @ projected @ ones)
     scale = np.trace(projected @ gram) / 8
     asked = random.random((4, 2))
-    for place, cost in zip(asked, emulator.costs(asked, 0.6)[0], strict=True):
-        near = correlated(place[None], places)[0]
+    for candidate, cost in zip(asked, emulator.costs(asked, 0.6)[0], strict=True):
+        near = correlated(candidate[None], samples)[0]
         weights = np.linalg.solve(whole, near)
         weights += np.linalg.solve(whole, ones) * (1 - weights.sum()) / (ones @ np.linalg.solve(whole, ones))
         assert weights.sum() == pytest.approx(1.0)

@@ -20,20 +20,20 @@ def swung(units):
 
 
 @pytest.fixture
-def places():
+def samples():
     return np.random.default_rng(0).random((20, 3))
 
 
 @pytest.fixture
-def emulator(places):
-    told = swung(places)
-    return Emulator(places, told @ told.T)
+def emulator(samples):
+    evaluated = swung(samples)
+    return Emulator(samples, evaluated @ evaluated.T)
 
 
-def test_emulated_costs_hold_to_a_percent_at_samples_and_to_a_tenth_elsewhere(places, emulator):
+def test_emulated_costs_hold_to_a_percent_at_samples_and_to_a_tenth_elsewhere(samples, emulator):
     """The nugget, for ripples, keeps the samples from being met exactly."""
-    told = (swung(places) ** 2).sum(1)
-    assert emulator.costs(places, 0.0)[0] == pytest.approx(told, rel=0.01, abs=0.01 * told.max())
+    evaluated = (swung(samples) ** 2).sum(1)
+    assert emulator.costs(samples, 0.0)[0] == pytest.approx(evaluated, rel=0.01, abs=0.01 * evaluated.max())
     others = 0.2 + 0.6 * np.random.default_rng(1).random((50, 3))
     true = (swung(others) ** 2).sum(1)
     assert np.abs(emulator.costs(others, 0.0)[0] - true).max() < 0.1 * true.mean()
@@ -44,8 +44,8 @@ def test_far_from_two_samples_caution_costs_their_unbiased_variance():
 
     Infinitely far away the prediction's variance is that times 1 + (1 + g + k) / 2: of one number and of the mean.
     """
-    told = np.array([[3.0, 0.0], [0.0, 4.0]])
-    found = Emulator(np.array([[0.0], [1.0]]), told @ told.T)
+    evaluated = np.array([[3.0, 0.0], [0.0, 4.0]])
+    found = Emulator(np.array([[0.0], [1.0]]), evaluated @ evaluated.T)
     apart = np.sqrt(5) / np.exp(found._logs[0])
     k, whole = (1 + apart + apart**2 / 3) * np.exp(-apart), 1 + np.exp(found._logs[1])
     far = np.array([[1e4]])
@@ -53,12 +53,12 @@ def test_far_from_two_samples_caution_costs_their_unbiased_variance():
     assert caution == pytest.approx([25 / (2 * (whole - k)) * (1 + (whole + k) / 2)])
 
 
-def test_caution_costs_least_at_samples(places, emulator):
+def test_caution_costs_least_at_samples(samples, emulator):
     def doubt(units):
         return emulator.costs(units, 1.0)[0] - emulator.costs(units, 0.0)[0]
 
     corners = np.array([[0.0, 0, 0], [1, 1, 1], [0, 1, 0]])
-    assert (doubt(corners) > 3 * doubt(places).max()).all()
+    assert (doubt(corners) > 3 * doubt(samples).max()).all()
 
 
 def test_slopes_of_the_cost_are_those_of_differences(emulator):
@@ -79,8 +79,8 @@ def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
         assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
 
 
-def test_residuals_that_depend_on_no_parameter_cost_the_same_everywhere(places):
-    found = Emulator(places, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
+def test_residuals_that_depend_on_no_parameter_cost_the_same_everywhere(samples):
+    found = Emulator(samples, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
     assert found[0] == pytest.approx(7.0)
     assert np.abs(found[1]).max() < 1e-6
 
@@ -104,13 +104,13 @@ def test_candidates_drawn_about_a_best_one_at_the_bound_stay_in_the_box(monkeypa
     asked = []
     costs = Emulator.costs
     monkeypatch.setattr(
-        Emulator, "costs", lambda self, places, caution: asked.append(places) or costs(self, places, caution)
+        Emulator, "costs", lambda self, samples, caution: asked.append(samples) or costs(self, samples, caution)
     )
     units = np.concatenate([sampling.scatter(np.full(3, 0.2), 5), [[1.0, 0.0, 1.0]]])
     residuals = swung(units)
     residuals[-1] = 0.0
     sampling.propose(units, residuals, units[0], 5)
-    drawn = np.concatenate([places for places in asked if len(places) == sum(sampling.DRAWN)])
+    drawn = np.concatenate([samples for samples in asked if len(samples) == sum(sampling.DRAWN)])
     assert len(drawn) == 2 * sum(sampling.DRAWN)
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
@@ -155,31 +155,31 @@ def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
 
 def test_the_emulator_uses_the_best_sixty_of_the_finite_samples_and_proposals_begin_at_the_best(monkeypatch):
     """By the sum of squares and the prior: of 70 candidates two blew up, and the eight that cost most are left out."""
-    rng, start, told = np.random.default_rng(8), np.full(3, 0.2), {}
+    rng, start, evaluated = np.random.default_rng(8), np.full(3, 0.2), {}
     units = rng.random((70, 3))
     residuals = rng.normal(size=(70, 5)) * rng.uniform(0.1, 4.0, (70, 1))
     residuals[[3, 40], 2] = np.inf
 
-    class Told(Emulator):
-        def __init__(self, places, products):
-            told.update(places=places, products=products)
-            super().__init__(places, products)
+    class Recorded(Emulator):
+        def __init__(self, samples, products):
+            evaluated.update(samples=samples, products=products)
+            super().__init__(samples, products)
 
     def least(emulator, caution, best, start, random):
-        told.setdefault("begun", []).append((caution, best.tolist()))
+        evaluated.setdefault("begun", []).append((caution, best.tolist()))
         return [best, best + 0.02, best - 0.02]
 
-    monkeypatch.setattr(sampling, "Emulator", Told)
+    monkeypatch.setattr(sampling, "Emulator", Recorded)
     monkeypatch.setattr(sampling, "_least", least)
     found = sampling.propose(units, residuals, start, 5)
     sound = [k for k in range(70) if k not in (3, 40)]
     costs = [(residuals[k] ** 2).sum() + ((units[k] - start) ** 2).sum() / PRIOR_SD**2 for k in sound]
     order = [sound[k] for k in np.argsort(costs)][: sampling.MOST_EMULATED]
     assert len(order) == 60
-    np.testing.assert_array_equal(told["places"], units[order])
-    np.testing.assert_allclose(told["products"], residuals[order] @ residuals[order].T)
+    np.testing.assert_array_equal(evaluated["samples"], units[order])
+    np.testing.assert_allclose(evaluated["products"], residuals[order] @ residuals[order].T)
     best = units[order[0]]
-    assert told["begun"] == [(caution, best.tolist()) for caution in sampling.CAUTIONS]
+    assert evaluated["begun"] == [(caution, best.tolist()) for caution in sampling.CAUTIONS]
     # The best candidate was simulated already, and each other is far enough from all before it.
     assert found == pytest.approx(np.array([best + 0.02, best - 0.02]))
 

@@ -13,21 +13,21 @@ END = np.array([0.5, 0.5, 0.5])
 WEAK = 1e-6 * np.eye(3)
 
 
-def never(places):
-    raise AssertionError(f"asked of {len(places)} places")
+def never(candidates):
+    raise AssertionError(f"asked of {len(candidates)} candidates")
 
 
 def test_one_parameter_is_displaced_and_another_compensates():
     asked = []
 
-    def judge(places):
-        asked.append(places)
-        return np.abs(places[:, 0] - 0.8)  # the valley beyond
+    def judge(candidates):
+        asked.append(candidates)
+        return np.abs(candidates[:, 0] - 0.8)  # the valley beyond
 
     found = across(END, JACOBIAN, WEAK, 1.0, 2, judge)
-    (places,) = asked
+    (candidates,) = asked
     # H_oo^-1 H_ok of the sum and the difference: (9 - 0.09) / (9 + 0.09).
-    apart = places - END
+    apart = candidates - END
     assert np.allclose(apart[:, 2], 0.0)
     for moved in apart:
         k = int(np.abs(moved[:2]).argmax())
@@ -41,7 +41,14 @@ def test_one_parameter_is_displaced_and_another_compensates():
 
 def test_candidates_stay_within_the_bounds():
     seen = []
-    across(np.array([0.9, 0.05, 0.5]), JACOBIAN, WEAK, 1.0, 2, lambda places: seen.append(places) or places[:, 0])
+    across(
+        np.array([0.9, 0.05, 0.5]),
+        JACOBIAN,
+        WEAK,
+        1.0,
+        2,
+        lambda units: seen.append(units) or units[:, 0],
+    )
     assert ((seen[0] >= 0) & (seen[0] <= 1)).all()
     assert not np.isclose(seen[0][:, 0], 1.05).any()
 
@@ -53,7 +60,7 @@ def test_parameters_that_the_data_determine_closely_or_not_at_all_are_not_displa
 
 def test_only_the_first_parameters_are_moved_alone():
     seen = []
-    across(END, JACOBIAN, WEAK, 1.0, 1, lambda places: seen.append(places) or places[:, 0])
+    across(END, JACOBIAN, WEAK, 1.0, 1, lambda units: seen.append(units) or units[:, 0])
     assert len(seen[0]) == 6
 
 
@@ -65,9 +72,9 @@ def asked_from(unit, cost=40.0, judged=None):
     """The candidates that are judged from an end, and those that are returned."""
     seen = []
 
-    def judge(places):
-        seen.append(places)
-        return np.arange(len(places), dtype=float) if judged is None else np.array(judged)
+    def judge(candidates):
+        seen.append(candidates)
+        return np.arange(len(candidates), dtype=float) if judged is None else np.array(judged)
 
     found = across(np.array(unit), TILTED, PRIOR, cost, 1, judge)
     return seen[0], found
@@ -75,8 +82,8 @@ def asked_from(unit, cost=40.0, judged=None):
 
 def test_candidates_along_the_floor_of_a_valley_by_hand():
     """From 0.8 a step of 0.15 stays in the box, and steps of 0.3 and 0.45 only downwards."""
-    places, _ = asked_from([0.8, 0.3])
-    assert places == pytest.approx(np.array([[0.35, 0.525], [0.5, 0.45], [0.65, 0.375], [0.95, 0.225]]))
+    candidates, _ = asked_from([0.8, 0.3])
+    assert candidates == pytest.approx(np.array([[0.35, 0.525], [0.5, 0.45], [0.65, 0.375], [0.95, 0.225]]))
 
 
 @pytest.mark.parametrize(("first", "count"), [(0.45, 6), (0.55, 6), (0.44, 5), (0.56, 5)])
@@ -103,5 +110,5 @@ def test_a_rise_of_twice_the_cost_is_too_much():
 
 def test_the_best_candidate_of_either_direction_is_returned_the_better_first():
     """Of three candidates below and three above the end, the second of each costs least, above less than below."""
-    places, found = asked_from([0.5, 0.5], judged=[9.0, 2.0, 8.0, 7.0, 1.0, 6.0])
-    assert found == pytest.approx(places[[4, 1]])
+    candidates, found = asked_from([0.5, 0.5], judged=[9.0, 2.0, 8.0, 7.0, 1.0, 6.0])
+    assert found == pytest.approx(candidates[[4, 1]])

@@ -40,6 +40,7 @@ LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and 
 LOOKED_AT = 50  # lines searched for delimiters where the header has a single cell
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some more
 LONGEST_CELL = 1 << 17  # characters
+MINUS = "\u2212"  # the sign of negative numbers in Swedish, Norwegian or Finnish (Unicode CLDR)
 
 
 class Rows(Sequence[list[str]]):
@@ -95,7 +96,7 @@ class Rows(Sequence[list[str]]):
 
     def last_cell(self, at: int) -> str:
         """Return the last cell of a line."""
-        line = self.lines[at]
+        line = self._with_hyphens(self.lines[at])
         if '"' in line:
             return self[at][-1]
         return self._as_stated([line[line.rfind(self.separator) + 1 :]], self.numbers[at])[0]
@@ -119,8 +120,13 @@ class Rows(Sequence[list[str]]):
             )  # fmt: skip
         return [cell if plain is None else plain for cell, plain in zip(cells, found, strict=True)]
 
+    def _with_hyphens(self, line: str) -> str:
+        """Return a frame with the hyphens that programs in some languages replace by a minus sign."""
+        return line if not self._are_frames or line.isascii() else line.replace(MINUS, "-")
+
     def _cells(self, line: str) -> list[str]:
         """Split a line into cells, within the memory that a marker file needs."""
+        line = self._with_hyphens(line)
         if len(line) > MOST_CELLS and line.count(self.separator) > MOST_CELLS:
             raise TakeError(
                 f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_lines import Rows
 from tests.formats.test_marker_tables import MOTIVE, OWN, QTM, TRC, VICON, read
 
@@ -82,3 +83,16 @@ def test_the_last_of_some_rows_is_cut_where_the_last_of_all_is(tmp_path):
     with pytest.raises(TakeError, match="has a line of more than 100000 cells"):
         wide[0]
     assert len(Rows(["," * 100_000], [1], ",", tmp_path)[0]) == 100_001
+
+
+@pytest.mark.parametrize("decimal", [None, "."])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_minus_sign_is_a_hyphen_in_frames_and_stays_in_names(tmp_path, decimal, encoding):
+    """Programs in Swedish, Norwegian or Finnish write it."""
+    text = OWN.replace("time_s,a_", "time_s,\u2212a_").replace(",a_", ",\u2212a_")
+    text += "".join(f"{k / 10},\u2212{k + 1}.5,2,\u22123,4,5,\u2212{k + 6}.25\n" for k in range(4))
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    found = read_marker_tracks(tmp_path / "a.csv", decimal="point" if decimal else "")
+    assert found.labels[0] == "\u2212a"
+    assert found.positions[:, 0, 0].tolist() == [-1.5, -2.5, -3.5, -4.5]
+    assert found.positions[3, 1].tolist() == [4, 5, -9.25]

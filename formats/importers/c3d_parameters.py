@@ -38,7 +38,8 @@ def numbers_of(raw: bytes, kind: int, processor: int) -> Singles:
     if kind == FLOAT and processor == DEC:
         halves = np.frombuffer(whole, "<u2").reshape(-1, 2)[:, ::-1]
         quadrupled: Singles = np.ascontiguousarray(halves).view("<f4").ravel()
-        return quadrupled * np.float32(0.25)
+        with np.errstate(invalid="ignore"):  # a damaged number is no number, and needs no warning
+            return quadrupled * np.float32(0.25)
     dtype = {FLOAT: f"{order}f4", SHORT: f"{order}i2", BYTE: "u1"}[kind]
     return np.frombuffer(whole, dtype).astype(np.float32)
 

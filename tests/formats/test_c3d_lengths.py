@@ -167,6 +167,11 @@ def test_numbers_of_each_kind_and_byte_order_are_whole(raw, kind, processor, num
     assert numbers_of(raw, kind, processor).tolist() == numbers
 
 
+def test_a_damaged_number_in_dec_order_is_no_number():
+    """A signalling NaN, of which every product warns."""
+    assert np.isnan(numbers_of(bytes.fromhex("807f0100"), FLOAT, DEC)).tolist() == [True]
+
+
 def section(*parts):
     return b"\0\0\1" + bytes([INTEL]) + b"".join(parts)
 

@@ -54,7 +54,7 @@ class Condition(Enum):
     )
     MISFIT = Saying(
         "both markers are read, but depth and the rig's sizes contradict each other",
-        "measure marker_size_m and marker_distance_m of the rig again; look whether depth comes in millimetres; keep "
+        "measure marker_size_m and marker_distance_m of the rig again; check that depth comes in millimetres; keep "
         "sun and gloss off the markers", Lamp.SLOW,
     )  # fmt: skip
     NO_GARMENT = Saying(

@@ -59,14 +59,16 @@ class OpenNI2Sensor(DepthSensor):
         self._timeout = STALL_TIMEOUT
         self._pairs = self._paired()
         self._uri = str(target) if target is not None else device or _first_device()
+        self._depth: Any = None
+        self._colour: Any = None
         self._device = self._open()
         try:
-            self._depth, self._colour = self._start()
+            self._start()
         except self._openni2.OpenNIError as error:
-            self._close_device()
+            self.close()
             raise self._refused(f"its streams do not start: {openni2_library.reason(error)}") from error
         except BaseException:
-            self._close_device()
+            self.close()  # streams first: one that outlives its device ends the process when Python collects it
             raise
 
     def _open(self) -> Any:
@@ -85,8 +87,9 @@ class OpenNI2Sensor(DepthSensor):
             return SensorUnavailableError(what, where=self._uri, advice=advice or REPLUG)
         return RecordingError(what, where=self._path, advice=advice or COPY_AGAIN)
 
-    def _start(self) -> tuple[Any, Any]:
-        depth, colour = self._device.create_depth_stream(), self._device.create_color_stream()
+    def _start(self) -> None:
+        self._depth = depth = self._device.create_depth_stream()
+        self._colour = colour = self._device.create_color_stream()
         if depth is None:
             raise self._refused("it has no depth stream", "use a depth sensor" if self._path is None else BOTH)
         if self._device.playback is not None:
@@ -101,7 +104,6 @@ class OpenNI2Sensor(DepthSensor):
         for stream in (depth, colour):
             if stream is not None:
                 stream.start()
-        return depth, colour
 
     def _set_up_live(self, depth: Any, colour: Any) -> None:
         """Set the largest common image size, unmirrored: PS1080 devices start with mirrored images of 320 x 240."""
@@ -343,9 +345,6 @@ class OpenNI2Sensor(DepthSensor):
                 for end in (stream.stop, stream.close):
                     with contextlib.suppress(self._openni2.OpenNIError):  # as of a device that was unplugged
                         end()
-        self._close_device()
-
-    def _close_device(self) -> None:
         with contextlib.suppress(self._openni2.OpenNIError):
             self._device.close()
 

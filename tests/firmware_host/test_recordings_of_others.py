@@ -7,6 +7,7 @@ import struct
 import numpy as np
 import pytest
 
+from firmware_host import openni2_library
 from firmware_host.errors import RecordingError
 from firmware_host.oni_records import RECORD_HEADER, RecordType, read_records, summarise
 from firmware_host.openni2_sensor import OpenNI2Sensor
@@ -50,6 +51,15 @@ def test_stamps_more_than_a_fifth_off_the_stated_rate_are_refused_or_accepted(tm
         OpenNI2Sensor(path)
     with OpenNI2Sensor(path, anyway=True) as sensor:
         assert sensor.info.notes[-1] == f"its frames come at {1e6 / interval:.1f} a second, it states 30"
+
+
+def test_a_recording_that_is_refused_leaves_no_stream_behind(tmp_path):
+    """A stream that Python collects after its device was closed ends the process."""
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 250_000 * (k + 1))
+    with pytest.raises(RecordingError, match="frames a second") as kept:
+        OpenNI2Sensor(path)
+    assert kept.traceback  # its frames hold the streams
+    assert not any(openni2_library.load()._registered_video_streams)
 
 
 @pytest.mark.parametrize("interval", [29_000, 39_000])

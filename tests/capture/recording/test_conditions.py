@@ -253,7 +253,7 @@ def test_a_rig_with_other_marker_sizes_is_distinguished_from_markers_that_are_no
             take_id="t", created="now", announce=lambda time, condition: said.append(condition),
         )  # fmt: skip
     assert said == [Condition.MISFIT]
-    assert "look whether depth comes in millimetres" in said[0].value.advice
+    assert "check that depth comes in millimetres" in said[0].value.advice
 
 
 @pytest.mark.parametrize(

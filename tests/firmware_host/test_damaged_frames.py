@@ -48,6 +48,19 @@ def test_a_depth_frame_with_a_turned_bit_is_left_out_and_counted_as_dropped(tmp_
 
 @pytest.mark.openni
 @pytest.mark.usefixtures("openni")
+def test_damaged_frames_before_the_first_intact_one_are_counted_as_dropped(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL, depth_codec="NONE", with_colour=False) as writer:
+        for number in range(5):
+            content = picture(number)[0].tobytes()
+            writer._append(writer._depth, 1000 + number * PERIOD_US, content[:-2] if number < 2 else content)
+    with OpenNI2Sensor(path) as sensor:
+        frames = list(sensor.frames())
+    assert [(frame.index, frame.dropped_before) for frame in frames] == [(2, 2), (3, 0), (4, 0)]
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
 def test_a_colour_frame_with_too_few_bytes_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "a.oni"
     with OniWriter(path, SMALL) as writer:

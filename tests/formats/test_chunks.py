@@ -13,8 +13,10 @@ from formats.chunks import (
     LONGEST_RECORD,
     MCAP_MAGIC,
     RECORD_BYTES,
+    SLAB,
     UNPACKED,
     Findings,
+    _Starts,
     messages_in,
     messages_with_sizes,
     profile_of,
@@ -191,3 +193,10 @@ def header(profile, *, opcode=1, length=None, size=None, magic=MCAP_MAGIC):
 )  # fmt: skip
 def test_a_profile_is_read_where_the_beginning_of_a_file_holds(raw, profile):
     assert profile_of(raw) == profile
+
+
+@pytest.mark.parametrize("at", [SLAB - 1, SLAB, 2 * SLAB - 1])
+def test_a_chunk_is_found_on_either_side_of_the_bytes_that_are_searched_at_once(at):
+    raw = bytes(at) + chunk_of(b"data")
+    assert _Starts(raw).next_at(0) == at
+    assert _Starts(raw).next_at(at + 1) == len(raw)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import msgspec
 import numpy as np
@@ -16,7 +18,7 @@ from formats.archive import write_take
 from formats.errors import OutputError, TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
-from formats.exporters.rerun_file import about, write_rrd
+from formats.exporters.rerun_file import _send_moving, about, write_rrd
 from formats.garment import TrackedPoint
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
@@ -185,6 +187,22 @@ def test_rerun_gets_every_position_where_it_was_seen_and_nothing_where_it_was_no
     assert 0 < sum(len(places) == 0 for places in found["places"]) < len(take.time)
     np.testing.assert_allclose(found["sensor"] / 1e9, take.time, atol=0.51e-6)
     assert len(rerun_columns(tmp_path / "a.rrd", "/take/surface")["places"]) == 1
+
+
+def test_rerun_gets_times_in_nanoseconds_rounded_to_microseconds():
+    """Of a stand-in for the library, which is not everywhere; 0.1 and 2.0000004 s."""
+    columns = {}
+    rerun = SimpleNamespace(
+        TimeColumn=lambda name, **values: (name, values), Points3D=MagicMock(), Scalars=MagicMock(),
+        new_entity_path="/".join,
+    )  # fmt: skip
+    stream = MagicMock(send_columns=lambda entity, times, _: columns.update({entity: dict(times)}))
+    _send_moving(rerun, stream, replace(a_take(2), time=np.array([0.1, 2.0000004])))
+    assert {"take/points/p0", "take/held/left", "take/markers/right", "state"} <= columns.keys()
+    for times in columns.values():
+        duration = times["sensor"]["duration"]
+        assert (duration.dtype, duration.astype(int).tolist()) == ("timedelta64[ns]", [100_000_000, 2_000_000_000])
+        assert times["frame"]["sequence"].tolist() == [0, 1]
 
 
 def rerun_columns(path, entity):

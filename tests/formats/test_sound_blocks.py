@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from formats.blocks import LATEST, MOST_ROWS
-from formats.sound_blocks import _batches, in_order, increasing, sound_scans
+from formats.sound_blocks import _batches, _within_reach, in_order, increasing, sound_scans
 from formats.surface import encode_scan, places_of
 from formats.table_memory import TableMemory
 from formats.take_end import Held, contradictions, is_end, missing_spans
-from formats.take_messages import Message
+from formats.take_messages import Contents, Message, Parts
 from tests.formats.test_archive import a_scan
 
 BLOCK = {"first": 0, "frames": 1, "start": 0, "steps": [0, 2], "table": b""}
@@ -79,8 +79,9 @@ def test_blocks_are_decoded_together_up_to_so_many_rows(frames, rows, batches):
         ([0, 2, 4], [[0, 1], [9, 3], [10, 11]], [0, 2]),
         ([0, 2, 4], [[0, 9], [2, 3], [10, 11]], [0, 2]),
         ([0, 2, 4], [[0, 1], [2, 2], [3, 4]], [0, 2]),
+        ([0, 2, 4], [[0, 9], [2, 3], [4, 11]], [0]),
     ],
-    ids=["in order", "shared frames", "no time between", "back within", "back behind", "stands still"],
+    ids=["in order", "shared frames", "no time between", "back within", "back behind", "stands still", "all behind"],
 )
 def test_blocks_of_shared_frames_or_of_time_that_does_not_go_on_are_left_out(firsts, times, kept):
     blocks = [message(BLOCK | {"first": first, "frames": 2}) for first in firsts]
@@ -90,6 +91,29 @@ def test_blocks_of_shared_frames_or_of_time_that_does_not_go_on_are_left_out(fir
     assert bad == 3 - len(kept)
     assert columns["time"].tolist() == [instant for k in kept for instant in times[k]]
     assert columns["state"].tolist() == [row for k in kept for row in (2 * k, 2 * k + 1)]
+
+
+@pytest.mark.parametrize("name", ["held", "markers", "points"])
+@pytest.mark.parametrize(("place", "is_kept"), [(1000.0, True), (-1000.0, True), (1000.001, False), (-1001.0, False)])
+def test_a_block_with_a_position_beyond_a_kilometre_is_left_out(name, place, is_kept):
+    """Of blocks of 1, 2 and 1 frames; the position is in the last frame of the second one."""
+    blocks = [message(BLOCK | {"first": first, "frames": frames}) for first, frames in ((0, 1), (1, 2), (3, 1))]
+    columns = {"held": np.zeros((4, 2, 3)), "markers": np.zeros((4, 2, 3)), "points": np.zeros((4, 5, 3))}
+    columns[name][2, 1, 2] = place
+    found, kept = _within_reach(columns, blocks)
+    assert [block["first"] for block in kept] == ([0, 1, 3] if is_kept else [0, 3])
+    assert [len(values) for values in found.values()] == [4 if is_kept else 2] * 3
+
+
+@pytest.mark.parametrize(
+    ("blocks", "counted", "is_finished"), [(2, 4, False), (3, 4, True), (2, 3, True), (0, 0, False), (1, -3, True)]
+)
+def test_a_take_is_finished_that_has_more_than_half_of_the_blocks_that_its_end_counts(blocks, counted, is_finished):
+    """A finished take comes before one of more blocks, another take behind it."""
+    first = Parts([message(BLOCK)] * blocks, ends=[message(END | {"blocks": counted})])
+    contents = Contents(headers={b"first": b"", b"more": b""})
+    contents.parts.update({b"first": first, b"more": Parts([message(BLOCK)] * 5)})
+    assert list(contents.by_preference()) == ([b"first", b"more"] if is_finished else [b"more", b"first"])
 
 
 def scans_of(*contents):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import formats
 from formats.archive import read_take, verify_take, write_take
+from tests.formats.test_archive import a_take
 from tests.formats.tiny_reader import read
 from tests.formats.vectors.make import a_take_with_everything, plain
 
@@ -77,3 +79,16 @@ def test_the_schema_of_the_messages_is_the_specification(tmp_path):
         assert (schema.name, schema.encoding) == ("hangtime-take", "text/markdown")
         assert schema.data.startswith(b"# Take archives, version 2\n")
     assert schema.data == (Path(formats.__file__).parent / "SPEC.md").read_bytes()
+
+
+def test_other_programs_see_each_message_at_its_time(tmp_path):
+    """MCAP's log time is in nanoseconds. Blocks of one second have the time of their first frame."""
+    from mcap.reader import make_reader
+
+    take = replace(a_take(75), time=2.5 + np.arange(75) / 30)
+    with write_take(tmp_path / "a.mcap", take).open("rb") as file:
+        met = [(channel.topic, message.log_time) for _, channel, message in make_reader(file).iter_messages()]
+    first = [int(time) for topic, time in met if topic == "/block"]
+    assert first[0] == 2_500_000_000
+    assert np.diff(first) == pytest.approx([1e9 * 31 / 30, 1e9 * 31 / 30], abs=1e3)
+    assert dict(met)["/end"] == pytest.approx(1e9 * take.time[-1], abs=1e3)

@@ -10,7 +10,7 @@ import pytest
 
 from capture.calibration.accelerometer import ZERO_SD, gravity_of_readings
 from capture.calibration.depth_offset import plate_offset
-from capture.calibration.frames import StillFrames, StillRun
+from capture.calibration.frames import StillFrames, StillRun, watch
 from capture.calibration.measures import (
     Estimate,
     depth_scale,
@@ -20,10 +20,13 @@ from capture.calibration.measures import (
     median_of_frames,
     place_of_frames,
 )
+from capture.calibration.report import lines
+from capture.calibration.session import Measured
 from capture.errors import CalibrationError
 from capture.hanger.marker_plates import MARKER_CENTRE_SD, PlatePlacer
 from firmware_host.usb_control.kinect_motor import MotorState
-from formats.rig import Rig, Sensor
+from formats.rig import Hanger, Rig, Sensor
+from tests.capture.stage import StageSensor
 
 CAMERA = Sensor(width=640, height=480, fx=500.0, fy=400.0, cx=319.5, cy=239.5)
 RIG = Rig(format="hangtime-rig/1", name="bench", gravity=(0.0, 1.0, 0.0))
@@ -300,3 +303,40 @@ def test_the_deviation_of_a_median_is_that_of_many_medians():
     found = [median_of_frames(row) for row in values]
     assert np.std([float(one.value) for one in found]) == pytest.approx(0.162, rel=0.1)
     assert np.median([float(one.sd) for one in found]) == pytest.approx(0.162, rel=0.2)
+
+
+class ShownMarkers:
+    """A detector of one marker, at the column that the image's first pixel names."""
+
+    ids = (0,)
+
+    def in_picture(self, colour):
+        return quad(float(colour[0, 0, 0]), 20.0, 10.0)[None]
+
+    def refined(self, colour, row, corners):
+        return corners
+
+
+def test_frames_before_the_longest_still_period_are_left_out():
+    """A marker moves by 10 px a frame for 7 frames, then rests for 16, moves again and rests for 15."""
+    columns = [10 * k for k in range(7)] + [100] * 16 + [150, 160] + [200] * 15
+    shown = [(np.full((8, 8), k + 1, np.uint16), np.full((8, 8, 3), column)) for k, column in enumerate(columns)]
+    still = watch(StageSensor(shown), ShownMarkers(), 5.0)
+    assert [int(depth[0, 0]) for depth in still.depth] == list(range(8, 24))
+    assert still.corners.mean((1, 2, 3)).tolist() == [60.0] * 16
+    assert still.seen == len(columns)
+
+
+@pytest.mark.parametrize(
+    ("value", "is_doubted"), [(1.0, False), (1.02, False), (0.98, False), (1.04, True), (0.96, True)]
+)
+def test_a_scale_that_is_three_deviations_from_one_is_doubted_on_either_side(value, is_doubted):
+    hanger = Hanger(marker_size_m=0.06, marker_distance_m=0.3, ids=(0, 1), held_m=((0.0, 0.1, 0.0), (0.3, 0.1, 0.0)))
+    scale = Estimate(np.array(value), np.array(0.01))
+    measured = Measured(
+        rig=msgspec.structs.replace(RIG, hanger=hanger), frames=20, seen=30, gravity=None, scale=scale, offset=None,
+        held=None, distance_m=0.3 * value,
+    )  # fmt: skip
+    said = next(line for line in lines(measured, RIG) if line.startswith("depth scale"))
+    assert f"{value:.4f} +- 0.0100: {300 * value:.1f} mm between the markers, the rig says 300.0" in said
+    assert ("measure that distance again" in said) == is_doubted

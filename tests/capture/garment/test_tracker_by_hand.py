@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import msgspec
@@ -316,3 +317,27 @@ def test_the_quality_of_a_frame_is_the_share_of_its_points_times_that_of_its_dep
     """Of four points one is unseen, one known to 16 mm and two to 8 mm or better: (0.5 + 1 + 1) / 4 x 0.8."""
     sd = np.array([[np.nan, 0, 0], [0, 0, 0.016], [0, 0.008, 0], [0.001, 0, 0]])
     assert frame_quality(np.arange(4) > 0, sd, 0.8) == pytest.approx(0.5)
+
+
+def test_the_centre_is_as_uncertain_as_the_distances_between_the_corners_are_wrong(tracker, monkeypatch):
+    """Each of the twelve distances 9 mm too long: 0.3 x 9 mm x 500 / 1.6 m = 0.844 px, beside 0.5 px of its cell."""
+    asked = []
+
+    def place(pixel, sd):
+        asked.append(np.asarray(sd).tolist())
+        return PLACES[len(asked) - 1], np.full(3, 0.002)
+
+    along = FLAT + 0.009 * (1 - np.eye(4))
+    monkeypatch.setattr(module, "Placer", lambda *given: SimpleNamespace(place=place))
+    monkeypatch.setattr(module, "folded_away", lambda *given: (NONE, NONE))
+    monkeypatch.setattr(tracker, "_ways_between", lambda surface, places: (None, along))
+    monkeypatch.setattr(tracker, "_hidden", lambda *given: NONE)
+    monkeypatch.setattr(tracker, "_centre", lambda *given: (np.array([319.5, 280.0]), 0.5))
+    view = SimpleNamespace(pixels=np.full((4, 2), 300.0), sd=np.full((4, 2), 0.4))
+    tracker.finder = SimpleNamespace(find=lambda *given: view)
+    tracker.flat.sides = np.array([0.4, 0.3, 0.4, 0.3])
+    depth = np.zeros((480, 640), np.uint16)
+    depth[242:340, 260:380] = 1600
+    tracker.track(depth, HELD, 0.0)
+    assert len(asked) == 5
+    assert asked[4] == pytest.approx([math.hypot(0.5, 0.3 * 0.009 * 500 / 1.6)] * 2)

@@ -200,3 +200,19 @@ def test_a_chunk_is_found_on_either_side_of_the_bytes_that_are_searched_at_once(
     raw = bytes(at) + chunk_of(b"data")
     assert _Starts(raw).next_at(0) == at
     assert _Starts(raw).next_at(at + 1) == len(raw)
+
+
+@pytest.mark.parametrize(("chunks", "left"), [(19, 900), (20, 1000)])
+def test_a_copy_of_a_header_is_free_of_charge_if_20_chunks_came_since_the_last_one(chunks, left):
+    """The copy is the last of these chunks. Each copy takes 100 bytes beyond its share."""
+    findings = Findings(bytes_left=1000)
+    for _ in range(chunks - 1):
+        findings.charge(0)
+    findings.charge(100)
+    findings.refund_copy(150)
+    assert findings.bytes_left == left
+    for _ in range(19):  # the first copies behind it come too early, unless the one before them was charged
+        findings.charge(0)
+    findings.charge(100)
+    findings.refund_copy(60)  # no more than the header's own size
+    assert findings.bytes_left == left - 40

@@ -11,7 +11,8 @@ import pytest
 
 from formats.archive import read_take, take_of, verify_take, write_take
 from formats.fault_words import doubts_of
-from formats.take_reader import read_every_take
+from formats.take_reader import _Archive, read_every_take
+from formats.take_writer import binding_of
 from tests.fit.here import hangtime_here
 from tests.formats.bombs import BOMBS
 from tests.formats.damage import chunk_of, chunks_of, without_end
@@ -318,3 +319,21 @@ def test_a_scan_of_version_1_whose_block_is_lost_stays_with_the_take_before_the_
     rest = of_one[2:] if goes_on else of_two  # the other header is a stray one, or that of the next take
     found = takes_in([chunk_of(one), *of_one[:2], scan, chunk_of(two), *rest], tmp_path)
     assert len(found["one"][0].scans) == 1
+
+
+def test_a_finished_take_with_an_unreadable_header_is_one_damaged_message(raw):
+    """It comes before a take of more blocks, which is read instead."""
+    lost = b"\x82\xa6format\xafhangtime-take/2"  # a map of two entries, cut behind the first
+    take = binding_of(lost)
+    parts = [{"take": take, "first": 0, "frames": 1}, {"take": take, "frames": 1, "blocks": 1, "scans": 0}]
+    _, sound = _Archive(raw, "sound").first()
+    found, report = _Archive(raw[:8] + b"".join(map(chunk_of, [lost, *parts])) + raw[8:], "joined").first()
+    assert len(found.time) == sound.frames
+    assert (sound.damaged_blocks, report.damaged_blocks, report.other_blocks) == (0, 1, 1)
+
+
+def test_blocks_of_an_earlier_take_that_memory_did_not_suffice_for_are_not_those_of_the_next(raw):
+    archive = _Archive(raw, "a")
+    archive._memory.left_out = 3
+    _, report = archive.first()
+    assert (report.unread_blocks, report.damaged_blocks, report.is_sound) == (0, 0, True)

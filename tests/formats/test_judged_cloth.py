@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from firmware_host.synthetic.scene import RIG
+from formats import judged_cloth
 from formats.garment import TrackedPoint
 from formats.hanger import held_ends
 from formats.judgement import judge
@@ -356,3 +357,15 @@ def test_without_any_sight_of_the_hanger_no_point_counts():
     never = without_hanger(swung(3.0), slice(None))
     assert not sights_of(never).within.any()
     assert told(never) == [("hanger_hardly_seen", True, "both hanger markers were seen together in 0 of 90 frames")]
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_the_longest_of_several_spells_is_named(at, monkeypatch):
+    """4 s from 1 s on, and 1 s from 7 s on, in either order of the points."""
+    take = swung(10.0)
+    spells = [(1.0, 5.0), (7.0, 8.0)]
+    found = [(2 + k, *spells[(k + at) % 2]) for k in range(2)]
+    monkeypatch.setattr(judged_cloth, "standing", lambda *given: found)
+    (one,) = [one for one in judge(take) if one.name == "points_stand"]
+    start = 1.0 - float(take.time[0])
+    assert f"for 4.0 s from {start:.1f} s on at most" in one.words

@@ -31,3 +31,15 @@ def test_a_unit_is_named_where_the_number_is_far_outside_its_range(value, least,
 )  # fmt: skip
 def test_a_comma_before_three_digits_may_part_thousands_and_gets_no_hint(text, number):
     assert number_meant(text, "side_m") == number
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "number"),
+    [
+        ("48 h", "keep_days", "2"), ("12 hours", "keep_days", "0.5"), ("90 s", "pause_minutes", "1.5"),
+        ("2 days", "after_hours", "48"), ("30 min", "after_hours", "0.5"), ("2 ms", "late_us", "2000"),
+        ("1.5 GB", "free_mb", "1500"), ("250 kB", "size_bytes", "250000"), ("35 g", "mass_kg", "0.035"),
+    ],
+)  # fmt: skip
+def test_a_number_with_a_unit_is_converted_to_the_unit_at_the_end_of_its_fields_name(text, field, number):
+    assert number_meant(text, field) == number

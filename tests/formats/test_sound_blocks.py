@@ -6,13 +6,14 @@ import msgpack
 import numpy as np
 import pytest
 
-from formats.blocks import LATEST, MOST_ROWS
-from formats.sound_blocks import _batches, _within_reach, in_order, increasing, sound_scans
+from formats.blocks import LATEST, MOST_ROWS, encode_blocks
+from formats.sound_blocks import _batches, _within_reach, decoded, in_order, increasing, sound_scans
 from formats.surface import encode_scan, places_of
 from formats.table_memory import TableMemory
 from formats.take_end import Held, contradictions, is_end, missing_spans
 from formats.take_messages import Contents, Message, Parts
-from tests.formats.test_archive import a_scan
+from formats.take_writer import STORED
+from tests.formats.test_archive import a_scan, a_take
 
 BLOCK = {"first": 0, "frames": 1, "start": 0, "steps": [0, 2], "table": b""}
 
@@ -212,3 +213,17 @@ def test_a_message_keeps_the_fields_that_a_reader_knows():
 
 def test_a_scan_has_the_square_of_its_grid_and_its_contour_of_positions():
     assert places_of({"grid_size": 12, "contour_size": 96}) == 12 * 12 + 96
+
+
+@pytest.mark.parametrize("damaged", [(), (1,), (0, 2)])
+def test_blocks_whose_tables_are_damaged_are_counted(damaged):
+    take = a_take(90)
+    columns = {name: getattr(take, name) for name in STORED if getattr(take, name) is not None}
+    columns |= {name: np.full(90, np.nan) for name in ("quality", "pitch", "pitch_sd")}
+    columns["points_hidden"] = np.zeros((90, 4), bool)
+    blocks = [message(block, 10**5) for block in encode_blocks(columns, np.array([30, 30, 30]), 0)]
+    for k in damaged:
+        blocks[k]["table"] = b"damaged"
+    found, kept, lost = decoded(blocks, 4, 2, TableMemory())
+    assert [block["first"] for block in kept] == [30 * k for k in range(3) if k not in damaged]
+    assert (lost, len(found["time"])) == (len(damaged), 30 * len(kept))

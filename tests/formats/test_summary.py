@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from formats.fault_words import state_of_take
 from formats.garment import TrackedPoint
 from formats.missing import missing_words
 from formats.rig import Calibration
@@ -189,3 +190,18 @@ def test_missing_seconds_count_from_the_first_frame_and_at_most_five_spans_are_l
     take = replace(a_take(), time=a_take().time - a_take().time[0] + 10.0, missing=spans)
     assert missing_words(take) == words
     assert missing_words(replace(take, missing=()), spans) == words
+
+
+def test_shares_are_rounded_to_a_tenth_of_a_per_cent():
+    """40 and 20 of 60 frames are 66.67 and 33.33 %."""
+    take = made()
+    held_valid, valid = np.ones((FRAMES, 2), bool), np.ones((FRAMES, 4), bool)
+    held_valid[:20, 0], valid[:40, 0] = False, False
+    found = summarise(replace(take, held_valid=held_valid, points_valid=valid))
+    assert (found["hanger_seen_percent"], found["points"][0]["seen_percent"]) == (66.7, 33.3)
+
+
+def test_a_take_without_a_file_counts_no_part_as_damaged_or_of_others():
+    state = msgspec.to_builtins(state_of_take(a_take()))
+    counts = ("missing_frames", "missing_scans", "unread_blocks", "damaged_blocks", "other_blocks", "other_takes")
+    assert {state[name] for name in (*counts, "trailing_bytes")} == {0}

@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from formats.archive import write_take
 from formats.errors import OutputError
 from formats.outputs import write_bytes
-from formats.whole_files import make_folders, write_whole
+from formats.whole_files import is_hidden, make_folders, write_whole
 from tests.formats.test_archive import a_take
 
 
@@ -171,3 +172,15 @@ def test_a_file_that_gets_its_name_by_a_hard_link_leaves_no_other_name(tmp_path,
     monkeypatch.setattr("formats.whole_files._rename_where_none_is", lambda partial, path: False)
     write_whole(tmp_path / "a.json", b"one", may_replace=False)
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_only_a_path_into_a_folder_without_permission_is_hidden(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("")
+    for name in ("a", "none", "a/below a file"):
+        assert not is_hidden(tmp_path / name)
+
+    def refused(path, **options):
+        raise PermissionError(errno.EACCES, "denied", str(path))
+
+    monkeypatch.setattr(Path, "stat", refused)
+    assert is_hidden(tmp_path / "a")

@@ -132,6 +132,8 @@ def test_a_corner_is_hidden_by_belief_or_at_the_pictures_border(hides):
     at_border[1] = [639.0, 100.0]
     assert hides(pixels=at_border)[0] == [False, True, False, False]
     assert 1 not in hides(pixels=at_border)[1]
+    shorter = FLAT - 0.02 * (1 - np.eye(4))  # at the border, a corner says nothing about those behind it
+    assert hides(pixels=at_border, nearer=(3,), along=shorter)[0] == [False, True, False, True]
     gone = PLACES.copy()
     gone[1] = np.nan
     assert hides(pixels=at_border, places=gone)[0] == [False] * 4

@@ -9,7 +9,7 @@ import pytest
 
 from capture.hanger.fiducial_tracker import MarkerTracker
 from capture.hanger.marker_detection import MarkerDetector
-from capture.hanger.marker_following import BLURRED_SD, _best_place, _blurred, follow, keep
+from capture.hanger.marker_following import BLURRED_SD, Followed, _best_place, _blurred, _likeness, follow, keep
 from tests.capture.recording.test_conditions import RIG
 from tests.capture.stage import CAMERA, marker_plate, pictures, plain_plate
 
@@ -162,3 +162,50 @@ def test_ids_of_moving_markers_are_read_where_they_are_expected():
             corners = detector.in_window(colour, row, centre, 1.6 * side, side)
             read += bool(np.isfinite(corners).all() and np.linalg.norm(corners.mean(0) - centre) < 1.0)
     assert read >= 11
+
+
+def test_a_template_has_a_margin_of_15_per_cent_of_its_markers_side():
+    """Of a side of 40 px 6 px; the corners lie between pixels."""
+    quad = np.array([[20.5, 30.5], [60.5, 30.5], [60.5, 70.5], [20.5, 70.5]])
+    kept = keep(np.zeros((100, 100, 3), np.uint8), quad, 0.0)
+    assert kept.origin.tolist() == [14.0, 24.0]
+    assert kept.colour.shape == (54, 54, 3)  # from 14 and 24 to 67 and 77
+    assert keep(np.zeros((100, 67, 3), np.uint8), quad, 0.0) is None
+
+
+def test_likeness_counts_the_pixels_within_the_rounded_hull():
+    """Columns and rows 5 to 15 of the window are those of the template; the others are noise."""
+    rng = np.random.default_rng(7)
+    picture, window = (rng.uniform(0, 255, (20, 20)).astype(np.float32) for _ in range(2))
+    window[5:16, 5:16] = picture[5:16, 5:16]
+    hull = np.array([[4.6, 4.6], [15.4, 4.6], [15.4, 15.4], [4.6, 15.4]])
+    origin, turn = np.array([30.0, 40.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert _likeness(window, picture, turn, origin, origin, hull + origin) == pytest.approx(1.0, abs=1e-5)
+    assert _likeness(window, picture, turn, origin, origin, hull + origin - 0.2) < 0.95
+    assert _likeness(window, picture, turn, origin, origin, hull + origin + 0.2) < 0.95
+
+
+def test_a_followed_marker_is_placed_where_it_was_at_the_instant_of_the_depth(monkeypatch):
+    """20 px to the right in a tenth of a second; colour that is 50 ms late is 10 px ahead, centre and rim alike."""
+    quad = np.array([[100.0, 100.0], [130.0, 100.0], [130.0, 130.0], [100.0, 130.0]])
+    tracker, asked = MarkerTracker(RIG), []
+
+    def place(corners, centre, depth, *, in_view=None, centre_sd=None):
+        asked.append((corners, centre, in_view))
+        return np.array([0.0, 0.0, 1.5]), np.full(3, 0.002), None
+
+    monkeypatch.setattr(tracker._placer, "place", place)
+    monkeypatch.setattr(tracker, "_find_corners", lambda *given: np.stack([quad, np.full((4, 2), np.nan)]))
+    monkeypatch.setattr(tracker, "_follow", lambda *given: None)
+    colour, depth = np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint16)
+    tracker.track(colour, depth, 0.95, 0.05)
+    moved = quad + np.array([20.0, 0.0])
+    monkeypatch.setattr(tracker, "_find_corners", lambda *given: np.full((2, 4, 2), np.nan))
+    monkeypatch.setattr(
+        tracker, "_follow", lambda colour, row, time: Followed(moved, moved, 0.45) if row == 0 else None
+    )
+    tracker.track(colour, depth, 1.05, 0.05)
+    corners, centre, in_view = asked[-1]
+    assert corners == pytest.approx(moved - [10.0, 0.0])
+    assert centre == pytest.approx([125.0, 115.0])
+    assert in_view == pytest.approx(moved - [10.0, 0.0])

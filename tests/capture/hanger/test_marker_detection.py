@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing
+from capture.hanger.seen_otherwise import seen_otherwise
+from formats.rig import Hanger
 
 
 def picture(side):
@@ -39,3 +41,24 @@ def test_a_marker_is_as_far_to_the_right_in_an_enlarged_window_as_in_its_picture
     middle = np.array([79.5, 99.5]) + side / 2
     corners = MarkerDetector("DICT_4X4_50", (0, 1)).in_window(picture(side), 0, middle + 3.0, 1.5 * side, side)
     assert diagonal_crossing(corners) == pytest.approx(middle, abs=0.1)
+
+
+def plain(number):
+    """A grey picture with one marker of 60 px."""
+    image = picture(60)
+    hidden = 80 + 100 * (1 - number)
+    image[90:170, hidden - 10 : hidden + 70] = 200
+    return image
+
+
+HANGER = Hanger(marker_size_m=0.06, marker_distance_m=0.3, held_m=((0.0, 0.1, 0.0), (0.3, 0.1, 0.0)), ids=(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("shown", "sentence"),
+    [(lambda image: image[:, ::-1], "mirror image"), (lambda image: 255 - image, "white on black")],
+)
+def test_markers_are_said_to_be_mirrored_or_inverted_only_where_both_are_seen(shown, sentence):
+    assert sentence in seen_otherwise(np.ascontiguousarray(shown(picture(60))), HANGER)
+    for number in (0, 1):
+        assert seen_otherwise(np.ascontiguousarray(shown(plain(number))), HANGER) == ""

@@ -11,7 +11,8 @@ from formats.importers.broken_numbers import is_near
 from formats.importers.cut_numbers import Ending, ending_of
 from formats.importers.decimal_separators import may_be_motion
 from formats.importers.marker_lines import Rows
-from formats.importers.number_formats import writing_of
+from formats.importers.number_cells import form_of
+from formats.importers.number_formats import writing_of, written_as
 from tests.formats.test_cut_numbers import own
 from tests.formats.test_marker_tables import read
 
@@ -108,3 +109,10 @@ def test_a_path_predicts_its_last_position_where_it_led_to_the_four_before(off, 
 def test_even_motion_at_uneven_times_is_motion():
     time = np.cumsum(np.where(np.arange(40) % 2, 0.01, 0.05))
     assert may_be_motion(time, 5.0 * time[:, None, None] + np.zeros((40, 1, 3)))
+
+
+@pytest.mark.parametrize(("lines", "columns"), [(9, set()), (10, {0}), (17, {0}), (18, {0})])
+def test_a_column_has_a_form_from_two_numbers_of_the_sample_on(lines, columns):
+    """Every eighth line but the last is looked at: of 9 lines the first, of 10 and 17 lines two, of 18 three."""
+    rows = Rows(["0.125,0.5"] * lines, range(lines), ",", Path("a"))
+    assert written_as(rows, [0, 1], form_of("1.250")) == columns

@@ -204,3 +204,15 @@ def test_a_cloth_is_judged_by_the_others_and_what_was_never_in_doubt_is_missed()
 def test_weights_without_memory_forget_at_once():
     belief = Belief(1, Weights(0.0, np.zeros(len(TRACES)), 0.0))
     assert belief.update(np.zeros((1, len(TRACES))), 0.0) == belief.update(np.zeros((1, len(TRACES))), 0.1) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("feature", "weight"), [(0, 2.61), (1, -0.95), (2, -1.04), (3, 2.68), (4, -2.04), (5, 2.77), (6, 3.51), (7, 1.74)]
+)
+def test_a_unit_of_each_feature_adds_its_weight_to_the_log_odds(feature, weight):
+    """As `benchmarks/hidden_corners.py` prints the weights for the development sets."""
+    unit = np.zeros(len(TRACES))
+    unit[feature] = 1.0
+    none, one = (np.log(p / (1 - p)) for p in probability(np.zeros(len(TRACES)), unit))
+    assert none == pytest.approx(0.16 + 0.60 * np.log(1 / 2))  # one in three before anything is seen
+    assert one - none == pytest.approx(weight)

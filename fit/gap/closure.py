@@ -8,11 +8,12 @@ G = sum g_b. The variance of such a ratio is
     Var = (n - 1) / n sum ((d_b - closure g_b) / (G - g_b))^2 n_w / n_eff,   n_w = G^2 / sum g_b^2,
     n_eff = G^2 / (g' K g)
 
-the jackknife over n blocks. The closure of an effect that removes the same share in every block is certain, whatever
-the motion of the blocks. If one block holds most of the gap, no closure is certain. Blocks of one take are correlated
-by K (`fit.gap.correlation`). They count as n_eff, and Student's t has n_eff - 1 degrees of freedom. The same t tests
-whether an effect closes anything. A floor of its own standard error widens the interval. If the base error is hardly
-above the floor, the ratio means nothing and is not given.
+the jackknife over n blocks, in which G - g_b is at least 1e-6 G. A block below the noise takes nothing out: in
+G - g_b, and in n_w and n_eff with their G, it counts as g_b = 0. The closure of an effect that removes the same share
+in every block is certain, whatever the motion of the blocks. If one block holds most of the gap, no closure is
+certain. Blocks of one take are correlated by K (`fit.gap.correlation`). They count as n_eff, and Student's t has
+n_eff - 1 degrees of freedom. The same t tests whether an effect closes anything. A floor of its own standard error
+widens the interval. If the base error is hardly above the floor, the ratio means nothing and is not given.
 
 Probabilities draw blocks at random (bootstrap), the errors of all models together. The ratio of each draw to the mean
 is raised to the power

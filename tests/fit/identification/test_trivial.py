@@ -46,6 +46,15 @@ def test_a_hanging_board_and_a_pendulum_are_where_the_flat_cloth_has_their_point
     assert pendulum(recording, 0.3, 2.0) == pytest.approx(recording.points, abs=1e-6)
 
 
+def test_a_board_cut_with_a_slanted_edge_hangs_at_right_angles_to_that_edge():
+    """A point half along an edge of 0.3 and 0.4 m, and 0.1 m below: once the edge is level, 0.1 m under its middle."""
+    point = SimpleNamespace(at_m=(0.15 + 0.08, 0.2 - 0.06))  # along the edge is (0.6, 0.8), so below is (0.8, -0.6)
+    garment = SimpleNamespace(outline_m=[(0.0, 0.0), (0.3, 0.4), (0.7, 0.1), (0.4, -0.3)], points=[point])
+    ends = np.array([[0.0, 0.0, 1.0, 0.5, 0.0, 1.0]])
+    recording = SimpleNamespace(garment=garment, time=np.zeros(1), held=lambda at: np.repeat(ends, len(at), 0))
+    assert vertical(recording)[0, 0] == pytest.approx([0.25, 0.0, 0.9])
+
+
 def test_the_two_numbers_of_a_pendulum_are_found_again():
     time, moved = shaken(amplitude=0.05, hz=0.8)
     garment = sheet()

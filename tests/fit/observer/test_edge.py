@@ -185,6 +185,16 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     assert limits[0] == pytest.approx(limits[1])
 
 
+def test_the_means_of_each_takes_edge_are_a_block_of_their_own():
+    """Four means a take: the first number after all other blocks for the first take, the next one for the second."""
+    recording, _ = a_recording()
+    layout = Observer([recording, recording], SI, LIBRARY, frequency=0.0).layout
+    is_mean = layout.is_edge & (layout.frame < 0)
+    free = layout.block[~is_mean].max() + 1
+    assert layout.block[is_mean].tolist() == [free] * NUMBERS_A_FRAME + [free + 1] * NUMBERS_A_FRAME
+    assert layout.take[is_mean].tolist() == [0] * NUMBERS_A_FRAME + [1] * NUMBERS_A_FRAME
+
+
 def test_the_outline_of_a_skirt_gives_no_evidence_of_how_its_edge_is_held():
     recording, _ = a_recording()
     skirt = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, kind="skirt_panel"))

@@ -150,7 +150,7 @@ def test_while_the_best_two_disagree_another_start_is_spent_up_to_four(world, mo
     assert len(ended(world)[0]) == 2
     monkeypatch.setattr(gates, "disagreement", lambda fits: gates.CONVERGED + 1e-6)
     fits, *_ = ended(world)
-    assert len(fits) == MOST_STARTS
+    assert len(fits) == MOST_STARTS == 4
     monkeypatch.setattr(gates, "disagreement", lambda fits: gates.CONVERGED)
     assert len(ended(world)[0]) == 2
     monkeypatch.setattr(gates, "disagreement", lambda fits: 1.0 if len(fits) < 3 else 0.0)

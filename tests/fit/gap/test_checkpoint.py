@@ -50,6 +50,22 @@ def test_a_size_that_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
     assert other.pinned.trust == 7.0
 
 
+def test_simulations_and_seconds_are_summed_over_interrupted_processes(tmp_path, monkeypatch):
+    """7 simulations in 5 s until the first process saves a fit, then 3 in 2 s of the second one: 10 in 7 s."""
+    now = [100.0]
+    monkeypatch.setattr("fit.gap.checkpoint.clock.monotonic", lambda: now[0])
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    first = Checkpoint(tmp_path / "p", {}, lambda: 7)
+    assert first.spent == (7, 0.0)
+    now[0] = 105.0
+    first.recall(["fit"], lambda: [one])
+    now[0] = 900.0
+    second = Checkpoint(tmp_path / "p", {}, lambda: 3)
+    now[0] = 902.0
+    assert second.spent == (10, 7.0)
+    assert Checkpoint(None, {}, lambda: 3).spent == (3, 0.0)
+
+
 def test_a_folder_whose_key_a_kill_left_empty_is_begun_anew(tmp_path):
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "key.json").touch()

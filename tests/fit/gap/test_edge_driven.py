@@ -54,6 +54,17 @@ def test_frames_that_show_too_little_of_the_edge_are_bridged():
     assert np.abs(apart - ASTRAY).max() < 0.002
 
 
+@pytest.mark.parametrize(("left", "is_bridged"), [((1, 2, 3), True), ((1, 3), False), ((1, 4), True)])
+def test_a_frame_counts_from_a_tenth_of_what_the_whole_edge_tells_of_its_ends(left, is_bridged):
+    """The sum of (s_j - s_i)^2 over pairs of points, 25 / 8 for five: 0.12 of it, 0.08 and 0.18 for 20 frames."""
+
+    def hide(points):
+        points[30:50, [k for k in range(5) if k not in left]] = np.nan
+        return points
+
+    assert (driven_by_edge(prepare(a_take(change=hide))) is not None) is is_bridged
+
+
 @pytest.mark.parametrize("gone", [slice(30, 50), slice(10, 90), slice(0, 20), slice(70, 90)])
 def test_an_edge_that_is_lost_for_long_gives_no_path(gone):
     def hide(points):

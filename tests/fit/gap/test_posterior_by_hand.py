@@ -191,6 +191,12 @@ def test_a_set_that_may_win_is_refitted_one_effect_more_a_turn():
     assert _wanted(Found(dict.fromkeys([(), pair, triple, ("a",)]), mass), 3) == []
 
 
+def test_of_more_sets_that_may_win_the_likeliest_twelve_are_refitted():
+    names = "abcdefghijklmn"
+    mass = mass_of(none=(-5, FAR, 0), **{name: (-0.1 * n, FAR, 0) for n, name in enumerate(names)})
+    assert _wanted(Found({(): None}, mass), 0) == [(name,) for name in names[:12]]
+
+
 def test_where_only_larger_subsets_may_win_the_first_three_are_refitted():
     mass = mass_of(none=(-9, FAR, 0), **{f"a_and_{k}": (-0.1 * n, FAR, 0) for n, k in enumerate("bcdef")})
     assert _wanted(Found({(): None}, mass), 0) == [("a", "b"), ("a", "c"), ("a", "d")]

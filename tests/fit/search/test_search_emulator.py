@@ -115,6 +115,17 @@ def test_candidates_drawn_about_a_best_one_at_the_bound_stay_in_the_box(monkeypa
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
 
+def test_four_descents_and_350_drawn_candidates_are_ranked_by_their_emulated_cost_and_the_prior(places, emulator):
+    """Descents from the best and the three best drawn; drawn are 200 over the box, and 100 and 50 about the best."""
+    start, best = np.full(places.shape[1], 0.3), places[0]
+    found = np.array(sampling._least(emulator, 0.0, best, start, np.random.default_rng(2)))
+    costs = emulator.costs(found, 0.0)[0] + ((found - start) ** 2).sum(1) / PRIOR_SD**2
+    assert len(found) == 4 + 350
+    assert (np.diff(costs[:4]) >= -1e-9 * costs[0]).all()
+    assert (np.diff(costs[4:]) >= -1e-9 * costs[0]).all()
+    assert costs[0] <= costs[4]
+
+
 def test_every_batch_of_proposals_draws_samples_of_its_own(monkeypatch):
     """Drawn from the seed and the number of samples so far: 16 give others than 18."""
     asked = []

@@ -245,6 +245,23 @@ def test_a_hanger_that_bends_is_driven_behind_its_acceleration():
     assert np.abs((after - before)[late, :, 1]).max() == pytest.approx(1e-4 * 0.05 * (2 * np.pi * 0.8) ** 2, rel=0.1)
 
 
+def test_a_rod_bends_by_the_step_response_from_2_ms_after_the_start_of_a_steady_acceleration():
+    """-a / w^2 (1 - e^(-z w t) (cos w' t + z w / w' sin w' t)), z = 0.1: no second difference is known before 2 ms."""
+    time = np.arange(0, 1, FRAME)
+    recording = prepare(take_of(sheet(), time, np.zeros((30, 3)), hung(sheet(), time)))
+
+    def path(at):
+        return np.tile(np.stack([0 * at, at**2, 0 * at], 1), 2)
+
+    at, turns, share = np.arange(5, 200) * 1e-3, 1 / np.sqrt(1e-3), 0.1
+    bent = effect("hanger_compliance").drive(path, recording, np.array([1e-3]))(at) - path(at)
+    since, damped = at - 2e-3, turns * np.sqrt(1 - share**2)
+    ringing = np.cos(damped * since) + share * turns / damped * np.sin(damped * since)
+    expected = -2.0 * 1e-3 * (1 - np.exp(-share * turns * since) * ringing)
+    assert bent[:, 1] == pytest.approx(expected, abs=1e-9)
+    assert bent[:, 4] == pytest.approx(expected, abs=1e-9)
+
+
 def test_a_hanger_that_bends_does_not_bend_along_itself():
     def heave(t):
         return np.stack([0 * t, 0 * t, 0.05 * np.sin(2 * np.pi * 0.8 * t)], 1)

@@ -223,6 +223,31 @@ def search_of(**given):
     return search
 
 
+def test_a_search_refits_once_for_each_effect_that_a_set_may_have_and_weighs_all_sets_after_the_last(monkeypatch):
+    """Three refits and four sums of masses; the base model is refitted from the end of the first refit only."""
+    weighed, refitted, polished = [], [], []
+    linear = SimpleNamespace(masses=lambda among, known: weighed.append(known) or f"{len(weighed)}", twins=set)
+    monkeypatch.setattr("fit.gap.posterior.Likelihood", lambda *given: None)
+    monkeypatch.setattr("fit.gap.posterior.Linear", lambda *given: linear)
+    monkeypatch.setattr("fit.gap.posterior._wanted", lambda found, turn: [(f"e{turn}",)])
+
+    def refit(wanted, tasks):
+        refitted.extend(wanted)
+        return [SimpleNamespace(cost=90.0 - len(refitted), residual=None) for _ in wanted]
+
+    search = search_of(noise=[], rows={}, known_mm=0.5, refit=refit, renew=lambda fitted: {})
+    search.about.residual = None
+    search._allowed, search._possible, search._tasks = (lambda one: []), (lambda mass: mass), lambda *given: []
+    search._refutes = lambda *given: False
+    search._polished = lambda best, again: polished.append(again) or search.found.fits[best]
+    told = []
+    assert search.go(told.append).mass == "4"
+    assert refitted == [("e0",), ("e1",), ("e2",)]
+    assert weighed == [0.5] * 4
+    assert polished == [True, False, False]
+    assert told == ["refitting 1 sets of effects"] * 3
+
+
 @pytest.mark.parametrize(
     ("cost", "kept", "is_refuted"),
     [

@@ -159,3 +159,20 @@ def test_every_trial_has_scattered_samples_of_its_own():
     every = np.concatenate(drawn)
     assert len(every) == 48
     assert len(np.unique(every, axis=0)) == 48
+
+
+def test_valleys_are_scanned_about_the_best_of_known_ends_until_a_scan_gains_less_than_a_two_hundredth():
+    """Known descents of cost 9, then 5 and 6, then 4.99: scanned about 9 and 5, and 4.99 is no gain worth a third."""
+    run, scanned = object.__new__(Run), []
+    run.settings, run.least = ObservedSettings(samples=16, pulls=(1.0,)), []
+    costs = iter([[5.0, 6.0], [4.99], [1.0]])
+
+    def end(cost):
+        return SimpleNamespace(cost=cost, vector=np.array([cost])), None  # a known descent has no slopes any more
+
+    run._sample, run._starts = (lambda: None), (lambda: [np.zeros(1)])
+    run._descend = lambda pull, start: end(9.0)
+    run._across = lambda before, found: scanned.append(before.cost) or [end(cost) for cost in next(costs)]
+    assert [one.cost for one, _ in run._try()] == [9.0, 5.0, 6.0, 4.99]
+    assert scanned == [9.0, 5.0]
+    assert run.least == [4.99]

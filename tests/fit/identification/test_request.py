@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from fit.errors import FitError
-from fit.identification.request import Plan
+from fit.identification.request import Plan, Request
+from fit.methods import SI
 
 
 @pytest.mark.parametrize(
@@ -31,3 +32,8 @@ def test_blenders_cloth_is_annealed_and_has_the_papers_parameters():
     assert Plan(method="kinect-skirt", engine="blender").search == "annealing"
     with pytest.raises(FitError, match="there is no method named 'guess'"):
         Plan(method="guess")
+
+
+def test_a_search_draws_from_seed_0_unless_another_is_given():
+    assert (Plan().seed, Plan().request().seed, Request(method=SI).seed) == (0, 0, 0)
+    assert Plan(seed=7).request().seed == 7

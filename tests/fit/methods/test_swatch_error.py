@@ -166,6 +166,14 @@ def test_noise_that_looks_like_more_than_half_of_the_curvature_is_remarked():
     assert SwatchError(prepare(take_of(GARMENT, TIME, path, rolled, sd=2e-4))).remark == ""
 
 
+@pytest.mark.parametrize(("stated", "is_said"), [(1.2e-3, False), (1.6e-3, True)])
+def test_noise_is_remarked_from_half_of_the_measured_curvature(stated, is_said):
+    """As above 3 mm look like 2.1 1/m and 1.9 are measured: stated 1.2 mm like 0.84, or 0.44; 1.6 mm like 0.59."""
+    noisy = hanging() + 3e-3 * np.random.default_rng(0).standard_normal((240, 81, 3))
+    remark = SwatchError(prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), noisy, sd=stated))).remark
+    assert bool(remark) is is_said
+
+
 def test_the_remark_compares_the_noise_with_the_mean_curvature_of_the_inner_markers():
     """Bent in two directions, each side otherwise, so that every row and column has a curvature of its own."""
     bent = hanging()

@@ -169,6 +169,8 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     count = len(alone)
     assert len(beside) == count + NUMBERS_A_FRAME * (len(TIME) + 1)
     assert beside[:count] == pytest.approx(alone)
+    simulated = observers[1].trajectories(SI.initial[None], observers[1].off[None])
+    assert observers[1].residuals_of(simulated)[0] == pytest.approx(beside)
     aside = beside.copy()
     aside[count:] += 100.0
     assert observers[1].in_mm(aside) == observers[1].in_mm(beside) == pytest.approx(observers[0].in_mm(alone))

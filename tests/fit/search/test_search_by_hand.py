@@ -185,6 +185,16 @@ def test_a_generation_with_a_blow_up_is_not_flat_and_its_candidate_is_the_worst(
     assert search.non_finite == 1
 
 
+@pytest.mark.parametrize(("width", "populations"), [(0.9e-4, [6, 12]), (1.1e-4, [6])])
+def test_a_generation_is_too_narrow_below_a_ten_thousandth_of_the_box(width, populations):
+    search = Evolution(np.array([0.5, 0.5]), BOX, 13, 0)
+    search.tell(search.ask(1), np.array([0.5]))
+    places = iter([[0.5, 0.5 + width * n / 5] for n in range(6)])
+    search._run.ask = lambda: next(places)
+    search.tell(search.ask(6), 0.02 + 0.01 * np.arange(6))
+    assert search.populations == populations
+
+
 def test_a_run_begins_a_quarter_of_the_box_wide_at_the_start_and_inside_the_bounds():
     search = Evolution(np.array([0.0, 0.7]), BOX, 10, 0)
     assert search._run.mean == pytest.approx([0.01, 0.7])

@@ -125,6 +125,27 @@ def test_a_further_effect_that_few_steps_fitted_ill_is_fitted_on_before_it_is_ju
     assert [h for h, _ in search.joint] == [well if goes_on else ill]
 
 
+def test_of_a_fit_and_its_ends_across_the_valleys_the_cheapest_counts(monkeypatch):
+    """Fitted on, a costs 10, and 8 and 9 across; b costs 7, and 9 across; nothing lies across from c."""
+    search, asked = object.__new__(Rounds), []
+    search.observer, search.kept = None, Checkpoint(None, {})
+    costs = {"a": 10.0, "a1": 8.0, "a2": 9.0, "b": 7.0, "b1": 9.0, "c": 5.0}
+    across = {"a": ["a1", "a2"], "b": ["b1"], "c": []}
+
+    def fitted(observer, tasks):
+        asked.append(tasks)
+        return [SimpleNamespace(active=(name,), cost=costs[name]) for name in tasks]
+
+    monkeypatch.setattr(rounds, "fit", fitted)
+    monkeypatch.setattr(rounds, "polishing", lambda one: one.active[0])
+    monkeypatch.setattr(rounds, "across_valleys", lambda observer, one: across[one.active[0]])
+    begun = [SimpleNamespace(active=(name,)) for name in "abc"]
+    assert [one.cost for one in search._fitted_on(begun)] == [8.0, 7.0, 5.0]
+    assert asked == [["a", "b", "c"], ["a1", "a2", "b1"]]
+    assert [one.cost for one in search._fitted_on(begun[2:])] == [5.0]
+    assert asked[2:] == [["c"]]
+
+
 def test_an_error_of_the_held_edge_is_explained_first():
     """Of 850 beyond its noise the clock, late or drifting, leaves none or 20, a lag 100, and drag all."""
     search = a_search((12.0, 100.0), {})

@@ -7,7 +7,7 @@ import pytest
 
 from fit.effects import LIBRARY
 from fit.gap.correlation import block_correlation, correlation_of, ringing_of
-from fit.gap.fitting import sandwich
+from fit.gap.fitting import Problem, sandwich
 from fit.gap.screening import DETECTION, _correlation, block_scores, cosine, groups, screen, secants_of
 from fit.methods import SI
 from tests.fit.gap.linear_scene import FRAMES, LinearObserver, layout_of, white
@@ -41,6 +41,17 @@ def test_an_effect_explains_only_error_that_the_parameters_cannot_imitate():
     assert found.correlation == pytest.approx(3 / np.sqrt(10), rel=1e-3)
     assert found.contribution @ found.contribution == pytest.approx(6 * 100.0**2, rel=1e-3)
     assert found.secant.rows[0] == pytest.approx(seen / typical)
+
+
+def test_a_parameter_imitates_no_more_than_its_prior_lets_it():
+    """Ridge regression of a column as long as its prior's row: half of an effect along it is left."""
+    along = np.linalg.qr(drawn(5).normal(size=(len(NONE), 1)))[0].T[0]
+    observer = LinearObserver(-300.0 * along, NONE.copy(), {"hem": 100.0 * along / KINDS["hem"].typical})
+    observer.jacobian[:, 0] = along / Problem(observer).prior_sd[0]
+    found = screen(observer, observer.fitted(), ("hem", "air_drag"))["hem"]
+    assert found.projected[0] == pytest.approx(50.0 * along)
+    assert found.absorbed == pytest.approx(0.75)
+    assert found.amplitude[0] == pytest.approx(3.0 * KINDS["hem"].typical, rel=1e-3)
 
 
 def test_a_one_sided_effect_that_would_have_to_be_negative_explains_nothing():

@@ -176,3 +176,13 @@ def test_valleys_are_scanned_about_the_best_of_known_ends_until_a_scan_gains_les
     assert [one.cost for one, _ in run._try()] == [9.0, 5.0, 6.0, 4.99]
     assert scanned == [9.0, 5.0]
     assert run.least == [4.99]
+
+
+def test_a_trial_begins_at_its_own_best_sample():
+    """Of five samples two are of an earlier trial, the best of all among them; the last is the best of the other."""
+    run = object.__new__(Run)
+    run.search, run.settings = SimpleNamespace(space=SPACE), ObservedSettings(samples=3, pulls=(1.0,))
+    run.units, run.first = np.array([[0.1, 0.1], [0.2, 0.2], [0.3, 0.3], [0.4, 0.4], [0.5, 0.6]]), 2
+    run.costs = np.array([1.0, 9.0, 8.0, 7.0, 6.0])
+    (start,) = run._starts()
+    assert start == pytest.approx([0.5 * 4.0, 0.6 * 10.0])

@@ -37,3 +37,8 @@ def test_blenders_cloth_is_annealed_and_has_the_papers_parameters():
 def test_a_search_draws_from_seed_0_unless_another_is_given():
     assert (Plan().seed, Plan().request().seed, Request(method=SI).seed) == (0, 0, 0)
     assert Plan(seed=7).request().seed == 7
+
+
+def test_sixteen_candidates_share_a_batch_of_our_own_cloth_and_none_one_of_another_simulator():
+    assert Plan().request().width == Request(method=SI).width == 16
+    assert Plan(method="kinect-skirt", engine="blender").request().width == 1

@@ -105,7 +105,7 @@ class Header:
 class _Words:
     """The words of a header as they stand in the file, and the parameters' processor and offset [bytes].
 
-    `behind` [bytes]: offsets of other sections, which may stand behind the frames
+    `behind` [bytes]: possible offsets of the parameters and of rotations, which may stand behind the frames
     """
 
     points: int
@@ -117,7 +117,7 @@ class _Words:
     rate: float
     processor: int
     parameters_at: int
-    behind: tuple[int, ...] = ()
+    behind: tuple[int, ...]
 
     @property
     def frames(self) -> int:
@@ -130,8 +130,13 @@ class _Words:
         return has_wrapped or (self.last == MOST_FRAMES and frames > self.frames)
 
     def end(self, size: int, layout: Layout) -> int:
-        """Return the offset at which the frames must end, in a file of `size` bytes."""
-        return min([size, *(at for at in self.behind if at > layout.data_at)])
+        """Return the offset at which the frames must end, in a file of `size` bytes.
+
+        Of several possible offsets of a section, the one next to the frames' own end counts.
+        """
+        ends = [at for at in self.behind if layout.data_at < at < size]
+        own = layout.data_at + layout.frames * layout.width
+        return min(ends, key=lambda at: abs(at - own), default=size)
 
 
 def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
@@ -143,8 +148,10 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     """
     words = _words(path)
     parameters, malformed = _parameters(path, words)
-    rotations = int(first_of(parameters.numbers("ROTATION", "DATA_START")))
-    words = replace(words, behind=(words.parameters_at, BLOCK_BYTES * (rotations % WORDS - 1)))
+    rotations, start = (int(first_of(parameters.numbers("ROTATION", name))) for name in ("USED", "DATA_START"))
+    if rotations > 0 and start % WORDS > 1:  # some programs state a section of no rotations
+        first = BLOCK_BYTES * (start % WORDS - 1)  # the word of a block wraps round in large files
+        words = replace(words, behind=(*words.behind, *range(first, size, WORDS * BLOCK_BYTES)))
     scale, copy = words.scale, first_of(parameters.numbers("POINT", "SCALE"))
     if not np.isfinite(scale) and not copy:
         raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
@@ -204,7 +211,7 @@ def _words(path: Path) -> _Words:
     points, analogue, first, last = struct.unpack_from(f"{order}HHHH", head, 2)
     start = struct.unpack_from(f"{order}H", head, 16)[0]
     scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
-    return _Words(points, analogue, first, last, start, scale, rate, processor, parameters_at)
+    return _Words(points, analogue, first, last, start, scale, rate, processor, parameters_at, (parameters_at,))
 
 
 def _parameters(path: Path, words: _Words) -> tuple[Parameters, NoParametersError | None]:

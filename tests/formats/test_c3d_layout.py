@@ -128,12 +128,25 @@ def test_a_record_whose_offset_is_wrong_ends_where_its_values_end(tmp_path, name
 @pytest.mark.parametrize("edits", [[], [(POINTS, 10)]])
 def test_rotations_behind_the_frames_are_no_frames(tmp_path, edits):
     begin = len(c3d_bytes(PLACES, NAMES)) // 512 + 1
-    more = [("DATA_START", struct.pack("<H", begin), 2, [], 4)]
+    more = [("DATA_START", struct.pack("<H", begin), 2, [], 4), ("USED", struct.pack("<H", 1), 2, [], 4)]
     raw = made(edits=edits, more=more)
     assert len(raw) == 512 * (begin - 1)
     found = read(tmp_path, raw + np.full(60 * 17, 0.5, "<f4").tobytes())
     np.testing.assert_allclose(1e3 * found.positions, PLACES, atol=1e-3)
     assert found.warning == CONTRADICTIONS[0][2] * bool(edits)
+
+
+@pytest.mark.parametrize("used", [0, 1])
+def test_the_block_of_rotations_wraps_round_in_a_large_file(tmp_path, used):
+    """65,000 frames of 40 points are 41.6 MB, and a word of blocks ends at 33.6 MB; ezc3d states it without rotations."""
+    places = np.tile(PLACES[:, :1], (1084, 40, 1))[:65_000]
+    names = [f"m{k}" for k in range(40)]
+    begin = len(c3d_bytes(places, names)) // 512 + 1
+    more = [("DATA_START", struct.pack("<H", begin % 65536), 2, [], 4), ("USED", struct.pack("<H", used), 2, [], 4)]
+    raw = c3d_bytes(places, names, more=more)
+    assert len(raw) == 512 * (begin - 1) > 512 * 65536
+    found = read(tmp_path, raw + np.full(60_000, 0.5, "<f4").tobytes() * used)
+    assert (found.positions.shape, found.warning) == ((65_000, 40, 3), "")
 
 
 def test_long_frames_may_be_two_words(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,9 +24,10 @@ from formats.whole_files import check_ends, write_whole
 FORMAT = "hangtime-report-motion/1"
 STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
 NOT_SEEN, FARTHEST_KEPT = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
+PLAIN_BYTES = 1 << 24  # for the other arrays of a file: times, triangles and outlines
 FAULT = "is no motion of a report"
 KINDS = {"time": "float64", "triangles": "int64", "free": "bool", "outline": "float64"}  # types of the plain arrays
-FREE_BYTES, UNPACKED = 1 << 25, 16  # unpacked bytes of a file, and more for each of its own: motion has 4 to 8
+MOST_BYTES = 1 << 28  # of a file's positions, unpacked: 18 minutes of two runs at 30 frames a second and 330 vertices
 
 
 class _Take(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,7 +59,7 @@ def created_of(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
 
 
 def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, created: str) -> None:
-    """Store a report's motions and provenance beside it.
+    """Store a report's motions and provenance beside it; where they are very long, every second frame, or fewer.
 
     created: creation time of the shown result; a page of another result will not use this motion
 
@@ -66,7 +68,8 @@ def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, crea
     """
     takes: list[_Take] = []
     arrays: dict[str, Any] = {}
-    for number, motion in enumerate(motions):
+    each = -(-sum(map(_bytes_of, motions)) // MOST_BYTES)
+    for number, motion in enumerate(motions if each <= 1 else [_thinned(motion, each) for motion in motions]):
         takes.append(_Take(
             take_id=motion.take_id, is_held_out=motion.is_held_out, point_names=motion.point_names, runs=motion.shown,
             pull_hz=float(motion.pull_hz), is_material=bool(motion.is_material),
@@ -103,8 +106,7 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
     try:
         check_ends(path)
         with zipfile.ZipFile(path) as archive:
-            unpacked = sum(part.file_size for part in archive.infolist())
-            if unpacked > FREE_BYTES + UNPACKED * path.stat().st_size:
+            if sum(part.file_size for part in archive.infolist()) > MOST_BYTES + PLAIN_BYTES:
                 raise ValueError("too many bytes unpacked")
         with np.load(path, allow_pickle=False) as arrays:
             head = msgspec.json.decode(arrays["head"].tobytes(), type=_Head)
@@ -167,6 +169,23 @@ def _motion(number: int, take: _Take, arrays: Any) -> ReportMotion:
         held=track("held", 2) if has("held") else None, free=plain("free", points) if has("free") else None,
         is_material=take.is_material, outline=outline,
     )  # fmt: skip
+
+
+def _bytes_of(motion: ReportMotion) -> int:
+    """Return the bytes of a motion's stored positions."""
+    tracks = [motion.real, motion.held, *(track for run in motion.runs.values() for track in (run.points, run.mesh))]
+    return sum(track.size for track in tracks if track is not None) * np.dtype(np.int32).itemsize
+
+
+def _thinned(motion: ReportMotion, each: int) -> ReportMotion:
+    """Return a motion of every frame number that `each` divides, and of two frames at least."""
+    few = slice(None, None, min(each, len(motion.time) - 1))
+    runs = {
+        name: Run(points=run.points[few], mesh=None if run.mesh is None else run.mesh[few])
+        for name, run in motion.runs.items()
+    }  # fmt: skip
+    held = None if motion.held is None else motion.held[few]
+    return replace(motion, time=motion.time[few], real=motion.real[few], held=held, runs=runs)
 
 
 def _rounded(track: Floats) -> Indices:

@@ -195,3 +195,24 @@ def test_a_command_that_names_a_file_in_no_utf8_is_kept_with_its_motion(monkeypa
     monkeypatch.setattr("sys.argv", ["hangtime", "fit", "a\udcff.mcap"])
     assert command_line() == r"hangtime fit 'a\xff.mcap'"
     save_motions(tmp_path / "report.html", [], Origin(facts=[("command", command_line())]), "")
+
+
+def test_a_long_motion_at_rest_comes_back_though_it_is_packed_small(tmp_path):
+    """Unpacked it is 36 MB, and a hundredth of that packed."""
+    shown = motion(seconds=100.0)
+    mesh = np.tile(np.linspace(0, 1, 3000).reshape(1000, 3), (3000, 1, 1))
+    still = replace(shown, triangles=None, runs={"base": Run(points=shown.runs["base"].points, mesh=mesh)})
+    save_motions(tmp_path / "report.html", [still], Origin(facts=[], takes=[]), "2026")
+    (back,), _ = load_motions(tmp_path / "report.html", "2026")
+    assert np.abs(back.runs["base"].mesh - mesh).max() <= 0.5e-4 + 1e-12
+
+
+def test_motions_beyond_the_limit_keep_every_second_frame(tmp_path, monkeypatch):
+    shown = motion()
+    tracks = [shown.real, shown.held, *(track for run in shown.runs.values() for track in (run.points, run.mesh))]
+    size = 4 * sum(track.size for track in tracks)
+    monkeypatch.setattr("fit.report.kept.MOST_BYTES", size - 1)
+    save_motions(tmp_path / "report.html", [shown], Origin(facts=[], takes=[]), "2026")
+    (back,), _ = load_motions(tmp_path / "report.html", "2026")
+    assert np.array_equal(back.time, shown.time[::2])
+    assert np.nanmax(np.abs(back.real - shown.real[::2])) <= 0.5e-4 + 1e-12

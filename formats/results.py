@@ -17,7 +17,8 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
 
-LARGEST_RESULT = 1 << 23  # bytes: 25 times a diagnosis of hundreds of takes; decoded, they take 100 MB at most
+LARGEST_RESULT = 1 << 27  # bytes: a fit has 138 a frame, so 970,000 frames, which are 9 hours at 30 a second
+FREE_PARTS, BYTES_A_PART = 1 << 19, 12  # values that any file may have, and bytes for each further one; a fit has 25
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
@@ -104,6 +105,9 @@ def _load(path: Path, kind: type[Result]) -> Result:
 def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     _check_size(len(raw), where)
     _refuse_no_text(raw, where)
+    if (parts := raw.count(b",")) > FREE_PARTS + len(raw) // BYTES_A_PART:
+        what = f"has {sized(len(raw))} of {parts} short values, which no result has"
+        raise ResultError(what, where=where, advice="check the path")
     try:
         record = msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:

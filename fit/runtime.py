@@ -141,7 +141,8 @@ def _other_cache(ti: Any) -> dict[str, str]:
         own.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=own):
             mend_cache(own)
-            note_kernels(own)
+            with contextlib.suppress(OSError):  # on a full disk, or of another user: the cache works without it
+                note_kernels(own)
             atexit.register(_note_own_kernels, ti, own, time.time())
             return {}
     except OSError:

@@ -2,6 +2,7 @@
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 
+import errno
 import os
 import subprocess
 import sys
@@ -210,6 +211,19 @@ def test_a_note_on_kernels_that_holds_none_is_written_anew_or_left(cache, kind):
     if kind == "folder":
         note.rmdir()
     note.unlink(missing_ok=True)
+
+
+def test_a_cache_that_takes_no_note_is_used_all_the_same(tmp_path, monkeypatch):
+    """The disk is full, or the note belongs to another user of a shared folder."""
+
+    def refuse(folder):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setenv(runtime.CACHE, str(tmp_path))
+    monkeypatch.setattr(runtime, "note_kernels", refuse)
+    monkeypatch.setattr("atexit.register", lambda *_: None)
+    assert runtime._other_cache(None) == {}
+    assert os.environ[runtime.CACHE] == str(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["300 GB", "pipe", "folder"])

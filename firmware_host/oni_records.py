@@ -207,9 +207,10 @@ def summarise(path: Path) -> OniSummary:
             "the recording holds no depth frame", where=path, advice="record again with the depth stream switched on"
         )
     apart = sorted(b[0] - a[0] for a, b in pairwise(stamps) if b[1] == a[1] + 1 and b[0] > a[0])
+    cut = min(-(-len(apart) // 4), (len(apart) - 1) // 2)  # a quarter at each end; one of three or four intervals
     return OniSummary(
         counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete,
-        interval_us=fmean(apart[len(apart) // 4 : len(apart) - len(apart) // 4]) if apart else None,
+        interval_us=fmean(apart[cut : len(apart) - cut]) if apart else None,
         mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
         beyond=sum(number > counts[NodeType.DEPTH] for _, number in stamps),
     )  # fmt: skip

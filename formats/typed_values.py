@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from formats.meant_units import number_meant
+from formats.meant_units import THOUSANDS, number_meant
 
 COMMA_FOR_POINT = re.compile(r"[+-]?\d*,\d+")
 RANGE_WORDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
@@ -41,7 +41,7 @@ def reword(error: Any) -> None:
             error.message = f"{given!r} is no number"
     elif noun is not None:
         error.message = f"{given!r} is no {noun}"
-        if COMMA_FOR_POINT.fullmatch(given.strip()):
+        if COMMA_FOR_POINT.fullmatch(given.strip()) and not THOUSANDS.fullmatch(given.strip()):
             error.message += f"; write a decimal point: {given.strip().replace(',', '.')}"
         elif kind.startswith(("float", "finite")) and (number := number_meant(given, _field_of(error))):
             error.message += f"; was {number} meant?"

@@ -108,9 +108,11 @@ def may_draw(
     import PIL  # noqa: F401
 
     refuse_an_input(picture, takes)
-    own = [*others, *(folder / name for name in RESULT_FILES if folder is not None)]
-    if os.path.realpath(picture) in {os.path.realpath(file) for file in own}:
+    where = os.path.realpath(picture)
+    if where in {os.path.realpath(folder / name) for name in RESULT_FILES if folder is not None}:
         raise OutputError("is a file of the results, and no picture", where=picture, advice=ANOTHER_NAME)
+    if where in map(os.path.realpath, others):
+        raise OutputError("is named by two options", where=picture, advice="give each file a name of its own")
     refuse_to_replace(picture, overwrite=overwrite)
 
 

@@ -11,6 +11,7 @@ from tests.fit.here import hangtime_here
     ("words", "said"),
     [
         ("record --seconds 1,5", "'1,5' is no number; write a decimal point: 1.5"),
+        ("record --seconds 1,500", "'1,500' is no number"),
         ("record --seconds 500ms", "'500ms' is no number; was 0.5 meant?"),
         ("record --seconds 2min", "'2min' is no number; was 120 meant?"),
         ("record --seconds nan", "'nan' is no number"),

@@ -88,7 +88,7 @@ def test_a_picture_replaces_no_take_that_is_read(tmp_path, command):
         assert take.read_bytes() == before
     if command == "diagnose":
         done = hangtime_here(command, "a.mcap", "--plot", "x.png", "--arrows", "x.png", folder=tmp_path)
-        assert (done.returncode, "x.png: is a file of the results" in done.stderr) == (2, True)
+        assert (done.returncode, "x.png: is named by two options; give each" in done.stderr) == (2, True)
 
 
 def a_bomb(file, size):

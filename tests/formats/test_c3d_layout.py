@@ -138,7 +138,7 @@ def test_rotations_behind_the_frames_are_no_frames(tmp_path, edits):
 
 @pytest.mark.parametrize("used", [0, 1])
 def test_the_block_of_rotations_wraps_round_in_a_large_file(tmp_path, used):
-    """65,000 frames of 40 points are 41.6 MB, and a word of blocks ends at 33.6 MB; ezc3d states it without rotations."""
+    """65,000 frames of 40 points are 41.6 MB; a word of blocks ends at 33.6 MB. ezc3d states it without rotations."""
     places = np.tile(PLACES[:, :1], (1084, 40, 1))[:65_000]
     names = [f"m{k}" for k in range(40)]
     begin = len(c3d_bytes(places, names)) // 512 + 1

@@ -6,16 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from fit.blind import judging
 from fit.blind.boundary import real_ends
-from fit.blind.cases import _garment, _take, draw_look, draw_truth
+from fit.blind.cases import _cloth, _garment, _take, draw_look, draw_truth
+from fit.blind.cli import CountLine
 from fit.blind.engine import Cloth, Engine
 from fit.blind.judging import Judged, judge, named_by
 from fit.blind.page import _marks
-from fit.blind.plants import PLANTS, Planted
+from fit.blind.plants import PLANTS, Planted, with_plants
 from fit.blind.scoring import rates_of, summarise
 from tests.fit.blind.blind_answers import diagnosis, finding
+from tests.fit.here import hangtime_here
 
 
 def engine(**changes):
@@ -128,3 +131,32 @@ def test_a_true_amplitude_is_covered_between_both_ends_of_the_interval(monkeypat
     found = judge(truth, tmp_path)
     assert found.amplitude_covered == is_covered
     assert found.amplitude_error == pytest.approx(abs(share - 1.0))
+
+
+def test_the_swatch_of_a_case_has_its_planted_cloth_and_a_point_in_its_middle():
+    hem = Planted(id="hem", amplitude=0.02, unit="kg/m", components={"": 0.02})
+    truth = replace(draw_truth("a", "null", (), (1, 2), {"grid": 0}), planted=(hem,))
+    assert _cloth(truth) == with_plants(_cloth(replace(truth, planted=())), (hem,))
+    assert _cloth(truth) != _cloth(replace(truth, planted=()))
+    look = truth.look
+    assert dict((p.name, p.at_m) for p in _garment(look).points)["centre"] == (0.0, pytest.approx(-look.height / 2))
+
+
+def test_a_progress_line_says_how_many_cases_ended_without_a_diagnosis_if_any_did(monkeypatch):
+    line, shown = CountLine("diagnosing"), []
+    monkeypatch.setattr(line, "_line", SimpleNamespace(show=lambda share, text: shown.append((share, text))))
+    line.show(1, 4)
+    line.show(3, 4, 2)
+    assert shown == [(0.25, "1/4 cases"), (0.75, "3/4 cases, 2 without a diagnosis")]
+
+
+def test_answers_go_where_the_help_text_says_and_effects_of_any_size_may_be_struck(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr("fit.blind.running.run_set", lambda folder, answers, **more: asked.append(answers) or 0)
+    assert hangtime_here("blind", "run", "DIR", folder=tmp_path).returncode == 0
+    assert [str(one) for one in asked] == ["DIR/answers"]
+    assert "[default: (DIR/answers)]" in " ".join(
+        hangtime_here("blind", "run", "--help", folder=tmp_path).stdout.split()
+    )
+    done = hangtime_here("blind", "strike", "DIR", "A", "--out", "B", "--least", "0.5", folder=tmp_path)
+    assert "--least" not in done.stderr

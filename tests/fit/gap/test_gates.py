@@ -70,6 +70,15 @@ def test_takes_are_predictable_where_a_nudge_stays_within_the_noise(mm, passed):
     assert "under a pull of 2 Hz" in gate.sentence
 
 
+def test_a_nudge_is_of_the_parameters_alone_beside_the_same_effects(monkeypatch):
+    """Effects that move the points by 7 deviations of the noise move them so in both simulations."""
+    observer = Chaotic(lambda hz: 0.5, 2.0)
+    alone = observer.residuals
+    monkeypatch.setattr(observer, "residuals", lambda vectors, rows: alone(vectors, rows) + 7.0 * rows[:, :1])
+    gate = predictability_gate(observer, SI.initial, observer.off + 1.0)
+    assert gate.figure == pytest.approx(0.5, rel=1e-6)
+
+
 def test_fits_disagree_by_the_second_best_cost_over_the_best():
     observer = Chaotic(lambda hz: 0.0)
     fits = [dataclasses.replace(observer.fitted(), residual=np.array([np.sqrt(cost)])) for cost in (30.0, 10.0, 12.0)]

@@ -12,7 +12,18 @@ import pytest
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.next_experiment import MENU, _apart, _changes, _inflation, _pairs, _rows, followed, imagine, propose
+from fit.gap.next_experiment import (
+    MENU,
+    _apart,
+    _changes,
+    _imagined,
+    _inflation,
+    _pairs,
+    _rows,
+    followed,
+    imagine,
+    propose,
+)
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
@@ -286,3 +297,38 @@ def test_a_change_is_that_of_the_residual_beside_the_base_parameters():
     row[observer.columns["hem"]] = 3.0
     (change,) = _changes(observer, observer.fitted(), [row])
     assert change == pytest.approx(np.full(4, 6.0))
+
+
+def test_of_two_effects_the_one_that_was_added_last_is_imagined():
+    observer = LinearObserver(np.zeros(3), np.zeros((3, len(SI.initial))), {}, layout=layout_of(1, 1, 1))
+    pair = Hypothesis(
+        ("air_drag", "hem"), dataclasses.replace(observer.fitted(), amplitudes=np.full(len(observer.off), 0.5)), None
+    )
+    (row,) = _rows(observer, [pair], {})
+    assert row[observer.columns["hem"]] == pytest.approx(0.5)
+    assert row[observer.columns["air_drag"]] == pytest.approx(observer.off[observer.columns["air_drag"]])
+
+
+def test_each_motion_of_the_menu_has_its_own_answer(monkeypatch):
+    """The k-th recording shows k times what the first does of the parameters and of a hem."""
+    numbers = np.arange(1.0, 4.0)
+
+    def shown(times):
+        steep = times * np.outer(numbers, np.arange(1.0, 1 + len(SI.initial)))
+        rows = {"hem": times * numbers[None]}
+        return LinearObserver(np.zeros(3), steep, rows, layout=layout_of(1, 1, 1))
+
+    monkeypatch.setattr("fit.gap.next_experiment.MENU", MENU[1:2] * 3)
+    monkeypatch.setattr(
+        "fit.gap.next_experiment.residuals_together",
+        lambda asked: [one.residuals(vectors, amplitudes) for one, vectors, amplitudes in asked],
+    )
+    observer = shown(1.0)
+    observer.of = lambda recordings: shown(recordings[0])
+    row = observer.off.copy()
+    row[observer.columns["hem"]] = 0.5
+    hem = Hypothesis(("hem",), dataclasses.replace(observer.fitted(), amplitudes=row), None)
+    found = _imagined(observer, [1.0, 2.0, 3.0], observer.fitted(), [hem])
+    for times, (jacobian, (change,)) in zip((1.0, 2.0, 3.0), found, strict=True):
+        assert change == pytest.approx(0.5 * times * numbers)
+        assert jacobian == pytest.approx(times * found[0][0])

@@ -12,7 +12,7 @@ import pytest
 from fit.errors import FitError
 from fit.gap.diagnosis import deciding
 from fit.gap.posterior import Found, Mass
-from fit.gap.weighed import decide_by_mass, inclusion
+from fit.gap.weighed import decide_by_mass, inclusion, weigh
 from formats.diagnosis_records import Gate
 from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, evidence_of
 
@@ -239,3 +239,35 @@ def test_an_unknown_decision_is_refused_with_the_known_ones():
     with pytest.raises(FitError, match="tea leaves is no way to decide") as refused:
         deciding("tea leaves")
     assert "rules, evidence" in str(refused.value)
+
+
+def test_effects_that_are_not_there_yet_are_screened_again_and_fits_are_told_by_their_number_of_effects(monkeypatch):
+    base, hem, pair = (SimpleNamespace(active=names, residual=None) for names in ((), ("hem",), ("air_drag", "hem")))
+    screened = []
+
+    class Searched:
+        def __init__(self, *given):
+            self.renew = given[-1]
+
+        def go(self, tell):
+            self.renew(hem)
+            return SimpleNamespace(fits={one.active: one for one in (base, hem, pair)})
+
+    def screen(observer, about, names, before=None):
+        screened.append((about, list(names)))
+        return {}
+
+    for name, value in (
+        ("Search", Searched), ("screen", screen), ("measured_noise", lambda *given: None),
+        ("known_error_mm", lambda *given: 0.0),
+        ("judged", lambda judge, fits: [SimpleNamespace(effects=one.active) for one in fits]),
+    ):  # fmt: skip
+        monkeypatch.setattr(f"fit.gap.weighed.{name}", value)
+    tested = ["air_drag", "hem", "time_offset"]
+    rounds = SimpleNamespace(
+        observer=None, base=SimpleNamespace(fitted=base), tested=tested, judge=None, refit_alone=lambda names: None,
+    )  # fmt: skip
+    weigh(rounds, None, None, ())
+    assert screened == [(base, tested), (hem, ["air_drag", "time_offset"])]
+    assert list(rounds.singles) == ["hem"]
+    assert [(one.effects, p_value) for one, p_value in rounds.joint] == [(("air_drag", "hem"), 0.0)]

@@ -13,11 +13,15 @@ from fit.blind.boundary import real_ends
 from fit.blind.cases import _cloth, _garment, _take, draw_look, draw_truth
 from fit.blind.cli import CountLine
 from fit.blind.engine import Cloth, Engine
-from fit.blind.judging import Judged, judge, named_by
+from fit.blind.foreign.engines import find_generator
+from fit.blind.judging import Judged, conditions_of, judge, named_by
+from fit.blind.making import open_labels
 from fit.blind.page import _marks
 from fit.blind.plants import PLANTS, Planted, with_plants
 from fit.blind.scoring import rates_of, summarise
-from tests.fit.blind.blind_answers import diagnosis, finding
+from fit.errors import BlowUpError
+from tests.fit.blind.blind_answers import NUMBERS, diagnosis, finding
+from tests.fit.blind.test_blind_foreign import outside
 from tests.fit.here import hangtime_here
 
 
@@ -139,7 +143,7 @@ def test_the_swatch_of_a_case_has_its_planted_cloth_and_a_point_in_its_middle():
     assert _cloth(truth) == with_plants(_cloth(replace(truth, planted=())), (hem,))
     assert _cloth(truth) != _cloth(replace(truth, planted=()))
     look = truth.look
-    assert dict((p.name, p.at_m) for p in _garment(look).points)["centre"] == (0.0, pytest.approx(-look.height / 2))
+    assert {p.name: p.at_m for p in _garment(look).points}["centre"] == (0.0, pytest.approx(-look.height / 2))
 
 
 def test_a_progress_line_says_how_many_cases_ended_without_a_diagnosis_if_any_did(monkeypatch):
@@ -160,3 +164,53 @@ def test_answers_go_where_the_help_text_says_and_effects_of_any_size_may_be_stru
     )
     done = hangtime_here("blind", "strike", "DIR", "A", "--out", "B", "--least", "0.5", folder=tmp_path)
     assert "--least" not in done.stderr
+
+
+@pytest.mark.parametrize(("noise", "says"), [(0.9, "below 1 mm"), (1.9, "1 to 2 mm"), (2.1, "above 2 mm")])
+def test_cases_are_grouped_by_their_noise(noise, says):
+    look = replace(draw_look(np.random.default_rng(0)), noise=1e-3 * noise)
+    assert conditions_of(look)["noise"] == says
+
+
+def test_labels_keep_how_many_cases_of_each_kind_were_asked_for(a_set):
+    assert open_labels(a_set).numbers == NUMBERS
+
+
+def test_a_third_party_simulates_the_mesh_that_is_asked_for_and_no_cloth_may_fly_apart(monkeypatch):
+    """A sheet of 0.2 m has 3 x 3 nodes at a side of 0.1 m; one node at infinity is enough."""
+    jobs, farthest = [], [0.0]
+
+    class Answering:
+        def __init__(self, foreign):
+            pass
+
+        def answer(self, **arrays):
+            jobs.append(arrays)
+            nodes = np.zeros((1, 2, len(arrays["rest"]), 3))
+            nodes[0, 1, 0, 2] = farthest[0]
+            return {"nodes": nodes}
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr("fit.blind.foreign.engines.ForeignProcess", Answering)
+    ends = np.tile([-0.1, 0.0, 0.0, 0.1, 0.0, 0.0], (1, 3, 1))
+
+    def points():
+        cloth = Cloth(width=0.2, height=0.2)
+        return find_generator("mujoco").points(cloth, ends, 0.1, np.array([(0.0, -0.1)]), side=0.1)
+
+    assert points().shape == (1, 2, 1, 3)
+    assert len(jobs[0]["rest"]) == 9
+    farthest[0] = 1e9
+    with pytest.raises(BlowUpError, match="flew apart"):
+        points()
+
+
+def test_lift_on_an_inclined_square_metre_and_a_magnets_pull_by_hand():
+    """At 2 m/s across and along: half rho c v_n v_t^2 / v; a pole at its reach pulls with a quarter of its force."""
+    forces, x = outside(lift=1.5)
+    total = forces.at(0.0, x, np.tile([2.0, 2.0, 0.0], (4, 1))).sum(0)
+    assert total == pytest.approx([0.0, -0.5 * 1.2041 * 1.5 * 2.0 * 4.0 / np.sqrt(8.0), 0.0], rel=1e-3)
+    forces, x = outside(magnet=0.8, magnet_reach=0.1, magnet_x=1.0, magnet_y=0.1, magnet_z=-1.0)
+    assert forces.at(0.0, x, 0 * x)[3] == pytest.approx([0.0, 0.2, 0.0])

@@ -72,6 +72,20 @@ def test_unknown_motions_and_lengths_are_refused():
         new_motion(recording, "salto", 3.0)
     with pytest.raises(FitError, match="600 s is no length"):
         new_motion(recording, "twist", 600.0)
+    assert new_motion(recording, "twist", 60.0).duration == pytest.approx(60.0)
+    with pytest.raises(FitError, match="name a take, or a --motion for a swatch of the fabric"):
+        Scene(result=a_fit()).moving()
+
+
+def test_what_is_twice_as_far_from_the_camera_is_half_as_large(moving):
+    camera = Stage(moving, (320, 240))
+    sizes = []
+    for share in (0.0, 1.0):  # at the middle of the view, and as far again behind it
+        middle = camera._middle + share * camera._distance * camera._axes[2]
+        ends = np.stack([middle, middle + 0.1 * camera._axes[0]])
+        seen = camera._project(ends, np.zeros(3), 1.0, (0.0, 0.0))
+        sizes.append(seen[1, 0] - seen[0, 0])
+    assert sizes == pytest.approx([0.1, 0.05])
 
 
 def test_normals_of_a_flat_square_point_to_its_front():

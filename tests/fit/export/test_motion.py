@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
+from fit.export.about import caution_lines
 from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.moving import Moving, moving_cloth
 from formats.archive import write_take
@@ -190,6 +191,35 @@ def test_the_command_writes_the_motion_beside_the_fit(order, tmp_path):
     assert done.stdout.split() == ["fit.pc2", "fit.obj"]
     again = hangtime_here(*words, folder=tmp_path)
     assert again.returncode == 2
+
+
+def test_an_obj_beside_a_cache_has_the_cautions_of_the_fabric(order):
+    text = EXPORT_KINDS["pc2"].make(order)[".obj"].decode()
+    cautions = caution_lines(order.result, order.fabric_if_any)
+    assert cautions != caution_lines(order.result, None)
+    for line in cautions:
+        assert line in text
+
+
+def test_the_last_parameter_that_is_not_identified_is_named_too():
+    last = a_fit().parameters[-1].name
+    (line,) = caution_lines(a_fit(unknown=(last,)), None)
+    assert line.startswith(f"{last}: ")
+
+
+def test_usd_does_not_round_the_corners_of_a_mesh(order, tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    from pxr import Usd, UsdGeom
+
+    (path,) = export(order, "usd", tmp_path / "swing.usdc")
+    stage = Usd.Stage.Open(str(path))
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert {str(mesh.GetSubdivisionSchemeAttr().Get()) for mesh in meshes} == {"none"}
+
+
+def test_the_help_text_says_where_an_export_goes(tmp_path):
+    shown = " ".join(hangtime_here("export", "--help", folder=tmp_path).stdout.split())
+    assert "[default: (beside FIT; table: the terminal)]" in shown
 
 
 def test_alembic_without_blender_says_what_to_take_instead(order, monkeypatch, tmp_path):

@@ -101,6 +101,7 @@ def test_usd_core_reads_the_parts_where_they_are(moving, tmp_path):
     [
         ({"figure": FigureOrder(kind="dance")}, "no figure moves by 'dance'; known: walk"),
         ({"figure": FigureOrder(height=17.0)}, "nobody is 17 m tall"),
+        ({"figure": FigureOrder(height=17.0)}, "give 0.8 to 2.3 m"),
         ({"figure": FigureOrder(wear="hat")}, "no figure wears 'hat'; known: skirt, t-shirt"),
         ({"figure": FigureOrder(speed=9.0)}, "nobody walks at 9 m/s"),
         ({"figure": FigureOrder(), "seconds": 100.0}, "100 s is no length for a figure's walk"),

@@ -155,6 +155,11 @@ def test_a_median_fabric_is_above_half_of_618():
     assert share_below("weight", 49.0) == "more than 95 % of them"
 
 
+@pytest.mark.parametrize(("weight", "share"), [(3.101, 5), (10.4, 25), (19.7, 50), (29.4, 75), (48.7, 95)])
+def test_a_quantile_of_the_618_fabrics_is_above_its_share_of_them(weight, share):
+    assert share_below("weight", weight) == f"more than {share} % of them"
+
+
 def test_linearity_is_one_of_a_law_that_pulls_in_proportion_to_the_extension():
     """LT = WT / (F EMT / 2): of a stiff cloth, which stretches by 1 / 1000, nearly a spring's; less where it curves."""
     made = make_sheet(MEDIAN | {"stretch_stiffness": 490.3325 * 1000})
@@ -271,3 +276,8 @@ def test_a_parameter_at_its_bound_decides_a_number_as_any_other_does():
     lowest = next(p.minimum for p in a_fit().parameters if p.name == "stretch_stiffness")
     result = known(a_fit(values={"stretch_stiffness": lowest}), "stretch_stiffness")
     assert "warp.first_slope" in unidentified_of(result)
+
+
+def test_the_sheet_says_what_the_law_leaves_out():
+    """Tension and shear lose no energy: the whole of it comes back, and no force is left."""
+    assert "RT is 100 % and 2HG is 0: the law has no friction in tension and shear." in sheet_of(a_fit())

@@ -192,6 +192,11 @@ def test_an_outline_loses_what_length_and_width_lack_about_the_usual_lean():
     length = grid.down[-1] - 0.007 - 0.03 * (leans - np.median(leans))
     found = find_outline(time, points, ends, length, grid)
     assert (found.bottom, found.side, found.by_pose) == pytest.approx((0.007, 0.005, 0.03), abs=1e-9)
+    # Sides that vary leave the length as certain as it is, and the width less.
+    points[:, :, 0] *= 1 + 0.02 * np.random.default_rng(0).normal(size=(len(time), 1))
+    found = find_outline(time, points, ends, length, grid)
+    assert np.ptp(found.bottom_interval) < 1e-6
+    assert np.ptp(found.side_interval) > 1e-4
 
 
 @pytest.mark.parametrize(("sliding", "is_told"), [(1, False), (2, True)])

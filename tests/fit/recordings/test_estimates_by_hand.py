@@ -254,3 +254,11 @@ def test_the_noise_left_between_two_takes_is_in_units_of_both_and_of_the_numbers
     numbers = 0.6 * 3 * 184
     expected = 3 * 0.002**2 / (gain * 5e-6 + 3e-6) * numbers / (numbers - 17 - 6)
     assert filtered_copies._left(take, take, 0, 10.0, noises) == pytest.approx(expected)
+
+
+def test_a_recording_shows_its_name_frames_and_points():
+    garment, time = sheet(), np.arange(0, 2, 1 / 10)
+    take = take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time), name="still")
+    shown = f"Recording('still', {len(time)} frames of {len(garment.points)} points)"
+    assert repr(recordings.prepare(take)) == shown
+    assert len(time) != len(garment.points)

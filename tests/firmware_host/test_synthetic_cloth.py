@@ -9,6 +9,7 @@ from firmware_host.synthetic.cloth import ClothPhysics, _Cloth, simulate
 from firmware_host.synthetic.scene import demo_garment
 from formats.errors import HangtimeError
 from formats.garment import Garment
+from formats.nature import AIR_DENSITY
 
 TWO_SECONDS = np.arange(0.0, 2.0, 1 / 30)
 
@@ -53,6 +54,19 @@ def test_a_square_cloth_resists_shear_with_40_newtons_per_metre_on_any_grid(node
     sheared = thread_energy(cloth, np.array([[1.0, gamma / 2], [gamma / 2, 1.0]]))
     # 1/2 G gamma^2 times 0.16 m^2.
     assert 2 * sheared / 0.16 / gamma**2 == pytest.approx(40.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("degrees", "share"), [(90.0, 1.0), (30.0, (0.05 + 0.95 * 0.5**1.5) * 0.5**2)])
+def test_the_drag_on_a_flat_sheet_in_a_uniform_wind_is_the_law_of_its_module(degrees: float, share: float) -> None:
+    """The sheet moves at 3 m/s at an angle to its plane; the sine of 30 degrees is 0.5."""
+    cloth = _Cloth(square(), ClothPhysics(), {"air_drag": 1.2}, 9, 9)
+    cloth.hang(still_bar(np.zeros(1))[0])
+    angle = np.radians(degrees)
+    cloth.v[:] = 3.0 * np.array([[np.cos(angle)], [0.0], [np.sin(angle)]])
+    force = 4 * cloth._drag_of_cells()  # each of a cell's four corners takes as much
+    whole = 0.5 * AIR_DENSITY * 1.2 * 0.16 * 3.0**2  # N, on 0.16 m^2 across the wind
+    assert force.sum(axis=1) == pytest.approx([0.0, 0.0, -share * whole], rel=1e-9, abs=1e-12)
+    assert force[2] == pytest.approx(-share * whole / 64, rel=1e-9)  # 8 x 8 cells of one size
 
 
 @pytest.mark.parametrize("nodes", [9, 17])

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from capture.hanger.fiducial_tracker import nothing_seen
-from capture.recording.frame_faults import HangerWatch, view_faults
+from capture.recording.frame_faults import HangerWatch, is_garment_covered, view_faults
 from formats.take import FrameState
 from tests.capture.garment.towel import HANGER
+from tests.capture.stage import CAMERA
 
 FAR = np.full((480, 640), 2000, np.uint16)
 LOST = FrameState.MARKER_LOST
@@ -74,3 +75,22 @@ def test_a_view_is_too_near_where_half_of_it_is_nearer_than_eight_decimetres(row
     depth = FAR.copy()
     depth[:rows] = 700
     assert view_faults(depth) == fault
+
+
+@pytest.mark.parametrize(("millimetres", "fault"), [(799, FrameState.TOO_NEAR), (801, 0)])
+def test_a_view_without_markers_is_too_near_below_eight_decimetres(millimetres, fault):
+    assert view_faults(np.full((480, 640), millimetres, np.uint16)) == fault
+
+
+@pytest.mark.parametrize(("millimetres", "fault"), [(3499, 0), (3501, FrameState.TOO_FAR)])
+def test_a_view_without_markers_is_too_far_beyond_three_and_a_half_metres(millimetres, fault):
+    assert view_faults(np.full((480, 640), millimetres, np.uint16)) == fault
+
+
+@pytest.mark.parametrize(("rows", "is_covered"), [(37, True), (36, False), (1, False)])
+def test_a_garment_is_covered_where_more_than_a_quarter_of_145_rows_below_its_held_edge_is_nearer(rows, is_covered):
+    """An edge of 0.4 m at 1.6 m is 144 px wide, from row 203 on; 37 and 36 rows are 25.5 and 24.8 %."""
+    held = np.array([[-0.2, -0.1, 1.6], [0.2, -0.1, 1.6]])
+    depth = np.full((480, 640), 1600, np.uint16)
+    depth[203 : 203 + rows] = 1000
+    assert is_garment_covered(depth, held, CAMERA) == is_covered

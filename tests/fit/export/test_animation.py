@@ -105,6 +105,19 @@ def square(turn):
                   np.zeros((2, 0, 3)), (), np.stack([held] * 2))  # fmt: skip
 
 
+def test_the_camera_stands_52_degrees_beside_and_10_degrees_above_the_cloth():
+    """Its axes are the world's, turned by 52 degrees about the vertical, then by 10 about its own right."""
+    b, a = np.radians([52.0, 10.0])
+    beside = np.array([[np.cos(b), np.sin(b), 0], [-np.sin(b), np.cos(b), 0], [0, 0, 1]])  # right, away, up
+    above = np.array([[1, 0, 0], [0, np.sin(a), np.cos(a)], [0, np.cos(a), -np.sin(a)]])  # right, up, away
+    stage = Stage(square(0.0), SMALL)
+    assert stage._axes == pytest.approx(above @ beside, abs=1e-12)
+    seen = stage._project(stage._middle + 0.1 * stage._axes[1:], np.zeros(3), 100.0, (80, 60))
+    far = stage._distance
+    assert seen[0] == pytest.approx([80, 50, far])  # 0.1 m up at 100 px/m
+    assert seen[1] == pytest.approx([80, 60, far + 0.1])  # 0.1 m along its view
+
+
 def test_a_picture_shows_the_front_blue_the_back_brown_and_fills_most_of_its_height():
     pytest.importorskip("PIL", reason="Pillow is not installed")
     front = np.asarray(Stage(square(0.0), SMALL).picture(0)).astype(int)

@@ -93,7 +93,10 @@ def a_swung_take(name, astray, hz):
 def test_a_hanger_stated_at_a_wrong_position_is_reported_as_such():
     takes = [a_swung_take(f"take{k}", ASTRAY * (1 - 2 * k), 0.7 + 0.3 * k) for k in range(2)]
     options = {"effects": find_effects(["hem", "air_drag"]), "resolution": Resolution(spacing=0.1)}
-    found = diagnose(takes[:1], takes[1:], **options).diagnosis
+    shares = []
+    found = diagnose(takes[:1], takes[1:], progress=lambda stage, share: shares.append(share), **options).diagnosis
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert found.verdict == "unknown"
     assert found.gap.base_mm.value > 10.0
     assert found.gap.held_by_edge_mm.value < 3.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from html import escape
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from formats.plain_text import shortened
 from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take_report import Span, TakeReport
+from formats.templating import environment
 
 LONGEST_GAP = 0.5  # s, longest time between two sights of the hanger that is interpolated: half a swing
 
@@ -72,13 +72,15 @@ class Take:
         facts = (f"{name} {text}" for name, text in self._facts())
         return f"Take({shortened(self.take_id)!r}, {', '.join(facts)})"
 
-    def _repr_html_(self) -> str:
-        """Return the same as a table for a notebook, with a row for each array."""
+    def _repr_html_(self) -> str | None:
+        """Return the same as a table for a notebook, with a row for each array; None, for the text, without Jinja2."""
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         rows = [("take", shortened(self.take_id)), *self._facts(), ("created", self.created)]
         rows += [(name, f"array of shape {value.shape}") for name, value in arrays.items()]
-        cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
-        return f"<table><tbody>{''.join(cells)}</tbody></table>"
+        try:
+            return environment("formats").get_template("take.html").render(rows=rows)
+        except ModuleNotFoundError:  # the appliance has no Jinja2
+            return None
 
     def _facts(self) -> list[tuple[str, str]]:
         """Return the take in a few words: names, and what they are."""

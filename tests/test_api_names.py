@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import inspect
 import pydoc
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ import hangtime
 from fit.api.arguments import PLAN_DEFAULTS, PlanOptions
 from fit.identification.request import Plan
 from fit.recordings.ready import ready
+from formats.templating import environment
 from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.fit.test_command_line import a_swung_take
 from tests.formats.test_archive import a_take
@@ -62,6 +64,18 @@ def test_an_object_of_the_interface_has_a_repr_of_one_short_line():
 def test_the_names_in_a_takes_table_are_no_markup():
     garment = msgspec.structs.replace(a_take(4).garment, name="<b>")
     assert "<b>" not in dataclasses.replace(a_take(4), take_id="<b>", garment=garment)._repr_html_()
+
+
+def test_a_take_has_a_row_for_each_fact_and_array_in_a_notebook():
+    rows = re.findall(r"<tr><th>(.*?)</th><td>(.*?)</td></tr>", a_take(4)._repr_html_())
+    assert [name for name, _ in rows][:6] == ["take", "length", "garment", "points", "state", "created"]
+    assert ("time", "array of shape (4,)") in rows
+
+
+def test_a_notebook_without_jinja2_shows_a_take_as_text(monkeypatch):
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    environment.cache_clear()
+    assert a_take(4)._repr_html_() is None
 
 
 def test_the_package_holds_names_only():

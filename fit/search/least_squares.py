@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -112,7 +112,6 @@ class LeastSquaresResult:
     - `parameters`, (p,); `residuals`, (m,)
     - `jacobian`, (m, p): d residual / d working coordinate, the logarithm for log parameters
     - `cost_history`, (iterations + 1,)
-    - `at_bound`, (p,): held back by a bound
     - `slopes_at`, (p,): parameters about which the Jacobian's differences were made, at most a short step away if exact
     """
 
@@ -127,7 +126,6 @@ class LeastSquaresResult:
     batches: int
     is_converged: bool
     reason: str
-    at_bound: Booleans = field(repr=False)
 
     @property
     def precision(self) -> Floats:
@@ -278,7 +276,6 @@ class _Search:
             reason = ""
         if (is_far or not is_fresh) and settings.is_exact and not is_hopeless:
             jacobian, made_at = (yield from self._jacobian(u, r)), u
-        _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
             parameters=self.space.from_unit(u),
             residuals=r,
@@ -291,7 +288,6 @@ class _Search:
             batches=self.batches,
             is_converged=bool(reason) and not is_hopeless,
             reason=reason or f"stopped after {settings.max_iterations} iterations",
-            at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
         )
 
     def _is_hopeless(self, history: list[float], *, has_moved: bool) -> bool:

@@ -136,7 +136,6 @@ def test_a_prior_pulls_a_step_towards_its_mean():
                                                       (1.0, 0.0, False), (0.5, 1.0, False)])  # fmt: skip
 def test_a_bound_holds_a_parameter_that_would_go_on(at, slope, is_held):
     _, found = asked_of(4, known=np.array([[slope]]), start=at)
-    assert found.at_bound.tolist() == [is_held]
     assert found.reason == ("no slope is left within the bounds" if is_held or not slope else "no step lowers the cost")
     assert found.is_converged
 
@@ -224,7 +223,6 @@ def test_the_end_of_a_linear_search_is_that_of_the_normal_equations_with_all_tha
     assert found.prior_precision.tolist() == np.zeros((2, 2)).tolist()
     assert found.precision == pytest.approx(MATRIX.T @ MATRIX, rel=1e-6)
     assert found.covariance(4.0) == pytest.approx(4.0 * np.linalg.inv(MATRIX.T @ MATRIX), rel=1e-6)
-    assert not found.at_bound.any()
     assert found.cost_history[0] == pytest.approx(float((linear(np.array([[0.5, 0.25]])) ** 2).sum()))
 
 

@@ -125,7 +125,9 @@ def test_every_account_and_group_of_a_unit_is_made_by_sysusers() -> None:
     text = (ROOT / "systemd/sysusers.d/hangtime.conf").read_text()
     users = set(re.findall(r"^u +(\S+)", text, re.MULTILINE))
     groups = users | set(re.findall(r"^g +(\S+)", text, re.MULTILINE))
-    for path in SYSTEM.glob("*.service"):
+    services = list(SYSTEM.glob("*.service"))
+    assert len(services) == 3
+    for path in services:
         unit = settings(f"system/{path.name}")
         assert set(unit.get("User", [])) <= users
         assert {

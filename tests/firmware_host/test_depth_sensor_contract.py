@@ -95,6 +95,7 @@ def test_two_openings_show_the_same_pictures(open_it: Opener) -> None:
         first = list(once.frames())
     with open_it() as again:
         second = list(again.frames())
+    assert len(first) == FRAMES
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.depth, other.depth)
         np.testing.assert_array_equal(one.colour, other.colour)

@@ -165,7 +165,9 @@ def test_forty_recordings_are_played_to_their_end_and_closed_without_a_crash(tmp
 def test_colour_twelve_milliseconds_late_is_paired_with_its_own_depth(tmp_path: Path) -> None:
     # 11.7 ms is what a Kinect's recording has between its streams; half a frame is 16.7 ms.
     with OpenNI2Sensor(write_recording(tmp_path / "a.oni", 5, colour_delay_us=11_700)) as sensor:
-        for number, frame in enumerate(sensor.frames()):
+        frames = list(sensor.frames())
+        assert len(frames) == 5
+        for number, frame in enumerate(frames):
             np.testing.assert_array_equal(frame.colour, picture(number)[1])
             assert frame.colour_late_s == pytest.approx(0.0117, abs=1e-9)
 

@@ -262,11 +262,13 @@ def test_a_usd_file_that_the_system_cuts_is_refused_with_the_systems_cause(suffi
     )
 
 
-def test_a_usd_file_of_either_kind_may_end_in_usd(tmp_path):
+@pytest.mark.parametrize("kind", ["usd-physics", "usd"])
+def test_a_usd_file_of_either_kind_may_end_in_usd(kind, tmp_path):
     from pxr import Usd
 
-    export(Order(result=a_fit()), "usd-physics", tmp_path / "x.usd")
-    assert Usd.Stage.Open(str(tmp_path / "x.usd"))
+    export(Order(result=a_fit(), take=garments_take("sheet")), kind, tmp_path / "x.usd")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usd"))
+    assert stage.GetDefaultPrim().IsValid()
 
 
 def test_a_file_beside_is_refused_before_the_work_and_only_where_it_is_written(tmp_path):

@@ -52,6 +52,13 @@ def test_offsets_that_grow_with_speed_are_taken_out_and_their_deviation_is_state
     assert np.sqrt(np.mean(errors)) < 1.2 * NOISE
 
 
+def test_offsets_are_found_in_each_of_20_recordings_with_and_without_a_scale():
+    """The same recordings as below, with frames that are off."""
+    off = LATE * speed() * np.random.default_rng(100).standard_normal((20, len(TIME)))
+    for scale in (1.0, 1.05):
+        assert all(found_of(one, seed, scale) is not None for seed, one in enumerate(off))
+
+
 def test_noise_alone_is_no_offset():
     """It passes in 7 of 300 recordings, 2 %; more than 4 of 60 would come once in a hundred times."""
     assert sum(found_of(np.zeros(len(TIME)), seed) is not None for seed in range(60)) <= 4

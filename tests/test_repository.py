@@ -120,6 +120,7 @@ def test_the_blind_check_may_import_from_no_room_of_the_fitter() -> None:
             ("fit/cloth/model.py", "from fit.gap import verdict", "Rooms of fit"),
             ("capture/hanger/pose.py", "from capture.recording import session", "Rooms of capture"),
             ("firmware_host/lamp.py", "from firmware_host import opening", "Rooms of firmware_host"),
+            ("formats/importers/units.py", "from formats.exporters import by_library", "Layers of formats"),
             ("fit/blind/hands.py", "from fit.api import results", BLIND),
         ],
         [

@@ -37,7 +37,7 @@ class OutlineDistance:
     parts: ClassVar[tuple[str, ...]] = ("outline",)
 
     def __init__(self, recording: Recording) -> None:
-        """Find the points on the edge.
+        """Find the tracked points on the garment's outline.
 
         Raises:
             FitError: the garment has too few of them, or they are never seen together.

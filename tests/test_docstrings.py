@@ -75,6 +75,13 @@ def test_no_sentence_of_docstrings_and_comments_is_long_or_has_a_clause_as_its_s
     ] == []
 
 
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_docstring_begins_by_naming_another_one(room: str) -> None:
+    files = {path.name: docstrings(tree_of(path)) for path in (ROOT / room).glob("*.py")}
+    found = [f"{name}:{line}" for name, texts in files.items() for line, text in texts if re.match(r"See `", text)]
+    assert found == []
+
+
 def test_a_long_docstring_a_long_comment_and_a_clause_are_found_and_an_equation_is_not() -> None:
     long = " ".join(["word"] * 26) + "."
     source = f'"""A module.\n\n{long}\n\n    {long}\n"""\nA = 1  # What is cut\n# {long[:65]}\n# {long[65:]}\n'

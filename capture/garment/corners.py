@@ -79,12 +79,12 @@ class PanelCorners:
     tips: tuple[int, ...] = ()
 
     def flat_corners(self, outline: Floats) -> Floats:
-        """See `CornerFinder.flat_corners`."""
+        """Return the four points [m], (4, 2), of the outline that lie outermost along the diagonals."""
         x, y = outline[:, 0], -outline[:, 1]
         return outline[[(x + y).argmin(), (x - y).argmax(), (x + y).argmax(), (x - y).argmin()]]
 
     def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
-        """See `CornerFinder.find`."""
+        """Locate the strong Harris corners that lie outermost along the diagonals; the held edge is one side."""
         x, y = silhouette.outline.T
         strong = _strong_corners(silhouette)
         if strong.size < 4:
@@ -99,12 +99,12 @@ class ShirtCorners:
     tips: tuple[int, ...] = (0, 1)
 
     def flat_corners(self, outline: Floats) -> Floats:
-        """See `CornerFinder.flat_corners`."""
+        """Return the leftmost and rightmost points [m], and the lowest along both diagonals, (4, 2)."""
         x, y = outline[:, 0], -outline[:, 1]
         return outline[[x.argmin(), x.argmax(), (x + y).argmax(), (x - y).argmin()]]
 
     def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
-        """See `CornerFinder.find`."""
+        """Locate the leftmost and rightmost points, and the Harris corners lowest along both diagonals."""
         x, y = silhouette.outline.T
         strong = _strong_corners(silhouette)
         if strong.size < 2:

@@ -256,7 +256,9 @@ def gates(diagnosis: Diagnosis | None) -> Markup:
 
 
 def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
-    """Return the section on cost, inputs and notes of the result."""
+    """Return the section on cost, inputs and notes of the result; nothing without a result."""
+    if fit is None and diagnosis is None:
+        return NOTHING
     figures: list[tuple[str, str]] = []
     notes: list[str] = []
     both: list[tuple[str, FitResult | Diagnosis]] = []

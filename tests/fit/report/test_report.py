@@ -264,7 +264,9 @@ def test_report_without_fit_or_without_diagnosis_or_without_both_is_still_a_page
         assert tags.open == []
     bare = render_report(fit=None, diagnosis=None)
     assert "<h1>Real and simulated motion, without a fit or a diagnosis.</h1>" in bare
-    assert not any(f'<section id="{part}"' in bare for part in ("gap", "parameters", "effects", "where", "gates"))
+    assert not any(
+        f'<section id="{part}"' in bare for part in ("gap", "parameters", "effects", "where", "gates", "cost")
+    )
     assert f"<h1>{diagnosis().sentence.partition('. ')[0]}." in render_report(fit=None, diagnosis=diagnosis())
     assert "stays 51.2 mm from the real cloth on average on motion not used to fit, against 131.0 mm" in render_report(
         fit=fit_result(), diagnosis=None

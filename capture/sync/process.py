@@ -121,6 +121,8 @@ def work(command: str, sync: Sync, setup: SyncSetup) -> int:
         return SAFE
     in_the_way = sync.run() if command == "run" else sync.once()
     if in_the_way is None:
+        if command == "now" and not sync.has_asked:  # not for `run`: the unit runs it every two minutes
+            say("hangtime sync: no take waits; the server was not asked")
         return SAFE
     _refuse(sync.credentials, str(in_the_way))
     return LATER

@@ -50,13 +50,17 @@ class Standing:
 
 @dataclass
 class Sync:
-    """The takes of one spool folder and their server."""
+    """The takes of one spool folder and their server.
+
+    - `has_asked`: whether the server was asked for or given anything
+    """
 
     setup: SyncSetup
     credentials: Credentials
     clock: Callable[[], datetime] = now_here
     sleep: Callable[[float], None] = time.sleep
     chance: random.Random = field(default_factory=random.Random)
+    has_asked: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         """Open the spool and the server that the settings name.
@@ -148,6 +152,7 @@ class Sync:
         return first_fault
 
     def _bring(self, take: KeptTake) -> None:
+        self.has_asked = True
         receipt = bring(take, self.folder, self.target, now=self.clock())
         LOG.info("%s: safe on the server (%s)", take.stem, receipt.verified)
         if has_changed(take, receipt.sha256) and take.sequence not in self.standing.damaged:
@@ -160,6 +165,7 @@ class Sync:
     def _prove(self) -> Proof | None:
         url = without_secrets(self.target.url)
         candidates = [receipt for receipt in receipts(self.folder) if receipt.url == url]
+        self.has_asked = self.has_asked or bool(candidates)
         proof = prove(self.target.server, candidates, now=self.clock(), chance=self.chance)
         if proof is None:
             return None

@@ -192,3 +192,17 @@ def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named
     setup = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
     assert "take-000002 stays: it differs from the file that the server verified; replace this device's disk" in setup
     assert [take.sequence for take in spool.takes()] == [2]
+
+
+def test_an_upload_by_hand_says_that_it_asked_no_server_unless_it_did(tmp_path, spool, three):
+    """The first folder holds no take; in the other one a proof is due after the upload, and none the second time."""
+    config, said = tmp_path / "appliance.toml", "hangtime sync: no take waits; the server was not asked\n"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n')
+    nothing = hangtime("sync", "now", "--config", config, "--spool", tmp_path / "empty")
+    assert (nothing.returncode, nothing.stderr) == (0, said)
+    first, second = (hangtime("sync", "now", "--config", config) for _ in range(2))
+    assert (first.returncode, "was not asked" in first.stderr) == (0, False)
+    assert (second.returncode, second.stderr) == (0, said)
+    (spool.folder / "sync-status.json").unlink()  # hence a proof is due
+    proved = hangtime("sync", "now", "--config", config)
+    assert ("was fetched from the server" in proved.stderr, "was not asked" in proved.stderr) == (True, False)

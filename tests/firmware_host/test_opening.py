@@ -124,6 +124,22 @@ def test_playing_reports_a_rate_where_there_are_two_frames(
     assert said in CliRunner().invoke(app, ["sensor", "play", "a.oni"]).output
 
 
+@pytest.mark.parametrize("words", [[], ["--anyway"]])
+def test_playing_accepts_implausible_stamps_only_where_anyway_is_given(
+    monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    asked: list[bool] = []
+    sensor = SimpleNamespace(
+        info=SimpleNamespace(name="a", intrinsics=CAMERA, fps=30.0, notes=()), frames=lambda: iter(())
+    )
+    monkeypatch.setattr(
+        "firmware_host.opening.open_sensor", lambda source, anyway: asked.append(anyway) or nullcontext(sensor)
+    )
+    gather_commands()
+    CliRunner().invoke(app, ["sensor", "play", "a.oni", *words])
+    assert asked == [bool(words)]
+
+
 def test_an_address_of_an_unknown_kind_is_refused() -> None:
     with pytest.raises(SensorError, match="no sensor has such an address"):
         open_sensor("https://example.org/stream")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import resource
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from firmware_host.errors import RecordingError
 from firmware_host.oni_records import summarise
-from firmware_host.synthetic import recording
+from firmware_host.synthetic import recording, world
 from firmware_host.synthetic.render import View
 from firmware_host.synthetic.scene import CAMERA, HANGER, Placement, demo_garment, place
 from firmware_host.synthetic.world import World
@@ -189,3 +190,18 @@ def test_a_folder_that_goes_away_is_reported_with_what_went_wrong_first(
     monkeypatch.setattr(recording, "make_world", make)
     with pytest.raises(RecordingError, match=r"the recording cannot be written \(Not a directory\)"):
         recording.make_recording(tmp_path / "d", "take")
+
+
+def test_points_among_surroundings_are_half_a_pixel_apart_where_the_cloth_comes_nearest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hanger that comes to 1.35 m, whose cloth swings 0.35 m towards the sensor: half a pixel at 1 m."""
+    made: dict[str, float] = {}
+    monkeypatch.setattr(world, "Renderer", lambda pattern, around, spacing: made.update(spacing=spacing))
+    monkeypatch.setattr(world, "lay", lambda *given: None)
+    origin = np.array([[0.0, 0.0, 1.6], [0.0, 0.0, 1.35]])
+    shown = SimpleNamespace(
+        nodes=np.zeros((2, 5, 5, 3)), garment=demo_garment(), surroundings=(), hanger=SimpleNamespace(origin=origin)
+    )
+    World.renderer(shown)
+    assert made["spacing"] == pytest.approx(0.5 / CAMERA.fx)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -160,6 +161,9 @@ def test_a_driver_that_debian_does_not_ship_or_that_is_not_installed_is_a_proble
 ) -> None:
     bus(KinectCameraModel())
     assert "has no driver for the Kinect v1 camera; record with" in says(usb_checks.driver_is_there, examined())
+    examination = examined()
+    examination.camera = replace(examination.camera, model=replace(examination.camera.model, openni2_driver="PSLink"))
+    assert says(usb_checks.driver_is_there, examination) == "ok: OpenNI2 and its driver libPSLink.so.0"
     bus(Ps1080Model())
     monkeypatch.setattr(openni2_library, "find_driver", lambda name: None)
     assert "libPS1080.so is not installed; install it: apt-get" in says(usb_checks.driver_is_there, examined())
@@ -174,6 +178,9 @@ def test_the_folder_of_drivers_is_the_one_that_openni_is_set_to_use(
     assert openni2_library.find_driver("PS1080") is None
     (tmp_path / "libPS1080.so.0").touch()
     assert openni2_library.find_driver("PS1080") == tmp_path / "libPS1080.so.0"
+    found = [tmp_path / f"libPS1080.so{end}" for end in (".1", "", ".0")]  # in the order of some disk
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: iter(found if folder == tmp_path else []))
+    assert openni2_library.find_driver("PS1080") == tmp_path / "libPS1080.so"
 
 
 # --- the streams --------------------------------------------------------------------------------

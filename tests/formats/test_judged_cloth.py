@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from firmware_host.synthetic.scene import RIG
-from formats import judged_cloth
+from formats import judged_cloth, judgement
 from formats.garment import TrackedPoint
 from formats.hanger import held_ends
-from formats.judgement import judge
+from formats.judgement import FEW_SIGHTS, judge
 from formats.sights import below_held_edge, judged_points, on_held_edge, reach, sights_of
 from formats.two_clocks import at_times, with_hanger
 from tests.formats.test_judgement import named, swung, with_points, without_hanger
@@ -369,3 +369,18 @@ def test_the_longest_of_several_spells_is_named(at, monkeypatch):
     (one,) = [one for one in judge(take) if one.name == "points_stand"]
     start = 1.0 - float(take.time[0])
     assert f"for 4.0 s from {start:.1f} s on at most" in one.words
+
+
+@pytest.mark.parametrize(("sights", "is_judged_anew"), [(FEW_SIGHTS - 1, True), (FEW_SIGHTS, False)])
+def test_cloth_with_few_sights_is_judged_without_its_impossible_ones(sights, is_judged_anew, monkeypatch):
+    """A take with the same sights is judged once."""
+    take, other, judged = swung(2.0), swung(3.0), []
+    monkeypatch.setattr(judgement, "cloth_findings", lambda one, found: judged.append(one) or [])
+    monkeypatch.setattr(judgement, "fitted_sights", lambda *given: sights)
+    monkeypatch.setattr(judgement, "without_impossible", lambda *given: other)
+    judgement._cloth(take, None)
+    assert [one is other for one in judged] == [False, True] if is_judged_anew else [False]
+    del judged[:]
+    monkeypatch.setattr(judgement, "without_impossible", lambda *given: take)
+    judgement._cloth(take, None)
+    assert len(judged) == 1

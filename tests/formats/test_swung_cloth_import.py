@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from msgspec.structs import replace
 from formats.archive import read_take
 from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
+from formats.importers import swung_cloth as module
 from formats.importers.npz import load_arrays
 from formats.importers.swung_cloth import WHAT_TO_GIVE, import_swung_cloth
 from tests.formats.test_command_line import hangtime, swung_cloth
@@ -290,3 +292,24 @@ def test_a_cloth_of_unknown_weight_weighs_what_its_width_times_its_height_of_the
     take = import_swung_cloth(changed(tmp_path / "a.npz", **grid(5, 4, hanger_corners=ends)))
     assert take.garment.mass_kg == pytest.approx(0.197 * 0.18 * 0.24, abs=1e-6)
     assert take.garment.outline_m == ((-0.09, 0.0), (0.09, 0.0), (0.09, -0.24), (-0.09, -0.24))
+
+
+@pytest.mark.parametrize(
+    ("corners", "checked"),
+    [
+        (with_value((5, 1, 2), np.nan), "pictures"),
+        (lambda held: held * np.nan, "points"),
+        (lambda held: held, "pictures"),
+    ],
+)
+def test_an_arms_path_is_compared_with_the_corners_that_were_seen_and_else_with_the_points(
+    tmp_path, monkeypatch, corners, checked
+):
+    path, asked = changed(tmp_path / "a.npz", hanger_corners=corners), []
+    whole = np.load(changed(tmp_path / "whole.npz"))
+    arm = SimpleNamespace(time=whole["t"].astype(float), held=whole["hanger_corners"].astype(float), file=path)
+    monkeypatch.setattr(module, "read_arm_path", lambda *given, **options: arm)
+    monkeypatch.setattr(module, "check_arm_path", lambda *given: asked.append("pictures") or "")
+    monkeypatch.setattr(module, "check_clock", lambda *given: asked.append("points") or "")
+    import_swung_cloth(path, hanger=path)
+    assert asked == [checked]

@@ -13,6 +13,7 @@ from capture.appliance.config_tables import Config, SensorPart
 from capture.appliance.disk import Disk, _Running
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
+from formats.archive import read_take
 from formats.judgement import judge
 from tests.capture.appliance.spool_takes import frames, record, writer_of
 
@@ -68,6 +69,20 @@ def test_the_minute_that_a_slow_processor_judges_is_not_the_disks(tmp_path, monk
     assert [one.kept.sequence for one in news_of(disk) if one.kept] == [1]
     assert behind == [0.0, 3.0]
     disk.close(LONGEST)
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_a_take_that_is_not_worth_keeping_leaves_nothing_and_another_stays_whole(disk, is_kept):
+    """75 frames."""
+    running = disk._spool.begin()
+    disk._take = _Running(running, writer_of(running))
+    for frame in frames(75):
+        disk._take.writer.append(frame)
+    disk.end({}, is_worth_keeping=is_kept)
+    (news,) = [one for one in news_of(disk) if one.is_over]
+    assert (news.failure, news.kept is not None) == (None, is_kept)
+    assert not running.partial.exists()
+    assert [len(read_take(path).time) for path in disk._folder.rglob("*.mcap")] == [75] * is_kept
 
 
 def test_a_folder_where_the_counter_should_be_is_named_by_its_path(disk):

@@ -6,17 +6,21 @@ import errno
 import hashlib
 import io
 import os
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from capture.errors import SyncError
 from capture.sync import server as module
 from capture.sync.credentials import Credentials
 from capture.sync.faults import fault_of
 from capture.sync.pace import Rate
 from capture.sync.rounds import _own_disk
 from capture.sync.server import FolderServer, Sums, open_server, sums_of
-from capture.sync.settings import SyncSettings, SyncSetup
+from capture.sync.settings import SyncSettings, SyncSetup, load_settings
+from tests.capture.sync.syncing import folder_of, sync_of
 
 
 def md5(content):
@@ -94,3 +98,27 @@ def test_a_bucket_is_named_with_its_endpoint_if_it_has_one(endpoint, where, monk
 def test_a_full_disk_of_this_device_is_named_by_the_file_or_else_by_the_folder(name, where):
     fault = _own_disk(OSError(errno.ENOSPC, "No space left on device", name), Path("/spool"))
     assert (fault.what, fault.where) == ("this device cannot write receipts (no space left on device)", where)
+
+
+def test_takes_that_leave_and_takes_that_changed_are_in_the_journal(tmp_path, spool, monkeypatch, caplog):
+    sync, _ = sync_of(folder_of(tmp_path, spool))
+    room = SimpleNamespace(left=("take-000001",), changed=("take-000002",))
+    monkeypatch.setattr(sync.spool, "make_room", lambda *given, **options: room)
+    with caplog.at_level("INFO"):
+        sync._leave()
+    assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
+        ("INFO", "take-000001: left this device; it is safe on the server"),
+        (
+            "WARNING",
+            "take-000002: stays; it differs from the file that the server verified: replace the disk",
+        ),
+    ]
+
+
+@pytest.mark.parametrize("name", ["days = 2592000", "quota_bytes = 8"])
+def test_a_limit_of_retention_beyond_its_range_is_named_with_its_line(tmp_path, name):
+    config = tmp_path / "c.toml"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file:///server"\nretention.{name}\n')
+    words = f"retention.{name.replace('=', 'is')}; give"
+    with pytest.raises(SyncError, match=re.escape(f"c.toml, line 5: [sync] is invalid: {words}")):
+        load_settings(config, None)

@@ -103,7 +103,7 @@ def calibrate_command(
     clips: Annotated[
         str, typer.Option("--clip-ids", metavar="ID,ID", help="Marker in the left and in the right clip.")
     ] = "2,3",
-    # Seconds: our choice, 150 frames of a sensor with 30 a second.
+    # Seconds; our choice: 150 frames of a sensor with 30 a second.
     seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=10.0, help="Duration of the measurement.")] = 5.0,
     accelerometer: Annotated[
         bool | None,
@@ -214,7 +214,7 @@ def record_command(
     ] = 0.0,
     scan_points: Annotated[
         int, typer.Option("--scan-points", metavar="N", min=3, max=64, help="Scan a grid of N x N, and 8 N around it.")
-    ] = 12,  # our choice, as the appliance's `recording.scan_points`
+    ] = 12,  # our choice: as the appliance's `recording.scan_points`
     lamp: Annotated[
         str | None,
         typer.Option(

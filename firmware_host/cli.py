@@ -185,7 +185,7 @@ def synthesise_silhouette(
             help="Loss of the bottom border per unit of lean; at 0 the points are material points.",
         ),
     ] = 0.03,  # m; our choice: the typical size of the effect `eroded_outline`
-    # Metres: our choice, a depth camera's noise at 1 m (`firmware_host.synthetic.depth_noise`).
+    # Metres; our choice: a depth camera's noise at 1 m (`firmware_host.synthetic.depth_noise`).
     noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
     seconds: Seconds = 12.0,  # s; our choice: some swings, at 9 frames a second
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,

@@ -39,7 +39,7 @@ INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `sizes_of_kernels` knows
 LARGEST_INDEX = 1 << 26  # bytes: 400,000 kernels
 NOTED = "hangtime-kernels.json"  # this program's own file in Taichi's cache, see `note_kernels`
 HASH = 64  # letters of the SHA-256 with which Taichi ends the file of a kernel
-LARGEST_NOTE = 1 << 26  # bytes, as of the index
+LARGEST_NOTE = 1 << 26  # bytes; our choice: as of the index, since a note holds a line for each of its kernels
 STALE_LOCK = 60.0  # s; Taichi holds its lock for milliseconds, and gives up after 0.2 s
 _started: dict[str, int] = {}
 

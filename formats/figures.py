@@ -17,7 +17,7 @@ def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a p
     return f"{value:.{digits}g}"
 
 
-def span_of(ends: tuple[float, float], digits: int = 3) -> str:  # our choice, as above
+def span_of(ends: tuple[float, float], digits: int = 3) -> str:  # our choice: as above
     """Return an interval as `low to high`."""
     return f"{short(ends[0], digits)} to {short(ends[1], digits)}"
 

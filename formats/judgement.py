@@ -27,7 +27,8 @@ from formats.sights import SETTLING, Sights, exchanged, first_jump, fitted_sight
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
-FEWEST_HANGERS = 10  # frames with both markers; a recording with fewer is not kept
+# Frames with both markers; a recording with fewer is not kept; our choice: a third of a second at 30 a second.
+FEWEST_HANGERS = 10
 FEW_SIGHTS = 2 * FEWEST_SEEN  # of points: without the impossible ones, these may be too few for a fit
 SWAPPED = "markers_swapped"  # the finding that invalidates the findings on the garment
 DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %

@@ -17,7 +17,7 @@ from formats.take import Take
 
 HARDEST_PULL = 150.0  # m/s^2, 15 times gravity: no hand moves a hanger harder
 STILL_MOTION = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
-DOMINANT_SHARE = 0.7  # of the variance: stated by us
+DOMINANT_SHARE = 0.7  # of the variance; our choice: at half, two ways of nearly equal size could name one
 WAYS = ("sideways", "face-on", "up-and-down", "twist")
 MOTION_KINDS = (*WAYS, "mixed", "still")
 

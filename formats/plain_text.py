@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 LONGEST_TEXT = 2000  # characters of one text
 NAME_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
-MOST_LISTED = 3  # items of one kind that a sentence lists, stated by us
+MOST_LISTED = 3  # items of one kind that a sentence lists; our choice: a longer list hides the advice behind it
 ENDS_SHOWN = 60  # characters at either end of a longer name
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip

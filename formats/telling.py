@@ -17,7 +17,7 @@ from formats.plain_text import lines_of
 
 class _Mode:
     as_json = False
-    indent: int | None = 2  # blanks a level of JSON; our choice
+    indent: int | None = 2  # blanks a level of JSON; our choice: as people write JSON
     document: dict[str, Any] = {}  # noqa: RUF012 - replaced by `begin`
 
 

@@ -179,6 +179,29 @@ def test_every_number_of_a_package_has_a_comment(package: str) -> None:
     assert [f"{name_of(path)}: {name}" for path in modules for name in bare(path.read_text())] == []
 
 
+BARE_CHOICE = re.compile(r"(?i:#.*our choice)(?!: |,? (?:as|because|since|so that) )|(?i:stated by us)")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_choice_of_a_package_has_a_reason(package: str) -> None:
+    """The words "our choice" stand before a reason; other words for it would escape this test."""
+    found = [
+        f"{name_of(path)}: {line.strip()}"
+        for path in MODULES
+        if path.is_relative_to(ROOT / package)
+        for line in path.read_text().splitlines()
+        if BARE_CHOICE.search(line)
+    ]
+    assert found == []
+
+
+def test_a_choice_without_a_reason_is_found() -> None:
+    for said in ("our choice", "Our choice.", "m; our choice, 3 px", "m: stated by us", "stated by us: few"):
+        assert BARE_CHOICE.search(f"LONG = 2.0  # {said}")
+    for said in ("our choice: as wide as a hand", "our choice, so that it fits", "Our choice because others differ"):
+        assert not BARE_CHOICE.search(f"LONG = 2.0  # {said}")
+
+
 def test_a_number_is_bare_without_a_comment_of_its_own() -> None:
     source = "# m\nLONG = 2.0\nNEAR, FAR = -1.0, 1 / 3\nSHORT = 1.0  # m\nRIM = np.ones(3)\nNAME = 'x'\nIS_ON = True\n"
     assert bare(source) == ["(NEAR, FAR)", "RIM"]

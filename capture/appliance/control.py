@@ -22,7 +22,7 @@ from capture.errors import AnotherDaemonError, ControlError
 
 LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # clients at once; one more, and the daemon disconnects the client that has been silent for longest
-MOST_CALLERS = 128  # connections that the kernel queues until the daemon's next poll
+MOST_CALLERS = 128  # connections that the kernel queues until the next poll; our choice: beyond askers and watchers
 MOST_WATCHERS = 64  # watchers at once; one more, and the daemon disconnects the oldest
 ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a recording daemon answers within one frame
 ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once

@@ -101,7 +101,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     credentials: Path | None = None
     encrypt_to: tuple[str, ...] = ()
     bytes_per_second: float | None = None
-    timeout_s: float = 300.0  # our choice, as above
+    timeout_s: float = 300.0  # s; our choice: as the docstring states
     proof_days: float = PROOF_DAYS
     retention: Retention = Retention()
 

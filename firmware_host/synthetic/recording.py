@@ -20,7 +20,7 @@ from formats.outputs import check_stem, output_folder, refuse_to_replace, unwrit
 
 def make_recording(
     out: Path, name: str, *, motion: str = "swing", effect: str = "air_drag", amplitude: float | None = None,
-    # Seconds: our choice, as `hangtime sensor synthesise` has it
+    # Seconds; our choice: as `hangtime sensor synthesise` has it
     seconds: float = 8.0, seed: int = 1, garment: str = "skirt", fabric: str = "plain",
     progress: Progress = lambda stage, share: None,
     overwrite: bool = False,

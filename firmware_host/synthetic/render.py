@@ -21,7 +21,7 @@ SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
 # Our choice: brightness, 0 to 255, that keeps wall, bar, cloth and plates apart.
 WALL, BAR, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
-LIGHT_DIRECTION = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])  # towards the light; our choice
+LIGHT_DIRECTION = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])  # our choice: light from above
 
 
 @dataclass(frozen=True)

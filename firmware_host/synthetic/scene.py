@@ -19,7 +19,7 @@ FPS = 30  # frames a second, of the PS1080 at VGA
 HANGER_REST = (0.0, -0.27, 1.6)  # m, midway between the markers
 WALL_DISTANCE = 2.6  # m
 PLATE_SIZE = 0.076  # m, white plate that carries a marker
-BAR_SIZE = (0.44, 0.022)  # m, clamp bar along the held edge
+BAR_SIZE = (0.44, 0.022)  # m, clamp bar along the held edge; our choice: 20 mm beyond either held corner
 
 HANGER = Hanger(
     dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.30,

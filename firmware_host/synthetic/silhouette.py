@@ -36,7 +36,7 @@ from formats.garment import Garment, TrackedPoint
 from formats.outputs import check_stem, output_folder, refuse_to_replace, write_bytes
 
 SIDE, GRID = 0.3, 8  # m, and points along it, as in the recordings
-NODES_ALONG = 9  # of the cloth along its side
+NODES_ALONG = 9  # of the cloth along its side; our choice: 37.5 mm apart, near the panels' 30 mm
 DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
 RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
@@ -114,7 +114,7 @@ def swung_cloth(seconds: float, progress: Callable[[float], None] = lambda share
 def seen_silhouette(
     faults: CameraFaults,
     *,
-    seconds: float = 12.0,  # s; our choice, as `hangtime sensor synthesise-silhouette` has it
+    seconds: float = 12.0,  # s; our choice: as `hangtime sensor synthesise-silhouette` has it
     seed: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Silhouette:
@@ -140,7 +140,7 @@ def seen_silhouette(
 
 
 def make_silhouette_take(
-    # Seconds: our choice, as above.
+    # Seconds; our choice: as above.
     out: Path, name: str, faults: CameraFaults, *, seconds: float = 12.0, seed: int = 1, overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Path]:  # fmt: skip

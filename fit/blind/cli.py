@@ -133,7 +133,7 @@ def run_command(
         typer.Option("--out", metavar="ANSWERS", help="Folder for the answers.", show_default="DIR/answers"),
     ] = None,
     option: Options = [],  # noqa: B006
-    limit: Limit = 3600.0,  # s; our choice
+    limit: Limit = 3600.0,  # s; our choice: an hour, so that no case holds up a set for longer
     again: Again = False,
     workers: Workers = 1,
     takes: Annotated[
@@ -253,7 +253,7 @@ def strike_command(
         typer.Option("--least", metavar="TIMES", min=0.0, help="Smallest amplitude, over the detectable one."),
     ] = 2.0,  # our choice: the least size to which the targets apply
     option: Options = [],  # noqa: B006
-    limit: Limit = 3600.0,  # s; our choice
+    limit: Limit = 3600.0,  # s; our choice: an hour, so that no case holds up a set for longer
     again: Again = False,
     workers: Workers = 1,
 ) -> None:

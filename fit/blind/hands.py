@@ -23,7 +23,8 @@ from formats.nature import GRAVITY
 TRAINING = ("chirp", "sideways", "twist")  # motions of the fitted takes
 HELD_OUT = ("ellipse", "oblique")  # motions of the held-out takes
 ANGLES = (12.0, 26.0)  # degrees
-SHARE_WHERE_STOPPED = 0.75  # of that angle for a bar that stops abruptly, as limp cloth flutters after a stop
+# Of that angle where the bar stops abruptly; our choice: less, as limp cloth flutters after a stop.
+SHARE_WHERE_STOPPED = 0.75
 MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays taut and its motion predictable
 
 

@@ -36,8 +36,8 @@ from formats.errors import ResultError
 from formats.results import load_diagnosis
 
 BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable amplitude
-BIN_EDGES = (0.5, 1.0, 2.0, 4.0)  # times the minimum detectable amplitude, doublings: stated by us
-CONFIDENT = 0.8  # probability from which a name counts as confident: stated by us
+BIN_EDGES = (0.5, 1.0, 2.0, 4.0)  # times the minimum detectable amplitude; our choice: doublings
+CONFIDENT = 0.8  # probability from which a name counts as confident; our choice: as the verdict's `SURE`
 NAMING = frozenset({"effect", "ambiguous", "several"})
 
 

@@ -50,7 +50,8 @@ class Effect:
     low: ClassVar[float]
     high: ClassVar[float]
     typical: ClassVar[float]
-    law_spread: ClassVar[float] = 0.08  # share of the size; our choice, for effects whose spread nobody derived
+    # Share of the size; our choice: it stands for every effect whose spread nobody derived.
+    law_spread: ClassVar[float] = 0.08
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which the diagnosis tries an effect of one component
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""

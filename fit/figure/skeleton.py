@@ -20,7 +20,7 @@ from formats.arrays import Floats
 THIGH, SHANK, ANKLE_HEIGHT = 0.245, 0.246, 0.039  # of the height, Drillis and Contini 1966
 HIP_OFFSET = 0.050  # from the middle to either hip
 HEEL_BEHIND, BALL = 0.035, 0.090  # from the ankle back to the heel, and on to the ball of a foot 0.152 long
-FOOT_RADIUS = 0.020  # of the height; our choice
+FOOT_RADIUS = 0.020  # of the height; our choice: 35 mm of 1.75 m
 TRUNK = 0.818 - 0.530  # from the hips to the shoulders
 SHOULDER_OFFSET = 0.115  # from the middle to either shoulder's centre
 NECK, HEAD = 0.870 - 0.818, 0.130  # from the shoulders to the chin, and on to the top

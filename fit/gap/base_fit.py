@@ -32,9 +32,9 @@ FIRST_FREQUENCY = 1.0  # Hz: fits from any start agree, and the residual still d
 FIRST_SAMPLES, SAMPLES = 32, 24  # candidates simulated under that pull, and further ones under the chosen pull
 CARRIED = 12  # best candidates, simulated under both pulls
 STARTS_APART = 0.15  # share of the box, in one parameter at least, between the starts of fits
-STARTS, MOST_STARTS = 2, 4  # base fits, and at most while the best two disagree: stated by us
+STARTS, MOST_STARTS = 2, 4  # base fits, and at most while the best two disagree; our choice: one fit shows no agreement
 COARSER = 1.5  # spacing of the mesh for the first search of starts
-COARSEST_FIRST = 0.06  # m, unless the mesh itself is coarser
+COARSEST_FIRST = 0.06  # m, unless the mesh itself is coarser; our choice: hardly above the 50 mm by default
 
 
 def fit_base(

@@ -37,10 +37,10 @@ from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
 from formats.arrays import Floats, Integers
 
-INTERVAL_REPLICAS = 1000  # draws of blocks, stated by us: a share of them has a deviation of 0.016 at most
-SIGNIFICANT_GAP = 1.2  # squared ratio of base error to floor, stated by us: below, no gap exists
-SMALLEST_GAP = 0.05  # of the squared floor, stated by us; below, closure is not defined
-LEAST_REMAINDER = 1e-6  # share of the gap that must remain without any one block: stated by us
+INTERVAL_REPLICAS = 1000  # draws of blocks; our choice: a share of them has a deviation of 0.016 at most
+SIGNIFICANT_GAP = 1.2  # squared ratio of base error to floor, below which no gap exists; our choice: a tenth, in mm
+SMALLEST_GAP = 0.05  # of the squared floor; our choice: below, closure would divide by nearly nothing
+LEAST_REMAINDER = 1e-6  # share of the gap that must remain without any one block; our choice: closure divides by it
 LEAST_BLOCKS = 3.0  # independent blocks at least: two degrees of freedom, since the spread of fewer is unknown
 
 

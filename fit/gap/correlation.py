@@ -11,8 +11,8 @@ this kind are correlated as rho^2. Their sums over blocks b and b' of one take a
     K_bb' = w k(b - b') / k(0),   k(m) = sum of exp(-2 |t - t'| / T) cos^2(2 pi f (t - t')) over t in 0, t' in m
 
 and K_bb = 1. The share w of the oscillation in the variance of a block's sum follows from a. Coherent errors have about
-DIRECTIONS degrees of freedom in space. White noise has as many as a frame has numbers. Blocks of different takes, and
-means over a take, are independent. Blocks of weights w count as n_eff = (sum of w)^2 / (w' K w) independent ones.
+FREE_DIRECTIONS degrees of freedom in space. White noise has as many as a frame has numbers. Blocks of different takes,
+and means over a take, are independent. Blocks of weights w count as n_eff = (sum of w)^2 / (w' K w) independent ones.
 Sources: M. S. Bartlett, J. Royal Stat. Soc. Suppl. 8 (1946) (variance of quadratic sums of a correlated series);
 G. E. P. Box & G. M. Jenkins, "Time Series Analysis" (1976), section 3.2 (autocorrelation of a damped oscillator).
 """
@@ -26,7 +26,8 @@ import numpy as np
 from fit.observer.residuals import BLOCK_SECONDS, Layout, Observer
 from formats.arrays import Floats
 
-FREE_DIRECTIONS = 9  # degrees of freedom in space of a smooth error, from fits to takes without any effect
+# Degrees of freedom in space of a smooth error; chosen on amplitudes fitted to takes without any effect.
+FREE_DIRECTIONS = 9
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
 SAMPLES_A_BLOCK = 12  # instants per block in the sum of the correlation

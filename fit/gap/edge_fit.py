@@ -32,7 +32,8 @@ from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
-DISPUTED = 2.0  # deviations between the edge's amplitude and the fit's: stated by us
+# Deviations between the edge's amplitude and the fit's; our choice: noise exceeds it in 5 % of single components.
+DISPUTED = 2.0
 LEADS = 2  # effects that are refitted because they would explain the held edge's error
 LARGEST_AMPLITUDE = 1e3  # typical sizes: an effect that needs more moves the edge by rounding errors only
 

@@ -29,11 +29,11 @@ from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Figure, Gate
 from formats.nature import NORMAL_90
 
-SMALLEST_CLOSURE = 0.25  # share of the gap, stated by us: an effect that removes less is not its cause
-MOST_UNEXPLAINED = 0.6  # share of the gap that a cause may leave beyond noise and mesh: stated by us
+SMALLEST_CLOSURE = 0.25  # share of the gap; our choice: less leaves three quarters to another cause
+MOST_UNEXPLAINED = 0.6  # of the gap, left beyond noise and mesh; our choice: once the only limit (decision 20), now one
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion. Of the gap they leave the square of
 # three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
-LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0  # deviations, for the development sets of decision 20; times: stated by us
+LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0  # on the sets of decision 20; times, our choice: one finer mesh estimates it
 STUDENT_95 = 2.92  # Student's t, 95 % one-sided, two degrees of freedom: for the mean of three replicas of the noise
 # Factor for one more draw of the noise, in standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
@@ -41,12 +41,12 @@ MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette 
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
-SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3  # of the gap; of the error left: stated by us
-MOST_OF_LEFT = 0.6  # of the error left: stated by us after the development pairs of decision 18
+SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3  # our choice: laws 0.1 apart leave 0.09 of a gap; less leaves most to others
+MOST_OF_LEFT = 0.6  # of the error left; chosen on the development pairs of decision 18
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most: decision 25
 LEAST_LEFT = 0.1  # of the squared noise: least squared error that a half-second is assumed to keep
-NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure, of an effect and a collinear one, to be a rival: stated by us
-RIVAL = 0.1  # share of bootstrap draws won, from which an effect is a rival: stated by us
+NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure, of rivals; our choice: collinear ones need no share of draws
+RIVAL = 0.1  # share of bootstrap draws won, from which an effect is a rival; our choice: below, others win nine of ten
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis, effect_name: str | None = None) -> bool:

@@ -36,10 +36,14 @@ from fit.recordings.noise import held_noise, point_noise, white_noise
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-NOISE_REPLICAS = 3  # draws of the noise, each a simulation: stated by us
-LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise: stated by us
+# Draws of the noise; our choice: each costs a simulation, and two degrees of freedom give a deviation.
+NOISE_REPLICAS = 3
+# Of noise of any colour over white noise; our choice: beyond, a model's error would pass for noise.
+LARGEST_COLOUR_RATIO = 1.5
 FEWEST_NEIGHBOURS = 9  # points with opposite neighbours, below which no estimate is made
-CONTRADICTED = 1.25  # ratio of stated to measured noise, or its inverse, from which they contradict: stated by us
+# Ratio of stated to measured noise, or its inverse, from which they contradict. Our choice: its square, 1.56, would
+# decide whether there is a gap (`SIGNIFICANT_GAP`).
+CONTRADICTED = 1.25
 
 
 @dataclass(frozen=True)

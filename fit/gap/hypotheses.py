@@ -21,12 +21,13 @@ from fit.gap.screening import Screened, Signature, cosine, with_amplitude
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
-SHORTLIST = 5  # effects that are refitted: stated by us
+SHORTLIST = 5  # effects that are refitted; our choice: a limit on the cost
 REFIT_ITERATIONS = 5  # of each refit, along chords
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
 AMPLITUDE_STARTS = (0.3, 0.6, 1.0, 1.5)  # shares of the linear estimate of an amplitude, tried as starts
-TWIN_COSINE = 0.9  # cosine above which an effect is refitted together with its twin: stated by us
-LEAST_SAVED = 0.05  # of the best predicted saving, stated by us; effects that save less are not refitted
+TWIN_COSINE = 0.9  # cosine above which an effect is refitted together with its twin; our choice: as `GROUP_COSINE`
+# Of the best predicted saving; our choice: an effect that saves less would need twenty times that to win.
+LEAST_SAVED = 0.05
 # A constant offset adds little to the cost of hundreds of noisy frames, but may be most of the error in mm.
 MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
 

@@ -28,9 +28,10 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import NextExperiment
 
-SECONDS, FRAME_RATE = 4.0, 30.0  # s; frames per second of a proposed recording: stated by us
+# s; frames per second, of a proposed recording; our choice: above 2.5 s; the PS1080's at VGA.
+SECONDS, FRAME_RATE = 4.0, 30.0
 JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
-MOST_ALIVE = 4  # explanations that are compared: stated by us
+MOST_ALIVE = 4  # explanations that are compared; our choice: a limit on the cost
 WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording
 
 

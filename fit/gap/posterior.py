@@ -7,7 +7,7 @@ fit. The search ends when no subset without a fit can win. Masses are those abou
 do not decide how likely a subset is, because fits end in different ripples of the cloth's residual. The ripples differ
 by more than one effect makes.
 
-Mesh and solver imitate effects. Their error has mean square s^2 and a random direction among DIRECTIONS. It stands
+Mesh and solver imitate effects. Their error has mean square s^2 and a random direction among FREE_DIRECTIONS. It stands
 beside the covariance of `fit.gap.likelihood`, as an amplitude of every component that no effect makes, N(0, tau^2),
 
     tau = s / (sqrt(DIRECTIONS) m),   m: root mean square motion of the points by one typical size
@@ -59,9 +59,9 @@ Subset = tuple[str, ...]
 SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
 SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
 WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
-UNKNOWN = 1 / 6  # odds of a cause outside the library: stated by us
+UNKNOWN = 1 / 6  # odds of a cause outside the library; our choice: small probabilities of it grow in proportion
 DOZEN = 12  # subsets that are refitted in one round at most
-REFITTED_WITHIN = 2.5  # of log mass below the best, for refits: stated by us, as an effect without gain is 3.2 behind
+REFITTED_WITHIN = 2.5  # of log mass below the best, for refits; our choice: an effect without gain is 3.2 behind
 JOINT_ITERATIONS = 6  # of a joint refit, along chords
 JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
 LEAST_KEPT = 0.25  # of a predicted amplitude: a fit that keeps less found another local minimum

@@ -40,13 +40,13 @@ from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 
-POLISHED = 2  # hypotheses whose fit is continued with a Jacobian of finite differences
+POLISHED = 2  # hypotheses whose fit goes on with a Jacobian of finite differences; our choice: best by cost, and by mm
 POLISHED_SHARE = 0.5  # of the best hypothesis' saving of cost: one that saves less is not continued (decision 18)
-PROMISING = 2.0  # times its closure, stated by us: a further effect that would then suffice gets a continued fit
-POLISHED_WITHIN = 1.5  # of the squared error of two effects, stated by us: within this a twin's fit is continued too
+PROMISING = 2.0  # times its closure: a further effect that then suffices is fitted on; our choice: refits end early
+POLISHED_WITHIN = 1.5  # of two effects' squared error: within it a twin is fitted on; our choice: refits end early
 SECONDS_TRIED = 3  # further effects that are refitted together with the first one
-FITS_BETTER = 1.5  # times the best effect's saving of cost, stated by us: one that saves more is a start for pairs
-RIVAL_SHARE = 0.7  # of the best effect's closure, stated by us: from this share on the next best is a start for pairs
+FITS_BETTER = 1.5  # times the best effect's saving of cost: more is a start for pairs; our choice: each costs fits
+RIVAL_SHARE = 0.7  # of the best effect's closure: from it on, the next is a start for pairs; our choice: below `NEAR`
 
 
 class Rounds:

@@ -34,9 +34,11 @@ from formats.arrays import Floats, Integers
 from formats.nature import NORMAL_90
 
 DETECTION = NORMAL_90 + 0.842  # one-sided 5 % and power 80 %
-GROUP_COSINE = 0.9  # signatures with a larger cosine, stated by us, are collinear: they form a group
+# Signatures with a larger cosine are collinear: they form a group. Our choice: less than 19 % of the square of one is
+# not in the other.
+GROUP_COSINE = 0.9
 RENEWED = 8  # effects whose signatures are recomputed although signatures about a nearby fit are known
-AT_TOP = 0.02  # of a base parameter's largest value, stated by us: a nearer fitted value is at its bound
+AT_TOP = 0.02  # of a base parameter's largest value; our choice: fits end a little short of a bound
 SECANT_RANGE = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
 
 

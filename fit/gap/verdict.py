@@ -27,11 +27,15 @@ from fit.observer.residuals import Observer
 from formats import figures
 from formats.diagnosis_records import Figure, in_percent, place_of
 
-FAMILY_WISE_LEVEL = 0.05  # probability of any wrong rejection among the refitted effects (Bonferroni): stated by us
-CLEAR_WIN = 0.8  # share of bootstrap draws, stated by us, in which the winner beats every other effect
-SURELY_CLOSED = 0.5  # of the gap, stated by us: lower end of the closure's interval where no effect passes alone
-MOSTLY_MESH = 0.5  # of an unexplained gap, stated by us: if mesh and solver make more, it is `numerics`
-LIKELY, SURE = 0.5, 0.8  # probabilities of a sentence with `probably`, and of a plain one, at least: stated by us
+# Probability of any wrong rejection among the refitted effects (Bonferroni); our choice: as is usual.
+FAMILY_WISE_LEVEL = 0.05
+CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect; our choice: as `SURE`
+# Of the gap: lower end of the closure's interval where no effect passes alone; our choice: surely most of it.
+SURELY_CLOSED = 0.5
+MOSTLY_MESH = 0.5  # of an unexplained gap; our choice: if mesh and solver make most of it, it is `numerics`
+# Probabilities of a sentence with `probably`, and of a plain one, at least. Our choice: likelier than not, and wrong in
+# at most one of five.
+LIKELY, SURE = 0.5, 0.8
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:

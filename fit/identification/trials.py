@@ -35,7 +35,8 @@ from fit.search.steps import Step
 from formats.arrays import Floats
 
 RIPPLE_TIME = 2.0  # s: duration of the ripples in which descents end
-STARTS_A_PULL = 4  # descents under each pull without samples, the first from the start itself: stated by us
+# Descents under each pull without samples, the first from the start itself; our choice: a limit on the cost.
+STARTS_A_PULL = 4
 SCANS_ACROSS = 3  # at most: scans across the valleys about an end
 WORTH = 0.005  # of the cost: least gain for a further scan across, and largest difference between two trials that agree
 NEXT_SEED = 7919  # added to the seed of each further trial, far from seeds that a user would choose in turn

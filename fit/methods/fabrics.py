@@ -12,9 +12,9 @@ tables stand in:
     [U] Unreal Engine documentation, Chaos Cloth, "Density": silk 0.1, cotton 0.2, denim 0.4 kg/m^2
     [M] W. E. Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres", chapter 5, fibre densities: silk 1340,
         cotton 1540, polyester 1390, viscose rayon 1490 kg/m^3. Nominal thickness = density / (0.35 x fibre density);
-        the packing of 0.35 is stated by us
+        the packing of 0.35 is our choice: it makes cotton of 0.2 kg/m^2 0.37 mm thick
 
-None of these tables has damping. The 1 /s is our choice.
+None of these tables has damping. The 1 /s is our choice: a swing's amplitude falls by two fifths in a second.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 from fit.errors import FitError
 
-FIBRE_VOLUME_SHARE = 0.35  # share of a fabric's volume that is fibre, stated by us
-MANUAL_DAMPING = 1.0  # 1/s, stated by us
+FIBRE_VOLUME_SHARE = 0.35  # share of a fabric's volume that is fibre; our choice: as the docstring states
+MANUAL_DAMPING = 1.0  # 1/s; our choice: as the docstring states
 
 
 @dataclass(frozen=True, kw_only=True)

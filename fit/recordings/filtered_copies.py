@@ -50,7 +50,7 @@ AT_REST = 0.01  # m from its first position: nearer frames hardly inform a fit, 
 # machine repeats with noise above 0.1 mm leave 0.7. Rounding to steps s leaves a twelfth.
 MOST_NOISE_LEFT = 0.25
 LEAST_TIME = 2.0  # s in common in which the cloth has moved
-LEAST_COMMON_SHARE = 0.2  # of the shorter take in common
+LEAST_COMMON_SHARE = 0.2  # of the shorter take in common; our choice: it also limits the lags that are tried
 FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_NOISE_LEFT` in 1e-10 of fits
 NUMBERS_A_PLACE = 0.6  # independent numbers of a position's three, as neighbouring smoothed positions are correlated
 SMOOTHING_REACH = 4.0  # tau: corners farther away contribute 1e-5 of those nearby to the Gaussian smoothing

@@ -33,8 +33,8 @@ from formats.garment import Garment
 SKEWED = 4.0  # degrees: three deviations of an unskewed grid at rest
 FEWEST_LINES = 4  # rows, and columns
 SAME_LINE_SHARE = 0.02  # of the cloth's extent: positions within this distance share a row or column
-FEWEST_IN_COLUMN = 3  # points of a column, or columns of a row; our choice
-FEWEST_PLACED = 12  # points, or steps between neighbours; our choice
+FEWEST_IN_COLUMN = 3  # points of a column, or columns of a row; our choice: any two are in line
+FEWEST_PLACED = 12  # points, or steps between neighbours; our choice: four lines of three
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the h
 # Half 90 % intervals: 3.5 standard errors. Student's t with 15 degrees of freedom, as for a take of 8 s, exceeds this 1
 # time in 300. Then one of six findings is false in hardly one of fifty takes.
 SURELY = 2.0
-CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation
+CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation; our choice: noise exceeds them once in 740
 NEXT = 1e-3  # s, a difference for slopes
 INSTANTS_AT_ONCE = 1 << 16  # frames times latencies in one batch: 14 MB, by tracemalloc
 CLOSEST = 4e-3  # s between frames: nearer ones count as simultaneous

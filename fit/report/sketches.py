@@ -20,7 +20,7 @@ def _arrow(x: float, y: float, to_x: float, to_y: float) -> Stroke:
     return "hot", f"M{x:g} {y:g}L{to_x:g} {to_y:g}M{a:.1f} {b:.1f}L{to_x:g} {to_y:g}L{c:.1f} {d:.1f}"
 
 
-# Radius in units of the sketch; our choice.
+# Radius in units of the sketch; our choice: to be seen beside its lines.
 def _dots(style: str, *places: tuple[float, float], radius: float = 2.0) -> Stroke:
     half = f"a{radius:g} {radius:g} 0 1 0 "
     return style, "".join(f"M{x - radius:g} {y:g}{half}{2 * radius:g} 0{half}{-2 * radius:g} 0" for x, y in places)

@@ -65,7 +65,7 @@ def percent(share: float | None) -> str:
     return MISSING if share is None or not math.isfinite(share) else f"{100 * share:z.0f} %".replace("-", "−")
 
 
-def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:  # our choice, as above
+def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:  # our choice: as above
     """Return an interval as `low to high`, or nothing."""
     if ends is None or not all(math.isfinite(end) for end in ends):
         return ""

@@ -56,7 +56,7 @@ class AnnealingSettings:
     beta: float = 1.0  # 1, equation 3
     mu: float = 0.1  # 1, equation 2
     sigma: float = 0.6  # 1, equation 2
-    gamma: float = 1e5  # 1/m, our choice
+    gamma: float = 1e5  # 1/m; our choice: the paper gives none
     beyond_bounds: Literal["reflect", "clip", "redraw"] = "reflect"
 
     def temperature(self, iteration: int) -> float:

@@ -35,10 +35,11 @@ from fit.search.least_squares import BoundedSpace
 from formats.arrays import Booleans, Floats, Integers
 from formats.nature import NORMAL_90
 
-SHARE_IDENTIFIED = 0.5  # of the prior's deviation: stated by us
+# Of the prior's deviation; our choice: at 1, a parameter without any evidence would be identified.
+SHARE_IDENTIFIED = 0.5
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
-NEAR_BOUND = 0.01  # of the box, stated by us: a parameter nearer to its bound is at its bound
-FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals: stated by us
+NEAR_BOUND = 0.01  # of the box; our choice: fits end a little short of a bound
+FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals; our choice: the spread of fewer is unknown
 
 
 @dataclass(frozen=True)

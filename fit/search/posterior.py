@@ -23,11 +23,12 @@ import numpy as np
 
 from formats.arrays import Floats
 
-WALKERS, SWEEPS = 64, 300  # walkers, and moves of each: stated by us
-FORGOTTEN_SWEEPS = 100  # first steps
+WALKERS, SWEEPS = 64, 300  # walkers, and moves of each; our choice: 12,800 draws remain
+FORGOTTEN_SWEEPS = 100  # first steps of `SWEEPS`; our choice: a third, in which walkers leave their starts
 BOX_JITTER = 1e-3  # share of the box, e above
 FIRST_JITTER = 3e-3  # about the starts of the walkers
-WHOLE_EVERY = 5  # moves: every fifth takes the whole difference, stated by us
+# Moves: every fifth takes the whole difference; our choice: rarer, and walkers stay longer in a minimum.
+WHOLE_EVERY = 5
 
 
 def draw(cost: Callable[[Floats], Floats], starts: Floats, pieces: float, seed: int) -> Floats:

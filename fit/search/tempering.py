@@ -29,10 +29,10 @@ from fit.search.least_squares import BoundedSpace
 from fit.search.record import RecordedSearch
 from formats.arrays import Floats
 
-TEMPERATURES = 8  # chains, stated by us: 30^(1/7) = 1.6 from one temperature to the next
+TEMPERATURES = 8  # chains; our choice: 30^(1/7) = 1.6 from one temperature to the next
 HOTTEST = 30.0  # N ln(D'/D) between the best and a poor candidate is 10 to 50: the hottest chain walks freely
 FIRST_STEP = 0.1  # share of the box
-WANTED_ACCEPTANCE = 0.25  # share of proposed steps: stated by us
+WANTED_ACCEPTANCE = 0.25  # share of proposed steps; our choice: near the 0.234 of Roberts, Gelman and Gilks (1997)
 FEWEST_DRAWS = 50  # of the coldest chain, below which their spread is no estimate
 
 

@@ -34,15 +34,16 @@ from formats.importers.number_cells import form_of
 from formats.importers.number_formats import Writing
 from formats.importers.path_outliers import straight_lines
 
-# Stated by us, set high: disks and networks verify their bytes. A file to which an editor added an end is commoner.
+# Probabilities. Our choice: high, as disks and networks verify their bytes. A file to which an editor
+# added an end is commoner.
 CUT_WITHIN, CUT_LAST = 1e-5, 1e-3
 LETTERS = 10  # digits, from 0 to 9
 TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth motion falls faster
 STRETCH = 50  # positions: half a swing at 100 frames a second
 CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it
 MOST_DIGITS_CUT = 6  # digits that a cut removes before a point: no position is 1000 km away
-PROOFS = 4  # positions, stated by us
-NEAR = 2e-3  # m, stated by us: so near its path a position is accurate enough even with digits missing
+PROOFS = 4  # positions; our choice: noise hardly keeps five in a row on a path that it does not follow
+NEAR = 2e-3  # m; our choice: so near its path a position is accurate enough even with digits missing
 
 CLOCK = Writing()  # a time may continue with any digits
 

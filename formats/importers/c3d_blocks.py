@@ -23,7 +23,7 @@ from formats.plain_text import counted
 
 BLOCK_BYTES = 512  # bytes
 BLOCKS_AT_ONCE = 1 << 12  # blocks read at once
-MOST_RUNS = 3  # of zero blocks, stated by us: more are gaps for which a program writes zeros
+MOST_RUNS = 3  # of zero blocks; our choice: more are gaps for which a program writes zeros
 
 
 def refuse_lost_bytes(path: Path, size: int, end: int) -> None:

@@ -17,11 +17,11 @@ from formats.arrays import Floats
 from formats.importers.broken_numbers import STRETCH
 from formats.importers.path_outliers import straight_lines
 
-MOST_HOLES = 3  # of a file, stated by us
-FEWEST_LINES = 10  # stated by us: fewer do not show the interval of frames
+MOST_HOLES = 3  # of a file; our choice: more are gaps that a program left
+FEWEST_LINES = 10  # our choice: fewer do not show the interval of frames
 LONGEST_STEP_IN_TURN = 2.5  # median intervals: times rounded to 0.01 s at 99.7 frames a second have steps of 2
-FEWEST_DEVIATIONS = 8  # lines around, stated by us
-FARTHER = 2.0  # times the largest of 50 deviations, stated by us: 4.5 standard deviations of noise
+FEWEST_DEVIATIONS = 8  # lines around; our choice: the largest of fewer tells little of the usual deviation
+FARTHER = 2.0  # times the largest of 50 deviations; our choice: 4.5 standard deviations of noise
 
 
 def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Callable[[int], str]) -> str:

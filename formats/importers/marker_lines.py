@@ -37,7 +37,8 @@ TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGN
 COLUMNS_OF_VICON = re.compile(r"""[\s"']*(frame)["']?\s*([,;\t])""", re.IGNORECASE)
 CUT_LETTER = ("truncated data", "unexpected end of data")  # Python's reasons for text that ends within a character
 LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and as many empty lines
-LOOKED_AT = 50  # lines searched for delimiters where the header has a single cell
+# Lines searched for delimiters where the header has a single cell; our choice: half a second at 100 a second.
+LOOKED_AT = 50
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some more
 LONGEST_CELL = 1 << 17  # characters
 MINUS = "\u2212"  # the sign of negative numbers in Swedish, Norwegian or Finnish (Unicode CLDR)

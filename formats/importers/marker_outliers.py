@@ -40,10 +40,10 @@ from formats.importers.path_outliers import straight_lines
 from formats.motion import HARDEST_PULL
 from formats.plain_text import MOST_LISTED, first_few
 
-SMALLEST_JUMP = 0.05  # m, stated by us: two diameters of a marker; lost bytes leave most positions farther off
+SMALLEST_JUMP = 0.05  # m; our choice: two diameters of a marker; lost bytes leave most positions farther off
 AT_ENDS = 2.0  # noise of an extrapolation over noise of an interpolation; also the margin over f
 BENDS = 20.0  # times q, which is 0.5 standard deviations of normal noise; 2 of 300 undamaged files had one beyond
-FEWEST_POSITIONS = 20  # positions of a marker, stated by us: fewer do not show its usual curvature
+FEWEST_POSITIONS = 20  # positions of a marker; our choice: fewer do not show its usual curvature
 MOST_JUMPS = 0.05  # of a marker's positions: more jumps have another cause, which other checks report
 
 

@@ -23,7 +23,7 @@ from formats.outputs import write_bytes
 from formats.rows import spreadsheet_cell
 from formats.unfinished import ANOTHER_FOLDER
 
-MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
+MARKER_SD = 3e-4  # m; our choice: optical systems with a dozen cameras keep 0.1 to 0.5 mm
 
 EXPORT_MEASURED = "export it again with `Markers`, whose positions cameras measured"
 

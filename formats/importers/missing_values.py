@@ -31,9 +31,9 @@ FARTHER_THAN_OTHERS = 2.0  # a code that lies far out: times the largest other c
 NINES = re.compile(r"-?9{3,}(\.9+)?")
 BEYOND_ALL = 1e6  # in the file's unit: no position is 1000 m away
 MOST_CODES = 3  # candidates checked of each marker, and codes that a warning names
-LEAST_OFF = 0.05  # m, stated by us: two diameters of a marker
+LEAST_OFF = 0.05  # m; our choice: two diameters of a marker
 LONGER = 2.0  # times the longest step between other frames
-FEWEST_STEPS = 20  # of a marker, stated by us: fewer do not show the longest step
+FEWEST_STEPS = 20  # of a marker; our choice: fewer do not show the longest step
 FEWEST_REPEATS = 2  # positions with one code: a single one may be an outlier, which `marker_outliers` reports
 
 

@@ -25,9 +25,9 @@ from formats.plain_text import first_few
 
 LINES_LOOKED_AT, MOST_COLUMNS = 200, 300  # sample of a file, from which its number format is learnt
 MOST_DIGITS = 9  # behind a point: further digits change no position and no time
-FEWEST_ZEROS = 3  # different numbers, stated by us: a cut line and an edited one leave one each
-MOST_SHORTER = 0.02  # of different numbers, stated by us: lost bytes damage fewer
-MOST_ODD = 3  # of a column, stated by us: more are intended by the file's author
+FEWEST_ZEROS = 3  # different numbers; our choice: a cut line and an edited one leave one each
+MOST_SHORTER = 0.02  # of different numbers; our choice: lost bytes damage fewer
+MOST_ODD = 3  # of a column; our choice: more are intended by the file's author
 MOST_PATTERNS = 32  # one for each number of cells in a line; other lines are checked cell by cell
 EVERY_LINE = 8  # of the sample: 25 lines show a column's format, and a cut changes one of them
 

@@ -26,7 +26,7 @@ TIME = "time_s"
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
 UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
-FEWEST_COUNTED = 3  # lines, stated by us: fewer do not show that their first cells are row numbers
+FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
 
 
 def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:

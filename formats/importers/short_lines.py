@@ -20,7 +20,7 @@ from formats.errors import TakeError
 from formats.importers.broken_numbers import CLOCK, broken_of
 from formats.importers.marker_lines import Rows
 
-FEWEST_OTHERS = 3  # lines, stated by us: fewer do not show whether the program leaves out cells
+FEWEST_OTHERS = 3  # lines; our choice: fewer do not show whether the program leaves out cells
 OF_THE_CLOCK = 2  # cells at most before the first marker: number and time of a frame
 
 

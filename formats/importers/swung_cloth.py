@@ -50,7 +50,7 @@ LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbour
 FARTHEST_HELD = 0.5  # of the cloth's side, median distance of corners from the held row: public recordings have < 0.1
 ON_TOP = 1e-3  # of the side, tolerance within which a position is in the held row
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
-STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
+STATED_HELD_SD = 0.002  # m; our choice: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = (
     "give marker paths (.c3d, .trc, .csv, .tsv, .txt) or a swung-cloth .npz, see docs/reference/file-formats.md"
 )

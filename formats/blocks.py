@@ -22,7 +22,7 @@ FARTHEST_PLACE = 1000.0  # m: no sensor sees so far, and the finest step reaches
 ANGLE_STEP = 1e-4  # rad: a hundredth of a depth sensor's resolution
 MOST_TURN = 1000.0  # rad
 QUALITY_STEPS, NO_QUALITY = 254, 255  # of a byte, `formats/SPEC.md`
-UNKNOWN, EXACT, BOUNDLESS, FIRST_SD = 0, 1, 2, 3  # deviations that are NaN, 0, infinite, and `SMALLEST_SD`
+UNKNOWN_SD, EXACT, BOUNDLESS, FIRST_SD = 0, 1, 2, 3  # deviations that are NaN, 0, infinite, and `SMALLEST_SD`
 SMALLEST_SD, LARGEST_SD = 1e-9, 1e9  # m or rad; our choice: beyond any sensor and any motion
 SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
@@ -267,7 +267,7 @@ def _sd_codes(sd: Floats, valid: Booleans) -> NDArray[Any]:
     flat = np.asarray(sd, float).reshape(len(sd), -1)
     usual = np.clip(np.where(flat > 0, flat, SMALLEST_SD), SMALLEST_SD, LARGEST_SD)
     codes = np.rint(SD_STEPS * np.log2(usual / SMALLEST_SD)) + FIRST_SD
-    codes[np.isnan(flat)], codes[flat == 0], codes[np.isinf(flat)] = UNKNOWN, EXACT, BOUNDLESS
+    codes[np.isnan(flat)], codes[flat == 0], codes[np.isinf(flat)] = UNKNOWN_SD, EXACT, BOUNDLESS
     counts = np.repeat(valid.reshape(len(sd), -1), flat.shape[1] // valid.reshape(len(sd), -1).shape[1], axis=1)
     return _filled(codes, counts)
 

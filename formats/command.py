@@ -23,7 +23,7 @@ from formats.terminal import say, take_streams
 # Numpy reads the variable when it is loaded, together with the packages' commands.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-INTERRUPTED, CUT_OFF = 130, 141  # a shell's exit codes of commands that SIGINT and SIGPIPE ended
+INTERRUPTED, PIPE_CLOSED = 130, 141  # a shell's exit codes of commands that SIGINT and SIGPIPE ended
 PACKAGES = {
     "cv2": "opencv-python-headless",
     "usb": "pyusb",
@@ -116,10 +116,10 @@ def main() -> None:
     except SystemExit as end:  # Typer's own, 1, where a reader of stdout went away
         if end.__context__ is not None and isinstance(end.__context__.__cause__, KeyboardInterrupt):
             say("Interrupted.")  # no command caught it and said more
-        sys.exit(CUT_OFF if isinstance(end.__context__, BrokenPipeError) else end.code)
+        sys.exit(PIPE_CLOSED if isinstance(end.__context__, BrokenPipeError) else end.code)
     except BrokenPipeError:  # a reader of the JSON document went away
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
-        sys.exit(CUT_OFF)
+        sys.exit(PIPE_CLOSED)
     except BaseException as error:
         if (spoken := _spoken(error)) is None:
             raise

@@ -29,7 +29,7 @@ from formats.nature import AIR_DENSITY, GRAVITY
 Nodes = tuple[slice, slice]  # of the grid
 
 ROWS, COLUMNS = 18, 17  # nodes of a panel; our choice: near 30 mm apart on half a metre
-SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
+HANGS_FOR, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 STEP_SHARE = 0.6  # of the stable step
 MOST_DRAG = 100.0  # 1: a plate across the air has 1.2; up to here the hardest motion and silk stay finite
 HEM_SHARE = 0.8  # of the weight at most: the lighter the remaining cloth, the shorter the stable step
@@ -68,7 +68,7 @@ def simulate(
     cloth = _Cloth(garment, physics, effects, rows, columns)
     step = cloth.stable_step()
     count = int(np.ceil(times[-1] / step)) + 2
-    settle = round(SETTLE_TIME / step)
+    settle = round(HANGS_FOR / step)
     ends = held_ends(np.asarray(np.arange(count + 1) * step, float))
     cloth.hang(ends[0])
     if unevenness is not None:

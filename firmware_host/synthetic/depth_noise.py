@@ -21,7 +21,7 @@ BASELINE = 0.075  # m
 DISPARITY_STEP = 1 / 8  # px
 JUMP = 0.05  # m between neighbours
 EDGE_MISSING = 1 / 3  # share of the pixels beside a jump, see the module
-NEAREST, FARTHEST = 0.4, 8.0  # m
+SEEN_FROM, SEEN_TO = 0.4, 8.0  # m
 
 
 def axial_deviation(depth: Floats) -> Floats:
@@ -57,7 +57,7 @@ def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> Unsigned:
     jump[1:] |= down
     jump[:-1] |= down
     missing |= jump & (rng.random(truth.shape) < EDGE_MISSING)
-    missing |= (depth < NEAREST) | (depth > FARTHEST)
+    missing |= (depth < SEEN_FROM) | (depth > SEEN_TO)
     depth *= 1000
     np.rint(depth, out=depth)
     depth[missing] = 0

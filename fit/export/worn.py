@@ -42,7 +42,7 @@ SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
 DRAWN_SPACING = 0.012  # m between the vertices of the drawn mesh
 LONGEST_WALK = 20.0  # s: single precision resolves micrometres over the distance of this walk
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
-MOST_STRETCHED = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
+MOST_STRAIN = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
 MOSTLY = 0.99  # share of the cloth, whose largest strain is reported as well
 # s, of a T-shirt's bending. The slanted pieces of its sleeves would need ten times shorter steps for 20 ms.
 MOST_BENDING_TIME = 2e-3
@@ -204,7 +204,7 @@ def _remarks(kind: str, crossed: list[int], deepest: float, stretched: tuple[flo
         f"Cloth and body stay at least {-1e3 * deepest:.1f} mm apart."
     )  # fmt: skip
     most, mostly = stretched
-    if most <= MOST_STRETCHED:
+    if most <= MOST_STRAIN:
         return itself, body
     far = (
         f"The {kind} is stretched by up to {100 * most:.0f} %, and {100 * MOSTLY:.0f} % of it by {100 * mostly:.0f} % "

@@ -50,7 +50,7 @@ from formats.swatch import FEWEST_MARKERS
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
 NEEDED_FRAMES = 100  # section 2 used 500; an average over fewer frames is unreliable
-SAME_PLACE = 1e-3  # m
+RISES_BY = 1e-3  # m; our choice: lower points count as one
 NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of positions
 MOST_NOISE = 0.5  # of the measured curvature
 
@@ -178,7 +178,7 @@ def marker_grid(places: Floats, where: object) -> Integers:
 def _levels(values: Floats) -> Floats:
     """Return distinct values in rising order; nearly equal ones are merged."""
     rising = np.sort(values)
-    return np.asarray(rising[np.concatenate([[True], np.diff(rising) > SAME_PLACE])])
+    return np.asarray(rising[np.concatenate([[True], np.diff(rising) > RISES_BY])])
 
 
 def line_curvature(points: Floats) -> Floats:

@@ -58,7 +58,7 @@ SMOOTHING = 2.0  # frames of the slower take: between frames, resampling changes
 RUNGS = 4  # smoothing times per octave: takes of nearly equal rates share one smoothing time
 READS = 2  # samples per tau: with one, copies of fast motion with clocks half a step apart are not detected
 TAPS = 4 * READS  # to each side: a filter of 8 tau, half a second at 30 frames a second
-LEAST_SEEN = 0.6  # of the frames around an instant: least share that is seen
+LEAST_SEEN_NEARBY = 0.6  # of the frames around an instant: least share that is seen
 MOST_EMPTY = 10  # times the frames: a take with longer clock jumps is not compared
 MOST_SLOWER = 20.0  # times the other take's interval: a copy with one frame in ten at twice the speed
 MOST_STEPS = 3000  # steps used in the fit at most: more cost time and add little
@@ -136,7 +136,7 @@ class Motion:
             if tau not in self._near:
                 self._near[tau] = _Near(self._time, np.arange(0.0, self._time[-1], tau / READS), tau)
             seen, near = self._seen[:, point], self._near[tau]
-            is_seen = near.share_seen(seen) * self.interval >= LEAST_SEEN
+            is_seen = near.share_seen(seen) * self.interval >= LEAST_SEEN_NEARBY
             is_seen[: 2 * READS] = is_seen[-2 * READS :] = False  # the smoothing would cover unrecorded time
             self._smoothed[point, tau] = near.smoothed(self._positions[seen, point], seen), is_seen
         return self._smoothed[point, tau]

@@ -52,7 +52,7 @@ MEDIAN_TELLS = 0.37  # efficiency of a median absolute deviation relative to a m
 WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the hanger hardly moved
 # Half 90 % intervals: 3.5 standard errors. Student's t with 15 degrees of freedom, as for a take of 8 s, exceeds this 1
 # time in 300. Then one of six findings is false in hardly one of fifty takes.
-SURELY = 2.0
+HALF_INTERVALS = 2.0
 CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation; our choice: noise exceeds them once in 740
 NEXT = 1e-3  # s, a difference for slopes
 INSTANTS_AT_ONCE = 1 << 16  # frames times latencies in one batch: 14 MB, by tracemalloc
@@ -129,7 +129,7 @@ def why_foreign(timing: Timing) -> str:
 def is_sure(interval: tuple[float, float]) -> bool:
     """Return whether a value with this 90 % interval is certainly not zero."""
     low, high = interval
-    return abs(low + high) / 2 > SURELY * (high - low) / 2
+    return abs(low + high) / 2 > HALF_INTERVALS * (high - low) / 2
 
 
 def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:

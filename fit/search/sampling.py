@@ -22,7 +22,7 @@ from formats.arrays import Floats
 SCATTER_MARGIN = 0.1  # of the box, left out at each end: rarely true, often costly
 SCATTERED = 16  # candidates with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)  # of the prediction's variance in the cost: the expected cost, and the prediction alone
-NEAREST = 0.01  # share of the box: least difference of two candidates in one parameter
+LEAST_APART = 0.01  # share of the box: least difference of two candidates in one parameter
 NEAR_BLOW_UP = 0.1  # the same around a candidate whose simulation blew up
 MOST_EMULATED = 60  # best candidates that the emulator uses at most: its work grows with their third power
 DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # drawn over the box, and about the best with these deviations
@@ -86,7 +86,7 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
         for candidate in _least(emulator, caution, sound[order[0]], start, random):
             seen = np.array([*units, *chosen])
             is_apart = not len(broken) or _distance(candidate, broken) > NEAR_BLOW_UP
-            if _distance(candidate, seen) > NEAREST and is_apart:
+            if _distance(candidate, seen) > LEAST_APART and is_apart:
                 chosen.append(candidate)
                 break
     return np.array(chosen).reshape(-1, len(start))

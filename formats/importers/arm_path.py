@@ -36,13 +36,13 @@ from formats.two_clocks import at_times
 
 ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
 MOST_ARM_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
-FARTHEST = 0.03  # m, median distance from the pictures' corners: 2 mm in the public recordings, 100 mm in a wrong take
+FARTHEST_ARM = 0.03  # m, median over the pictures: 2 mm in the public recordings, 100 mm in a wrong take
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over WHILE pictures: the corners that a camera saw are up to 60 mm off
 LONGEST_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
 WHILE = 9  # pictures: a second of the public recordings
 SMALLEST_SHOWN = 1e-3  # s, standard error
 MOST_OTHERS = 2  # equally good shifts that one note names
-UNIT_WITHIN = 1e-2  # deviation of a quaternion's norm from 1: one printed with two decimals still passes
+NORM_WITHIN = 1e-2  # deviation of a quaternion's norm from 1: one printed with two decimals still passes
 ARM_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
 
@@ -119,7 +119,7 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
             f"a place lies {farthest:g} m away", where=path, advice=f"give metres, at most {FARTHEST_PLACE:g}"
         )  # fmt: skip
     length = np.linalg.norm(np.clip(pose[:, 3:], -2.0, 2.0), axis=1)
-    if np.abs(length - 1).max() > UNIT_WITHIN:
+    if np.abs(length - 1).max() > NORM_WITHIN:
         raise TakeError(
             "a rotation in 'tcp_pose' is no unit quaternion x y z w", where=path, advice="export it again"
         )  # fmt: skip
@@ -139,12 +139,12 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
         return ""
     best = float(np.nanmedian(away))
     note = check_clock(arm, time, corners, best)
-    if best <= FARTHEST:
+    if best <= FARTHEST_ARM:
         _refuse_a_stray(arm, time, away)
         return note
     advice = "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"
     for other, found in _mistakes(arm):
-        if np.nanmedian(_apart(other, time, corners)) <= FARTHEST:
+        if np.nanmedian(_apart(other, time, corners)) <= FARTHEST_ARM:
             advice = found
             break
     raise TakeError(
@@ -179,7 +179,7 @@ def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = N
         return f"{how}, with a standard error {error} s; {mend}, or leave the shift to fit and diagnosis"
     if best is not None:
         least = float(np.nanmedian(np.linalg.norm(arm.at(time + shift.seconds) - seen, axis=2)))
-        if least > FARTHEST:
+        if least > FARTHEST_ARM:
             return ""
         if best - least < LEAST_NEARER:
             return f"{how}, with a standard error {error} s; {mend}"

@@ -43,7 +43,7 @@ STRETCH = 50  # positions: half a swing at 100 frames a second
 CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it
 MOST_DIGITS_CUT = 6  # digits that a cut removes before a point: no position is 1000 km away
 PROOFS = 4  # positions; our choice: noise hardly keeps five in a row on a path that it does not follow
-NEAR = 2e-3  # m; our choice: so near its path a position is accurate enough even with digits missing
+NEAR_PATH = 2e-3  # m; our choice: so near its path a position is accurate enough even with digits missing
 
 CLOCK = Writing()  # a time may continue with any digits
 
@@ -112,7 +112,7 @@ def broken_of(
 
 
 def is_near(time: Floats, path: Floats) -> bool:
-    """Return whether a path [m], (rows,), ends within NEAR of a linear or parabolic extrapolation.
+    """Return whether a path [m], (rows,), ends within NEAR_PATH of a linear or parabolic extrapolation.
 
     The last position may be broken. The PROOFS positions before it must lie as near to theirs. `time` [s], (rows,)
     """
@@ -124,11 +124,11 @@ def is_near(time: Floats, path: Floats) -> bool:
 
 
 def _is_led(time: Floats, path: Floats, degree: int) -> bool:
-    """Return whether the last position lies within NEAR of the polynomial through the positions before."""
+    """Return whether the last position lies within NEAR_PATH of the polynomial through the positions before."""
     before = slice(-degree - 2, -1)
     if not np.isfinite(path[before]).all() or not (np.diff(time[before]) > 0).all():
         return False
-    return bool(abs(path[-1] - np.polyfit(time[before] - time[-1], path[before], degree)[-1]) <= NEAR)
+    return bool(abs(path[-1] - np.polyfit(time[before] - time[-1], path[before], degree)[-1]) <= NEAR_PATH)
 
 
 def _misses(time: Floats, path: Floats) -> tuple[Floats, Floats, Floats]:

@@ -35,7 +35,7 @@ from formats.importers.c3d_parameters import FLOAT, SGI, NoParametersError, Para
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
 FASTEST_RATE = 10_000.0  # frames a second
-SLOWEST_RATE = 1e-3  # frames a second, so that quotients are finite
+LEAST_RATE = 1e-3  # frames a second, so that quotients are finite
 WORDS = 1 << 16  # numbers that a word of 16 bits can state
 MOST_FRAMES = WORDS - 1  # that the header can state
 LARGEST_SECTION = 1 << 24  # bytes of parameters
@@ -293,7 +293,7 @@ def _analogue(words: _Words, parameters: Parameters) -> int:
     """Return the number of analogue values a frame by the parameters, 0 where they state none."""
     channels, analogue_rate = (first_of(parameters.numbers("ANALOG", name)) for name in ("USED", "RATE"))
     rate = first_of(parameters.numbers("POINT", "RATE")) or words.rate
-    each = round(max(analogue_rate / max(rate, SLOWEST_RATE), 1.0)) if rate > 0 else 0
+    each = round(max(analogue_rate / max(rate, LEAST_RATE), 1.0)) if rate > 0 else 0
     return max(int(channels), 0) * each
 
 

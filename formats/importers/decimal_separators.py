@@ -32,7 +32,7 @@ from formats.plausible import SLOWEST
 OF_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}[,.]\d{3}\s*", re.ASCII)
 UNPARTED = re.compile(r"\s*[+-]?\d{4,}\s*", re.ASCII)
 WHOLE_PLACE = re.compile(r"\s*[+-]?[1-9]\d*\s*", re.ASCII)
-MOVING = 3  # different whole numbers of one coordinate; only 1 in 1000 numbers with three decimals is whole
+FEWEST_WHOLE = 3  # different whole numbers of one coordinate; only 1 in 1000 numbers with three decimals is whole
 
 
 @dataclass
@@ -58,7 +58,7 @@ class DecimalSeparators:
     def are_usual(self, separator: str) -> bool:
         """Return whether files with this cell delimiter and such numbers usually have thousands separators."""
         has_usual_signs = not self.has_clock_of_decimals and (bool(self.comma) or separator == ";")
-        return has_usual_signs or any(len(found) >= MOVING for found in self._whole.values())
+        return has_usual_signs or any(len(found) >= FEWEST_WHOLE for found in self._whole.values())
 
     @property
     def are_mixed(self) -> bool:
@@ -87,7 +87,7 @@ class DecimalSeparators:
         first = self.of_thousands or next(iter(signed), "").strip()
         self.of_thousands = first if self._may_part_thousands else ""
         for k, cell in enumerate(cells[self.begin :]):
-            if WHOLE_PLACE.fullmatch(cell) and len(self._whole[k]) < MOVING:
+            if WHOLE_PLACE.fullmatch(cell) and len(self._whole[k]) < FEWEST_WHOLE:
                 self._whole[k].add(cell)
         clock = (cell for cell in cells[: self.begin] if "," in cell or "." in cell)
         self.has_clock_of_decimals |= not all(map(OF_THOUSANDS.fullmatch, clock))

@@ -18,7 +18,7 @@ from formats.importers.broken_numbers import STRETCH
 from formats.importers.path_outliers import straight_lines
 
 MOST_HOLES = 3  # of a file; our choice: more are gaps that a program left
-FEWEST_LINES = 10  # our choice: fewer do not show the interval of frames
+FEWEST_TIMES = 10  # our choice: fewer do not show the interval of frames
 LONGEST_STEP_IN_TURN = 2.5  # median intervals: times rounded to 0.01 s at 99.7 frames a second have steps of 2
 FEWEST_DEVIATIONS = 8  # lines around; our choice: the largest of fewer tells little of the usual deviation
 FARTHER = 2.0  # times the largest of 50 deviations; our choice: 4.5 standard deviations of noise
@@ -31,7 +31,7 @@ def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Ca
     - `positions` [m], (rows, markers, 3), NaN where not seen; `line`: returns the name of a row's line in the file
     """
     steps = np.diff(time)
-    if len(time) < FEWEST_LINES or not (steps > 0).all():
+    if len(time) < FEWEST_TIMES or not (steps > 0).all():
         return ""
     numbers = np.diff(first)
     are_numbered = bool((first == np.rint(first)).all()) and np.median(numbers) == 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers.arm_path import FARTHEST, ArmPath, _apart, _turned, check_arm_path
+from formats.importers.arm_path import FARTHEST_ARM, ArmPath, _apart, _turned, check_arm_path
 from formats.importers.swatch_mocap import DOWN, facing
 from formats.importers.swung_cloth import _is_crossed, _line, _names
 from formats.summary import _rate, describe, summarise
@@ -109,12 +109,12 @@ def test_a_path_on_a_late_clock_is_near_at_some_shift_and_in_either_order(tmp_pa
 
 def test_a_path_is_near_by_the_median_of_what_was_seen(tmp_path):
     arm, time, corners = an_arm(tmp_path)
-    aside = corners + np.array([0.0, 0.0, 0.9 * FARTHEST])
+    aside = corners + np.array([0.0, 0.0, 0.9 * FARTHEST_ARM])
     aside[::3] = np.nan
     aside[1::12] += 5.0
     check_arm_path(arm, time, aside)
     with pytest.raises(TakeError, match=r"are 0\.03\d* m from those of the recording's pictures.*of the same take"):
-        check_arm_path(arm, time, corners + np.array([0.0, 0.0, 1.1 * FARTHEST]))
+        check_arm_path(arm, time, corners + np.array([0.0, 0.0, 1.1 * FARTHEST_ARM]))
 
 
 @pytest.mark.parametrize(

@@ -76,9 +76,8 @@ TOGETHER = (("formats", "fit"), ("formats", "firmware_host", "capture"))
 
 # Numbers that still share a name with another one of a package above or below.
 OF_TWO_PACKAGES = {
-    *{"AROUND", "BAR", "FASTEST", "FINER", "FLOAT", "FRAMES", "HEIGHT", "JUMP", "LARGEST_NUMBER", "LARGEST_OFFSET"},
-    *{"LIGHTEST", "LONG", "LONGEST", "MARGIN", "MOVED", "NARROWEST", "POINT", "POINTS", "RADIUS", "ROUND", "SHORT"},
-    *{"SHORTEST", "SLOWEST", "STRETCH", "UNPACKED", "WIDEST", "WIDTH"},
+    *{"AROUND", "BAR", "FLOAT", "FRAMES", "HEIGHT", "MARGIN", "POINT", "POINTS", "RADIUS", "ROUND", "STRETCH"},
+    *{"UNPACKED", "WIDTH"},
 }
 
 

@@ -25,9 +25,9 @@ LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px
 NEARER_PIXELS = 20  # px of the 25 x 25 around the point; our choice: 3 % of them, more than single wrong pixels
 OCCLUSION_BORDER = 3  # px
 COVERED = 0.025  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
-SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
+SHORT_WAY = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
 SHORT_MORE = 0.008  # m, the corners' own errors
-LONG = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing
+LONG_WAY = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing
 
 
 def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: float) -> bool:
@@ -58,8 +58,8 @@ def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans
       leads
     - `trusted`: corners confirmed by other evidence, so that deviations are attributed to the others
     """
-    deficit = np.where(np.isfinite(seen), (1.0 - SHORT) * flat - SHORT_MORE - seen, 0.0)
-    excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG) * flat - SHORT_MORE)
+    deficit = np.where(np.isfinite(seen), (1.0 - SHORT_WAY) * flat - SHORT_MORE - seen, 0.0)
+    excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG_WAY) * flat - SHORT_MORE)
     folded = _blamed(np.maximum(deficit, 0.0), trusted)
     wrong = _blamed(np.minimum(np.maximum(excess, 0.0), 1.0), trusted | folded)
     return folded, wrong & ~folded

@@ -19,7 +19,7 @@ from formats.rig import Sensor
 LATERAL_PX = 0.8  # px, Nguyen et al. 2012, section 3
 BASELINE = 0.075  # m
 DISPARITY_STEP = 1 / 8  # px
-JUMP = 0.05  # m between neighbours
+EDGE_JUMP = 0.05  # m between neighbours
 EDGE_MISSING = 1 / 3  # share of the pixels beside a jump, see the module
 SEEN_FROM, SEEN_TO = 0.4, 8.0  # m
 
@@ -51,7 +51,7 @@ def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> Unsigned:
     np.divide(scale, depth, out=depth)
     missing = in_shadow(truth, camera)
     jump = np.zeros(truth.shape, bool)
-    across, down = np.abs(np.diff(truth, axis=1)) > JUMP, np.abs(np.diff(truth, axis=0)) > JUMP
+    across, down = np.abs(np.diff(truth, axis=1)) > EDGE_JUMP, np.abs(np.diff(truth, axis=0)) > EDGE_JUMP
     jump[:, 1:] |= across
     jump[:, :-1] |= across
     jump[1:] |= down

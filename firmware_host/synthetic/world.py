@@ -31,7 +31,7 @@ from formats.garment import Garment
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
-LARGEST_OFFSET = 0.5  # s, bound on a planted time offset of either sign: a silhouette's latency has this size
+LARGEST_TIME_OFFSET = 0.5  # s, bound on a planted time offset of either sign: a silhouette's latency has this size
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
@@ -163,10 +163,10 @@ def make_world(
             f"the amplitude {size:g} is of no effect", where="--amplitude",
             advice=f"name the effect too: one of {', '.join(TYPICAL)}",
         )  # fmt: skip
-    if effect == "time_offset" and not abs(size) <= LARGEST_OFFSET:
+    if effect == "time_offset" and not abs(size) <= LARGEST_TIME_OFFSET:
         raise SensorAddressError(
             f"time_offset cannot be {size:g} s", where="--amplitude",
-            advice=f"choose {-LARGEST_OFFSET:g} to {LARGEST_OFFSET:g}",
+            advice=f"choose {-LARGEST_TIME_OFFSET:g} to {LARGEST_TIME_OFFSET:g}",
         )  # fmt: skip
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")

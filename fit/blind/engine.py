@@ -32,7 +32,7 @@ HEM_WIDTH = 0.02  # m: width of the hem
 HEM_BENDING = 3.0  # times the bending stiffness of the cloth
 MAGNET_AT = 0.65  # of the height below the held edge
 MAGNET_REACH = 0.05  # m: decay length of the magnet's pull
-LIGHTEST = 0.1  # of its mass: least mass of a node under an uneven distribution
+LIGHTEST_NODE = 0.1  # of its mass: least mass of a node under an uneven distribution
 POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
 
 
@@ -243,7 +243,7 @@ def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
     xi, eta = 2 * sheet.rest[:, 0] / sheet.width, -2 * sheet.rest[:, 1] / sheet.height - 1
     same_moment = np.pi**2 / 12
     slope = cloth.mass_slope[0] * np.sin(np.pi * xi / 2) + cloth.mass_slope[1] * np.sin(np.pi * eta / 2)
-    mass = sheet.node_area * np.maximum(1 + same_moment * slope, LIGHTEST)
+    mass = sheet.node_area * np.maximum(1 + same_moment * slope, LIGHTEST_NODE)
     return np.asarray(mass * cloth.density * sheet.width * sheet.height / mass.sum() + cloth.hem * sheet.bottom_length)
 
 

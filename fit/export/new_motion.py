@@ -22,7 +22,7 @@ from formats.take import Take
 
 NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
 RAMP, REST = 0.6, 1.0  # s
-SHORTEST, LONGEST = 2.0, 60.0  # s
+SHORTEST_MOTION, LONGEST_MOTION = 2.0, 60.0  # s
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
 TWIST_TURN = np.radians(40.0)  # of a twist
 RATES = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
@@ -65,9 +65,11 @@ def check_motion(way: str, seconds: float) -> None:
     """
     if way not in NEW_MOTIONS:
         raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
-    if not SHORTEST <= seconds <= LONGEST:
+    if not SHORTEST_MOTION <= seconds <= LONGEST_MOTION:
         raise FitError(
-            f"{seconds:g} s is no length for a motion", where="--seconds", advice=f"{SHORTEST:g} to {LONGEST:g} s"
+            f"{seconds:g} s is no length for a motion",
+            where="--seconds",
+            advice=f"{SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s",
         )
 
 

@@ -21,7 +21,7 @@ from fit.cloth.simulator import Simulator
 from fit.errors import BlowUpError, FitError
 from fit.export.fabric import fabric_of
 from fit.export.moving import CONTACT, Moving, check_engine, known_effects, material_rows
-from fit.export.new_motion import MOTION_FPS, SHORTEST, hung_still
+from fit.export.new_motion import MOTION_FPS, SHORTEST_MOTION, hung_still
 from fit.export.solids import Solids
 from fit.figure.bvh import read_bvh
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
@@ -74,10 +74,10 @@ class FigureOrder:
                 f"nobody is {self.height:g} m tall", where="--height",
                 advice=f"give {SHORTEST_FIGURE:g} to {TALLEST_FIGURE:g} m",
             )  # fmt: skip
-        if not SHORTEST <= seconds <= LONGEST_WALK:
+        if not SHORTEST_MOTION <= seconds <= LONGEST_WALK:
             raise FitError(
                 f"{seconds:g} s is no length for a figure's walk", where="--seconds",
-                advice=f"{SHORTEST:g} to {LONGEST_WALK:g} s",
+                advice=f"{SHORTEST_MOTION:g} to {LONGEST_WALK:g} s",
             )  # fmt: skip
         if self.bvh is None:
             check_speed(self.speed)

@@ -29,7 +29,7 @@ LEAD = 2.0  # s
 ON_FLOOR = 0.2  # share of the frames in which the lower foot may be below the floor, because captured feet tremble
 LARGEST_BVH = 50_000_000  # bytes
 SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
-LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
+LARGEST_IN_BVH = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
 FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
 SHORTEST_ANIMATION = 1.0  # s
 MOST_JOINTS = 1000  # our choice: a file with more is no skeleton of a person
@@ -118,7 +118,7 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
             f"says that its frames are {step:g} s apart, as no camera or program makes them", where=path,
             advice="write its Frame Time in seconds, as in 0.0333333",
         )  # fmt: skip
-    wild = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
+    wild = np.flatnonzero(np.abs(numbers) > LARGEST_IN_BVH)
     if len(wild):
         raise FitError(
             f"holds {numbers[wild[0]]:g} in frame {wild[0] // width}, which is no place and no angle", where=path,

@@ -51,7 +51,7 @@ from fit.figure.skeleton import (
 from formats.arrays import Floats
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
-SLOWEST, NORMAL_SPEED, FASTEST = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
+SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
 WALK_RATIO = 0.006  # m min, step length over steps a minute
 STANCE = 0.62  # of a stride: stance of a foot
 NORMAL_STEP = 0.75  # m, of a man's normal walk, at which the pelvis moves as its source says
@@ -82,8 +82,10 @@ def check_speed(speed: float) -> None:
     Raises:
         FitError: it is one.
     """
-    if not SLOWEST <= speed <= FASTEST:
-        raise FitError(f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST:g} to {FASTEST:g} m/s")
+    if not SLOWEST_WALK <= speed <= FASTEST_WALK:
+        raise FitError(
+            f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST_WALK:g} to {FASTEST_WALK:g} m/s"
+        )
 
 
 def walk(

@@ -30,7 +30,7 @@ DEPTH = 0.58  # of half of the width, at the band
 SHARE = 0.6  # of the skirt's flare: flare of the hips
 CLEARANCE = 0.004  # m between body and cloth
 THIGH_RADIUS, KNEE_RADIUS, CALF_RADIUS, ANKLE_RADIUS = 0.050, 0.033, 0.032, 0.021  # of the height, Tilley 2002
-THINNEST, WIDEST = 0.6, 1.5  # times the usual thigh: range of widths of a plausible figure
+THINNEST, WIDEST_FIGURE = 0.6, 1.5  # times the usual thigh: range of widths of a plausible figure
 WAIST, CHEST = 0.92, 1.12  # times the radius at the band
 NECK_RADIUS, HEAD_RADIUS = 0.030, 0.047  # of the height, Tilley 2002
 TRAPEZIUS_RADIUS, SLOPE_RADIUS = 0.020, 0.022  # of the height; our choice: a slope from neck to shoulders
@@ -124,7 +124,7 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> 
     flare = max(float(round_of(at_hips, half_side)) - radius, 0.0)
     hips = top + SHARE * flare
     size = hips / (THIGH_RADIUS * height)
-    if not THINNEST <= size <= WIDEST:
+    if not THINNEST <= size <= WIDEST_FIGURE:
         raise FitError(
             f"a skirt {at_band:.2f} m round at its top fits no figure {height:.2f} m tall", where=garment.name,
             advice="give a --height that goes with it, or leave out --take for a skirt of the fabric",

@@ -20,8 +20,8 @@ log-normal of width WIDTH about M, with
 
 where any law leaves LEAST_BY_LAW of a gap, to LAW_DEVIATIONS deviations (`fit.gap.evidence`).
 
-`wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: a cause outside the library is present. Twins, which are
-collinear given the base parameters, are never in one subset: no take shows their difference.
+`wide`: log-uniform from M to WIDEST_UNKNOWN M, with the odds UNKNOWN: a cause outside the library is present. Twins,
+which are collinear given the base parameters, are never in one subset: no take shows their difference.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ LATEST_LEFT = 0.08  # s: a larger offset could end at the bound of 0.1 s of the 
 STILL_SPEED = 0.03  # m/s of the hanger: below, the hanger is at rest
 FEWEST_RESTING_FRAMES = 5  # frames: the deviation of five has a relative error of a third
 TOP_ROW = 0.02  # of the grid's height: a first row within this distance of the held edge lies on the edge
-NARROWEST = 0.85  # of the flat held edge: a shorter row has another cause than eroded corners
+NARROWEST_ROW = 0.85  # of the flat held edge: a shorter row has another cause than eroded corners
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +161,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     ends = path(seen.time)
     width = float(np.linalg.norm(np.subtract(garment.outline_m[1], garment.outline_m[0])))
     apart = float(np.median(np.linalg.norm(ends[:, 3:] - ends[:, :3], axis=1)))
-    if not NARROWEST * width <= apart <= width / NARROWEST:
+    if not NARROWEST_ROW * width <= apart <= width / NARROWEST_ROW:
         return None
     row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
     still = is_still(seen.time, path) & np.isfinite(row).all(1)

@@ -26,7 +26,7 @@ HELD = ("held_left", "held_right")
 FRAMES_AT_ONCE = 1 << 12  # compared at once: 8 MB for 81 points
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval: largest move of a frame in a file with one rate
-MOVED = 1e-4  # s: smaller moves of frames are not reported
+LEAST_MOVED = 1e-4  # s: smaller moves of frames are not reported
 FROM_ORIGIN = 1e-6  # m, the last digit of a coordinate in CSV
 LONGEST_LABEL = 127  # bytes of UTF-8: readers that take the length for a signed byte lose a longer label
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
@@ -112,7 +112,7 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
     except ValueError as error:
         raise TakeError(f"{error}, which no C3D file holds", where=_whence(take), advice="export it as CSV") from error
     write_bytes(path, pieces, overwrite=overwrite, instead=ANOTHER_FOLDER)
-    return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > MOVED else ""
+    return f"C3D has one rate, so frames were moved by up to {1e3 * moved:.1f} ms" if moved > LEAST_MOVED else ""
 
 
 def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats, float]:

@@ -25,7 +25,7 @@ def decode_block(block: dict[str, Any], points: int) -> Columns:
     state, quality = np.frombuffer(block["state"], "<u2").astype(np.uint16), block.get("quality")
     steps = np.frombuffer(quality if quality else bytes([NO_QUALITY] * n), np.uint8)
     if len(state) != n or len(steps) != n:
-        raise ValueError(f"{len(state)} states and {len(steps)} qualities of {n} frames")
+        raise ValueError(f"the columns state and quality have {len(state)} and {len(steps)} rows for {n} frames")
     decoded: Columns = {
         "time": start / TICKS + unpack(block["time"], (n,), 1 / TICKS),
         "state": state,

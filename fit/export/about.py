@@ -90,7 +90,11 @@ def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
 
 
 def other_garment(result: FitResult, take: Take) -> str:
-    """Return a remark if a take is of another garment than the fit; nothing if not, or if an old fit lacks it."""
+    """Return a remark if a take is of another garment than the fit.
+
+    Return an empty text if the garments agree. An old fit may state no garment. Then its takes, layers and weight
+    decide.
+    """
     garment = take.garment
     if result.garment_content:
         own = {content_of_garment(one) for one in (garment, garment.as_meant)}  # earlier fits used the spelling

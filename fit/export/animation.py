@@ -115,7 +115,7 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
         )
     if not all(SMALLEST_SIDE <= n <= LARGEST_SIDE and n % 2 == 0 for n in size):
         raise FitError(
-            f"no film is {size[0]} x {size[1]} pixels large", where="--size",
+            f"a film cannot have {size[0]} x {size[1]} pixels", where="--size",
             advice=f"give even numbers from {SMALLEST_SIDE} to {LARGEST_SIDE}, as in 960x720",
         )  # fmt: skip
     check_name(path)

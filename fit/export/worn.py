@@ -178,7 +178,7 @@ def _less_damped(fitted: float, used: float) -> tuple[str, ...]:
 
 
 def _stretched(simulator: Simulator, shapes: Singles) -> tuple[float, float]:
-    """Return the largest strain of the cloth between samples of contact, and its quantile `MOSTLY`."""
+    """Return the largest strain between samples of contact, and the largest quantile `MOSTLY` of a frame's strains."""
     surface = simulator.surface
     sides = np.concatenate([surface.quads[:, pair] for pair in ([0, 1], [0, 2])])
     rest = surface.samples.apply(simulator.mesh.rest)

@@ -112,8 +112,8 @@ def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -
     """Draw the changes of each mean squared error by mesh and solver, (replicas, errors) [mm^2].
 
     An error d of the simulation adds 2 d.r to the squared residual r. It has the mean squared size N^2 and a random
-    direction among DIRECTIONS of a smooth motion. Over hypotheses these are normal with covariance 4 N^2 / DIRECTIONS
-    <r_h r_k>. So the errors of two hypotheses with nearly the same residual change together.
+    direction among FREE_DIRECTIONS of a smooth motion. Over hypotheses these are normal with covariance
+    4 N^2 / FREE_DIRECTIONS <r_h r_k>. So the errors of two hypotheses with nearly the same residual change together.
     """
     residuals = np.stack([e.residual for e in errors])
     gram = residuals @ residuals.T / (residuals.shape[1] / 3.0)

@@ -7,10 +7,10 @@ its change per unit of the amplitudes of a fit's effects that move it. The edge 
 
 since slow noise makes SLOW times the scores of white noise, and a marker's own offset is the same in all takes.
 The cloth identifies amplitudes too. Its error e of mesh and solver [mm^2 rms per number] has a random direction among
-DIRECTIONS. The error makes the amplitudes as uncertain as a smaller weight of each of its N numbers would. With the
-variance s^2 of its noise, the weight is smaller by
+FREE_DIRECTIONS. The error makes the amplitudes as uncertain as a smaller weight of each of its N numbers would. With
+the variance s^2 of its noise, the weight is smaller by
 
-    trust = 1 + N e^2 / (DIRECTIONS s^2)
+    trust = 1 + N e^2 / (FREE_DIRECTIONS s^2)
 
 (`fit.gap.closure.solver_draws`). The edge may put an amplitude elsewhere by more than DISPUTED deviations, and agree
 with the tracked edge there. Then the fit is repeated with the edge's amplitude. An amplitude that the edge identifies

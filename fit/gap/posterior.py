@@ -10,7 +10,7 @@ by more than one effect makes.
 Mesh and solver imitate effects. Their error has mean square s^2 and a random direction among FREE_DIRECTIONS. It stands
 beside the covariance of `fit.gap.likelihood`, as an amplitude of every component that no effect makes, N(0, tau^2),
 
-    tau = s / (sqrt(DIRECTIONS) m),   m: root mean square motion of the points by one typical size
+    tau = s / (sqrt(FREE_DIRECTIONS) m),   m: root mean square motion of the points by one typical size
 
 with base parameters refitted, so that an amplitude within the error of mesh and solver is no evidence. Mesh and solver
 do not move the held edge, so its evidence stays. The size s has two priors, and they are two hypotheses. `known`:

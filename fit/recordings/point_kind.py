@@ -86,7 +86,10 @@ def kind_shown(recording: Recording) -> tuple[str, float] | None:
 
 
 def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) -> str:
-    """Return a warning that stated material points slide, with advice; nothing if they do not or it is inconclusive."""
+    """Return a warning that stated material points slide, with advice.
+
+    Return an empty text if the points do not slide, or if the recordings are inconclusive.
+    """
     found = _against(garment, recordings)
     if found is None or found[0] != "silhouette":
         return ""
@@ -99,7 +102,9 @@ def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) ->
 
 
 def describe_steady(garment: Garment, recordings: Sequence[Recording]) -> str:
-    """Return a note that a stated silhouette's points stay on the cloth; nothing if not or if inconclusive.
+    """Return a note that a stated silhouette's points stay on the cloth.
+
+    Return an empty text if the points slide, or if the recordings are inconclusive.
 
     This is no contradiction: if the camera sees all of the cloth, its grid is the same in every frame. Markers that
     were described as a silhouette behave alike, and the fit loses the information of their lengths.

@@ -174,9 +174,9 @@ def _check_places(points: Floats, valid: Booleans, held: Floats, rest: Floats, p
     seen = np.where(valid[..., None], points, np.nan)
     flat = np.linalg.norm(np.diff(rest, axis=0), axis=1)
     apart = np.linalg.norm(np.diff(seen, axis=1), axis=2)[:, flat > 0] / flat[flat > 0]
-    if np.isfinite(apart).any() and not LEAST_WIDE <= (times := float(np.nanmedian(apart))) <= MOST_WIDE:
+    if np.isfinite(apart).any() and not LEAST_WIDE <= (ratio := float(np.nanmedian(apart))) <= MOST_WIDE:
         raise TakeError(
-            f"its points are {times:.3g} times as far apart as in 'rest'{other_unit(times)}", where=path,
+            f"its points are {ratio:.3g} times as far apart as in 'rest'{other_unit(ratio)}", where=path,
             advice="give 'points', 'hanger_corners' and 'rest' in metres",
         )  # fmt: skip
     top = rest[:, 1] > rest[:, 1].max() - ON_TOP * side

@@ -54,14 +54,14 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
     return METRES[word]
 
 
-def other_unit(times: float) -> str:
+def other_unit(ratio: float) -> str:
     """Return a question that names a probable wrong unit, '' where none fits.
 
-    `times`: ratio of measured to true lengths
+    `ratio`: measured lengths over true lengths
     """
     for taken, its_name in USUAL.items():
         for meant, name in USUAL.items():
-            if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < RATIO_WITHIN:
+            if meant != taken and ratio > 0 and abs(math.log(ratio * METRES[meant] / METRES[taken])) < RATIO_WITHIN:
                 return f"; are these {name} that were taken for {its_name}?"
     return ""
 

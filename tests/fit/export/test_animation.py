@@ -218,7 +218,7 @@ def test_an_animation_as_gltf_is_the_motion(scene, moving, tmp_path):
     ("changes", "reason"),
     [
         ({"path": "swing.avi"}, "avi is no format for motion"),
-        ({"size": (161, 120)}, "no film is 161 x 120 pixels"),
+        ({"size": (161, 120)}, "a film cannot have 161 x 120 pixels"),
         ({"scene": Scene(result=a_fit())}, "a fit alone holds no motion"),
         (
             {"scene": Scene(result=a_fit(), take=a_take(), figure=FigureOrder())},
@@ -266,7 +266,7 @@ def test_the_command_writes_a_gif(tmp_path):
         (["--motion", "twist", "--wear", "t-shirt"], "--wear: changes nothing here: only a figure wears a garment"),
         (["--figure", "walk", "--wear", "t-shirt"], "--wear: changes nothing here: the take has a garment"),
         (["--figure", "walk", "--speed", "9"], "--speed: nobody walks at 9 m/s"),
-        (["--motion", "twist", "--size", "63x64"], "--size: no film is 63 x 64 pixels"),
+        (["--motion", "twist", "--size", "63x64"], "--size: a film cannot have 63 x 64 pixels"),
         (["--motion", "twist", "--spacing", "-1"], "--spacing"),
         (["--motion", "twist", "--out", "a.glb", "--size", "64x64"], "--size: changes nothing here: a mesh has no pix"),
     ],

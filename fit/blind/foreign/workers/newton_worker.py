@@ -5,8 +5,8 @@ Newton's springs along the grid's lines are the two fibre families. Each spring 
 side, k w / h.
 
 An edge of length e between triangles of height a bends with E = k_e e^2 a theta^2 / 2, because Newton's gradients lack
-the triangles' heights. Bending stiffness B across a grid spacing h needs k_e = B / (h e a). Diagonals see twist only.
-There k_e = B / (e dx dy) gives a plate's B kappa_xy^2 per area.
+the triangles' heights. Bending stiffness B across a grid spacing h needs k_e = B / (h e a). Diagonal edges resist
+twist only. Their k_e = B / (e dx dy) gives a plate's B kappa_xy^2 per area.
 
 Air drag is Newton's own, k A |n . v| v at each of three corners, so k = rho C / 6. Steps are symplectic Euler in single
 precision on the CPU. Held nodes are put on their path before every step.

@@ -109,7 +109,7 @@ def test_the_recorder_is_fed_to_a_watchdog_and_stops_only_after_its_take_is_on_t
     unit = settings("system/hangtime-capture.service")
     assert (unit["Type"], unit["NotifyAccess"]) == (["notify"], ["main"])
     assert 0 < int(unit["WatchdogSec"][0]) <= 10
-    assert int(unit["TimeoutStopSec"][0]) > 20 + 5  # s: LONGEST_GOODBYE of the daemon and the disk's own five
+    assert int(unit["TimeoutStopSec"][0]) > 20 + 5  # s: LONGEST_SHUTDOWN of the daemon and the disk's own five
 
 
 def test_only_the_sync_of_the_3_services_may_open_a_network_socket() -> None:

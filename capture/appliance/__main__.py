@@ -157,7 +157,7 @@ def _loop(
             was, notified = appliance.machine.state, now
             systemd.notify(f"STATUS={was.value}")
     systemd.notify("STOPPING=1")
-    appliance.say_goodbye()
+    appliance.shut_down()
 
 
 if __name__ == "__main__":

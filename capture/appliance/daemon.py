@@ -19,7 +19,7 @@ from capture.appliance.pre_roll import PreRoll
 from capture.appliance.preview import Preview
 from capture.appliance.running_take import TakeInProgress
 from capture.appliance.sensor_keeper import SensorKeeper
-from capture.appliance.showing import Light, light_of
+from capture.appliance.showing import Light, lamp_signal
 from capture.appliance.states import Event, State, StateMachine
 from capture.appliance.status import Counts, report
 from capture.appliance.sync_news import SyncNews
@@ -38,7 +38,7 @@ LOOK_EVERY = 1.1  # s between two searches for the hanger while it is not in vie
 GONE_AFTER = 5.0  # s without the hanger after which the pre-roll is discarded
 KEEP_HOUSE = 1.0  # s between two checks of disk, voltage and sync
 TRY_AGAIN = 2.0  # s between two attempts to use a spool that failed
-LONGEST_GOODBYE = 20.0  # s that a running take has to reach the disk when the daemon is stopped
+LONGEST_SHUTDOWN = 20.0  # s that a running take has to reach the disk when the daemon is stopped
 
 
 class Appliance:
@@ -105,9 +105,9 @@ class Appliance:
         """Return whether starting has ended, in readiness or in a fault."""
         return self.machine.state is not State.STARTING
 
-    def say_goodbye(self) -> None:
+    def shut_down(self) -> None:
         """End a running take and wait until it is on the disk."""
-        until = self._clock() + LONGEST_GOODBYE
+        until = self._clock() + LONGEST_SHUTDOWN
         self._stop("the appliance was stopped")
         while self.machine.state is State.SAVING and self._clock() < until:
             self.step()
@@ -368,7 +368,7 @@ class Appliance:
     def _light(self, now: float) -> Light:
         is_tracking = self._condition is Condition.GOOD and "sensor_silent" not in self.faults
         findings = self.counts.last_take.get("findings") if self.counts.last_take else None
-        return light_of(
+        return lamp_signal(
             self.machine.state, is_tracking=is_tracking, behind_s=self._disk.behind(now),
             kept_ago_s=now - self._kept_at, has_complaint=bool(self.faults.all or findings),
         )  # fmt: skip

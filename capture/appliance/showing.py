@@ -36,7 +36,7 @@ BEHIND_S = 2.0  # s of a running take that may be lost
 KEPT_S = 3.0  # s for which the lamp signals a kept take
 
 
-def light_of(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:
+def lamp_signal(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:
     """Return the lamp's signal.
 
     - `is_tracking`: hanger and garment are detected

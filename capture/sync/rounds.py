@@ -96,7 +96,7 @@ class Sync:
             if not isinstance(fault, ServerError) or fault.kind != "passing":
                 return fault
             delay = wait_after(self.standing.tries, self.chance)
-            self._say_when(delay)
+            self._write_next_try(delay)
             self.sleep(delay)
         return fault
 
@@ -222,7 +222,7 @@ class Sync:
             self.standing.fault, self.standing.tries = None, 0
         self._write()
 
-    def _say_when(self, delay: float) -> None:
+    def _write_next_try(self, delay: float) -> None:
         if (fault := self.standing.fault) is not None:
             when = (self.clock() + timedelta(seconds=delay)).isoformat(timespec="seconds")
             self.standing.fault = Fault(

@@ -86,7 +86,7 @@ def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesi
     return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
 
 
-def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
+def is_shown_by_edge(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
     """Return whether the held edge shows a further effect, beyond the error that laws of earlier effects may leave.
 
     The held row of silhouettes already corrected time stamps and edge, so it is no further evidence.
@@ -96,7 +96,7 @@ def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, fo
     return is_seen_on_edge(before.errors.edge, found.errors.edge, edge_left_by_law(observer, base, before))
 
 
-def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
+def is_refuted_by_edge(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
     """Return whether a model's held edge is certainly farther from the tracked edge than another model's."""
     return is_favoured_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
 
@@ -288,9 +288,9 @@ class Evidence:
             k
             for k, h in self.singles.items()
             for other, saved in closed.items()
-            if saved > NEAR * (base - h.errors.squared_mm) and puts_edge_off(self.base, self.singles[other], h)
+            if saved > NEAR * (base - h.errors.squared_mm) and is_refuted_by_edge(self.base, self.singles[other], h)
         )
-        return beside | {k for k, h in self.singles.items() if puts_edge_off(self.base, self.base, h)}
+        return beside | {k for k, h in self.singles.items() if is_refuted_by_edge(self.base, self.base, h)}
 
     @functools.cached_property
     def identified_by_edge(self) -> frozenset[str]:
@@ -316,7 +316,7 @@ class Evidence:
         if (
             is_worse
             or is_at_bound(self.observer, found)
-            or not puts_edge_right(self.observer, self.base, self.base, found)
+            or not is_shown_by_edge(self.observer, self.base, self.base, found)
         ):
             return False
         _, (low, high) = self.amplitude(effect, any_law=False)

@@ -82,7 +82,7 @@ def _not_trifling(screened: Screened, order: list[str]) -> list[str]:
 
 def refits(observer: Observer, start: Fitted, screened: Screened, names: list[str]) -> list[Task]:
     """Return refits of a model with one additional effect each, started from the best shares of the linear solution."""
-    tries = [_tries(observer, start, screened[name], name) for name in names]
+    tries = [_starts_of_refit(observer, start, screened[name], name) for name in names]
     every = [problem.unpack(np.array(numbers)) for problem, numbers, _ in tries]
     vectors, rows = (np.concatenate(column) for column in zip(*every, strict=True))
     costs = (observer.residuals(vectors, rows) ** 2).sum(1).reshape(len(tries), -1)
@@ -98,7 +98,7 @@ def refits(observer: Observer, start: Fitted, screened: Screened, names: list[st
     return tasks
 
 
-def _tries(
+def _starts_of_refit(
     observer: Observer, start: Fitted, signature: Signature, effect: str
 ) -> tuple[Problem, list[Floats], Floats]:
     """Return the problem with one additional effect, starts near its joint linear solution, and its Jacobian."""

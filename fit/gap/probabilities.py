@@ -27,8 +27,8 @@ from fit.gap.evidence import (
     Evidence,
     are_worth_adding,
     best_of,
+    is_shown_by_edge,
     least_gain,
-    puts_edge_right,
     share_in_median_block,
 )
 from fit.gap.hypotheses import Hypothesis
@@ -54,7 +54,7 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[str, f
         is_added = are_worth_adding(
             base - noise, before - noise, before - least, usual, least_gain(evidence.observer, best)
         )
-        if puts_edge_right(evidence.observer, evidence.base, best, teams[0]):
+        if is_shown_by_edge(evidence.observer, evidence.base, best, teams[0]):
             is_added |= before > least
         by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])
         together = is_added & (least <= most) & (least <= by_law[winner, np.arange(len(base))])

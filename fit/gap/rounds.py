@@ -21,10 +21,10 @@ from fit.gap.evidence import (
     edge_left_by_law,
     is_at_bound,
     is_beyond,
+    is_refuted_by_edge,
+    is_shown_by_edge,
     least_gain,
     per_millimetre,
-    puts_edge_off,
-    puts_edge_right,
     wrong_by_mesh,
 )
 from fit.gap.fitting import Fitted, Task, fit
@@ -165,7 +165,7 @@ class Rounds:
         The rounds end when less than this share remains.
         """
         order = best_of(self.observer, self.singles)
-        best, starts = order[0], [order[0], *self._rivals(order)]
+        best, starts = order[0], [order[0], *self._further_starts(order)]
         gap = self.base.errors.squared_mm - floor**2
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
@@ -198,7 +198,7 @@ class Rounds:
         """Return whether a further effect closes enough (times `hope`), or shows on the held edge."""
         gap = self.base.errors.squared_mm - floor**2
         is_enough = closes_enough(self.observer, gap, before, found, floor, hope)
-        return is_enough or puts_edge_right(self.observer, self.base, before, found)
+        return is_enough or is_shown_by_edge(self.observer, self.base, before, found)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
         """Return the hypothesis of least held-out error among those with a further effect.
@@ -207,7 +207,7 @@ class Rounds:
         added if either order may. Effects that explain the held edge's error come first.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
-        seen = [(h, p) for h, p in real if puts_edge_right(self.observer, self.base, before, h)]
+        seen = [(h, p) for h, p in real if is_shown_by_edge(self.observer, self.base, before, h)]
         if seen:
             nearest = min((h.errors.edge for h, _ in seen), key=lambda edge: edge.shown)
             real = [(h, p) for h, p in seen if not is_favoured_by_edge(h.errors.edge, nearest, before.errors.edge)]
@@ -288,7 +288,7 @@ class Rounds:
         alike = [name for name, other in screened.items() if abs(cosine(own, other)) > GROUP_COSINE]
         return tuple(name for name in alike if name not in (effect, kept))
 
-    def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
+    def _further_starts(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """Return further starts for pairs: the next best effect, if it closes nearly as much, and the best fit.
 
         While the other effect of a pair is missing, an effect may close little on held-out motion. Yet it may explain
@@ -332,7 +332,7 @@ class Rounds:
             (h, self._p_value(start, h, len(names), floor))
             for h in refitted
             if not any(is_brought(self.observer, h.fitted, k) for k in h.effects)
-            and not puts_edge_off(self.base, start, h)
+            and not is_refuted_by_edge(self.base, start, h)
         ]
 
     def _p_value(self, before: Hypothesis, found: Hypothesis, refitted: int, floor: float) -> float:
@@ -341,7 +341,7 @@ class Rounds:
         An effect that explains the held edge's error is certain, whatever its closure on the cloth
         (`fit.observer.edge`).
         """
-        if puts_edge_right(self.observer, self.base, before, found):
+        if is_shown_by_edge(self.observer, self.base, before, found):
             return 0.0
         family = len(self.tested) if self.judge is self.observer else refitted
         return min(1.0, family * gain_p_value(before.errors, found.errors, floor))

@@ -16,8 +16,8 @@ from fit.gap.evidence import (
     best_of,
     closes_enough,
     is_at_bound,
-    puts_edge_off,
-    puts_edge_right,
+    is_refuted_by_edge,
+    is_shown_by_edge,
 )
 from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
@@ -98,7 +98,7 @@ def decide(evidence: Evidence) -> Verdict:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
         return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {most}. {numbers}")
     if not passing:
-        return Verdict("unknown", [], f"{_unnamed(evidence)} {numbers}{edge_is_off(evidence)}")
+        return Verdict("unknown", [], f"{_unnamed(evidence)} {numbers}{describe_held_edge(evidence)}")
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
     if not evidence.explains_enough(evidence.singles[best]) and best not in identified:
@@ -152,9 +152,9 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
             f"No gap shows, but a pull of {pull:g} Hz, which these takes need to be predictable, hides small effects. "
             f"These could not have been seen: {', '.join(missed[:LISTED_COMPONENTS])}{more}. {numbers}{hidden}"
         )
-        return Verdict("inconclusive", [], said + edge_is_off(evidence))
+        return Verdict("inconclusive", [], said + describe_held_edge(evidence))
     none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
-    return Verdict("none", [], none + edge_is_off(evidence))
+    return Verdict("none", [], none + describe_held_edge(evidence))
 
 
 def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
@@ -186,7 +186,7 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
     return f"{said} The rest of the gap, {100 - 100 * max(closed.value, 0):.0f} %, no effect in the library explains."
 
 
-def edge_is_off(evidence: Evidence) -> str:
+def describe_held_edge(evidence: Evidence) -> str:
     """Return a sentence if no effect was named although the base model's held edge is in the wrong position."""
     edge = evidence.base.errors.edge
     return "" if is_edge_explained(edge) else f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise."
@@ -263,7 +263,7 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         added = evidence.observer.library[hypothesis.effects[-1]]
         saved = before.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
-        is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
+        is_seen = is_shown_by_edge(evidence.observer, evidence.base, before, hypothesis)
         # An effect that the held edge shows may have zero closure, but must not certainly increase the error.
         is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= FAMILY_WISE_LEVEL
         # As for the first effect, its size must exceed the error of noise, mesh and solver.
@@ -272,7 +272,7 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         closes = is_certain and is_enough and is_resolved and low * high > 0
         closes = closes and not evidence.is_law_of(before, hypothesis)
         is_needed = (closes or is_shown) and _adds_to_identified(evidence, hypothesis, gap)
-        is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
+        is_needed = is_needed and not is_refuted_by_edge(evidence.base, before, hypothesis)
         is_needed = is_needed and not any(
             evidence.observer.library[k].differs_by_solver and k not in passing for k in hypothesis.effects
         )
@@ -290,7 +290,7 @@ def _adds_to_identified(evidence: Evidence, pair: Hypothesis, gap: float) -> boo
     identified = [evidence.singles[k] for k in evidence.identified_by_edge & set(pair.effects)]
     return len(pair.effects) > 2 or all(
         closes_enough(evidence.observer, gap, alone, pair, evidence.floor_mm)
-        or puts_edge_right(evidence.observer, evidence.base, alone, pair)
+        or is_shown_by_edge(evidence.observer, evidence.base, alone, pair)
         for alone in identified
     )
 

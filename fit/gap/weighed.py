@@ -27,7 +27,7 @@ from fit.gap.numerics import Refined
 from fit.gap.posterior import Found, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
-from fit.gap.verdict import Verdict, edge_is_off, gap_numbers, lacks, no_gap, share_closed, with_unit
+from fit.gap.verdict import Verdict, describe_held_edge, gap_numbers, lacks, no_gap, share_closed, with_unit
 from formats.arrays import Floats
 from formats.diagnosis_records import in_percent
 
@@ -115,7 +115,7 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
         )
         return Verdict("unknown", [], f"{gap} The likeliest is {sizes}, and its size may be nothing.")
     if unknown >= named or hypothesis is None:
-        return Verdict("unknown", [], gap + edge_is_off(evidence))
+        return Verdict("unknown", [], gap + describe_held_edge(evidence))
     if closed is not None and closed.value < SMALLEST_CLOSURE:
         titles = " and ".join(evidence.observer.library[name].title for name in best)
         more = f" On the motion that was fitted {titles} would; on the other one it closes {100 * closed.value:z.0f} %."

@@ -35,7 +35,7 @@ from tests.formats.test_marker_oddities import GARMENT, hanging
         ("a.npz", "is no .npz archive; give marker paths"),
     ],
 )
-def test_a_file_of_another_kind_is_sent_to_its_own_door(tmp_path, name, words):
+def test_a_file_that_import_cannot_read_is_refused_with_the_command_that_reads_it(tmp_path, name, words):
     (tmp_path / name).write_bytes(b"something")
     done = hangtime_here("import", name, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")

@@ -236,7 +236,7 @@ class RandomEvents(RuleBasedStateMachine):
 
     def teardown(self):
         self.disk_comes()
-        self.appliance.say_goodbye()
+        self.appliance.shut_down()
         self.disk.close(10.0)
         self.control.close()
         with Spool(self.folder / "takes") as spool:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from capture.appliance import showing
-from capture.appliance.showing import Light, light_of
+from capture.appliance.showing import Light, lamp_signal
 from capture.appliance.states import TRANSITIONS, Event, State, StateMachine
 from docs.generator.appliance_states import SHORT, picture
 
@@ -57,7 +57,7 @@ def test_an_event_that_the_table_does_not_name_changes_nothing():
 
 def test_each_state_has_a_light_of_its_own_and_the_reference_lists_it():
     calm = {"is_tracking": True, "behind_s": 0.0, "kept_ago_s": 99.0, "has_complaint": False}
-    shown = {state: light_of(state, **calm) for state in State}
+    shown = {state: lamp_signal(state, **calm) for state in State}
     assert len(set(shown.values())) == len(State)
     lights = [one for one in vars(showing).values() if isinstance(one, Light)]
     assert len(lights) == 11
@@ -68,5 +68,5 @@ def test_each_state_has_a_light_of_its_own_and_the_reference_lists_it():
 
 def test_green_without_a_pause_is_never_shown_while_two_seconds_are_not_on_the_disk():
     late = {"is_tracking": True, "behind_s": 2.1, "kept_ago_s": 99.0, "has_complaint": False}
-    assert light_of(State.RECORDING, **late).dark_ms > 0
-    assert light_of(State.RECORDING, **late | {"behind_s": 1.9}).dark_ms == 0
+    assert lamp_signal(State.RECORDING, **late).dark_ms > 0
+    assert lamp_signal(State.RECORDING, **late | {"behind_s": 1.9}).dark_ms == 0

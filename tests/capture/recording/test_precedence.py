@@ -57,7 +57,7 @@ def test_fetching_precedes_tracking_and_both_precede_all_others():
     }  # fmt: skip
 
 
-def test_who_may_not_come_first_goes_on_as_before():
+def test_a_process_without_the_right_to_precedence_keeps_its_ordinary_schedule():
     ordinary = [os.SCHED_OTHER, 0]
     assert asked(give_up_the_right) == {"granted": False, "fetching": ordinary, "tracking": ordinary, "after": ordinary}
 

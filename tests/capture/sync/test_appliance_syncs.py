@@ -19,7 +19,7 @@ def hangtime(*words):
 
 
 @pytest.mark.slow
-def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in_the_way(tmp_path):
+def test_a_take_of_the_button_is_uploaded_and_status_shows_uploads_and_faults(tmp_path):
     """One take by the button; the server's place is first a file, then a folder; the daemon reports both."""
     recording, server = tmp_path / "swing.oni", tmp_path / "server"
     draw_recording(recording, fps=15, seconds=2.0)

@@ -115,13 +115,13 @@ def solvers(world):
 def test_the_family_of_a_further_effect_is_what_was_tested(world, monkeypatch):
     """All that was tested where the takes chose it too; else what was refitted; no more than one."""
     search, _ = rounds_of(world)
-    monkeypatch.setattr(module, "puts_edge_right", lambda *_: False)
+    monkeypatch.setattr(module, "is_shown_by_edge", lambda *_: False)
     monkeypatch.setattr(module, "gain_p_value", lambda before, after, floor: 0.01 * floor)
     assert search._p_value(search.base, search.base, 3, 1.0) == pytest.approx(0.01 * len(search.tested))
     search.judge = LinearTakes(4)
     assert search._p_value(search.base, search.base, 3, 1.0) == pytest.approx(0.03)
     assert search._p_value(search.base, search.base, 3, 50.0) == 1.0
-    monkeypatch.setattr(module, "puts_edge_right", lambda *_: True)
+    monkeypatch.setattr(module, "is_shown_by_edge", lambda *_: True)
     assert search._p_value(search.base, search.base, 3, 50.0) == 0.0
 
 

@@ -114,7 +114,7 @@ def test_a_further_effect_that_few_steps_fitted_ill_is_fitted_on_before_it_is_ju
     search = a_search((12.0, 100.0), {"hanger_rotation": (10.0, 40.0)})
     names = ("hanger_rotation", "rest_curvature")
     ill, well = (hypothesis(names, mm, deviation=deviation) for mm, deviation in ((9.0, 5.0), (6.0, 0.05)))
-    monkeypatch.setattr(Rounds, "_rivals", lambda self, order: [])
+    monkeypatch.setattr(Rounds, "_further_starts", lambda self, order: [])
     monkeypatch.setattr(
         Rounds, "_with_another", lambda self, start, floor: [(ill, p_value)] if len(start.effects) == 1 else []
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from fit.gap.evidence import puts_edge_right
+from fit.gap.evidence import is_shown_by_edge
 from fit.gap.findings import at_bounds, base_parameters
 from fit.gap.from_raw import sentence, with_raw
 from fit.gap.verdict import decide
@@ -65,6 +65,6 @@ def test_the_held_row_of_silhouettes_names_nothing_by_itself():
     """Without the effect the edge is off by 9000 squared deviations of 1000, with it by none beyond noise."""
     edges = with_edge(hypothesis((), 12.0), 9000.0), with_edge(hypothesis(("frame_timing",), 11.9), 1000.0)
     observer = SimpleNamespace(**EFFECTS | {"recordings": []})
-    assert puts_edge_right(observer, edges[0], *edges)
+    assert is_shown_by_edge(observer, edges[0], *edges)
     observer.recordings.append(SimpleNamespace(camera=SimpleNamespace(is_placed=True)))
-    assert not puts_edge_right(observer, edges[0], *edges)
+    assert not is_shown_by_edge(observer, edges[0], *edges)

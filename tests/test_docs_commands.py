@@ -1,4 +1,4 @@
-"""Every `hangtime` command of a page parses, and runs unless it needs a device, a bucket or another program."""
+"""Every `hangtime` command of a page parses, and runs unless it needs a bucket, another program or real recordings."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import importlib.util
 import re
 import shlex
 import shutil
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +19,12 @@ from docs.generator.commands import Part, every_command, whole_command
 from fit.figure.dressmaking import plain_skirt
 from fit.figure.gait import walk
 from formats.archive import write_take
+from tests import openni2
+from tests.firmware_host.scenes import write_recording
 from tests.fit.figure.walking import bvh_of
 from tests.fit.here import hangtime_here
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+from tests.surroundings import APPLIANCE, EMPTY, KINECT, PS1080, STREAM, keep_appliance, surroundings
 from tests.test_docs import DOCS, PAGES, ROOT, name_of
 
 # Pages that show how Hangtime is used now; notebook, decisions and changelog are records of their days.
@@ -29,8 +33,10 @@ GUIDE = [
     for page in PAGES
     if not {"notebook", "decisions", "systemd"} & set(page.relative_to(ROOT).parts) and page.name != "CHANGELOG.md"
 ]
+OPENNI = "libopenni2"
 SHORT = " --iterations 8 --spacing 0.1"
 COARSE = (r"$", " --spacing 0.15")
+ONE_COARSE_CASE = " --option=--spacing --option 0.15"  # half a minute of the processor
 AS_NEW = (r"--out (\w+)", r"--out new-\1")  # the existing takes are of another garment
 
 
@@ -42,24 +48,41 @@ class Rule:
     how: str
     changes: tuple[tuple[str, str], ...] = ()
     why: str = ""
-    needs: tuple[str, ...] = ()  # modules without which the command is left out
+    needs: tuple[str, ...] = ()  # modules without which the command is left out, or `OPENNI`
+    around: str = ""  # what it finds around it, of `tests.surroundings`
 
 
 def parsed(pattern: str, why: str) -> Rule:
     return Rule(pattern, "parsed", why=why)
 
 
-# The first rule that matches counts. A command in capitals or dots is a form to fill in.
+def of_models(pattern: str, around: str = PS1080, how: str = "quick") -> Rule:
+    """Return the rule of commands of `hangtime sensor` that run on models of USB devices."""
+    return Rule(rf"hangtime sensor {pattern}", how, around=around, needs=("usb",))
+
+
+# The first rule that matches counts. A word in capitals is a form to fill in, and a change fills it in.
 RULES = (
-    parsed(r".*(?:\b(?:FILE|DIR|SOURCE|TAKE|KEY|NAME|STRUCK)\b|\.\.\.)", "a form to fill in"),
-    parsed(r"hangtime takes prune ", "tests/capture/sync runs it"),
-    parsed(r"\S*hangtime (?:daemon|start|stop|status|watch|preview|sync)\b", "the appliance's tests run these"),
+    Rule(r"hangtime sensor play FILE\.oni ", "quick", (("FILE", "recorded"),), needs=(OPENNI,)),
+    Rule(
+        r"hangtime import FILE\.\.\. ", "quick",
+        ((r"FILE\.\.\.", "swing.csv"), ("swatch.toml", "other-swatch.toml"), (r"--frames \d+", "--frames 78"),
+         (r"$", " --out imported")),
+    ),
+    Rule(r"hangtime record --sensor SOURCE ", "slow", (("SOURCE", "'synthetic:swing?seconds=3'"), ("TAKE", "taken"))),
+    Rule(r"hangtime calibrate --sensor SOURCE ", "slow", (("SOURCE", "'synthetic:gentle?seconds=3'"),)),
+    Rule(r"hangtime sensor synthesise DIR ", "slow", (("DIR", "made"), (r"--seconds \d+", "--seconds 4"))),
+    Rule(r"hangtime (?:takes prune|sync (?:status|prove))\b", "quick", ((r"$", " --config appliance.toml"),)),
+    Rule(r"hangtime status$", "quick", around=APPLIANCE),
     parsed(r".*s3://", "needs a bucket; tests/fit/batch/test_batch_stores.py runs one"),
     parsed(r".*--engine blender", "needs Blender"),
     parsed(r"HANGTIME_MUJOCO_PYTHON=", "needs MuJoCo"),
     parsed(r".*(?:swung-cloth/|--real takes)", "needs real recordings"),
-    parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
-    parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
+    of_models("list$", EMPTY),
+    of_models("(?:info|log|reset --reboot)$"),
+    of_models("led ", KINECT),
+    of_models("doctor(?! synthetic)", how="slow"),
+    Rule(r"hangtime sensor play openni2:", "quick", (("openni2:", f"'{STREAM}'"),)),
     Rule(r"hangtime export .*--to usd", "quick", (AS_NEW,), needs=("pxr",)),
     Rule(r"hangtime export ", "quick", (AS_NEW,)),
     parsed(r"hangtime animate .*--wear t-shirt", "takes minutes; tests/fit/export/test_worn.py makes one walk"),
@@ -88,6 +111,9 @@ RULES = (
     Rule(r"hangtime fit ", "slow", ((r"$", SHORT),)),
     Rule(r"hangtime diagnose ", "slow", ((r"$", " --spacing 0.15"),)),
     Rule(r"hangtime batch takes ", "slow", (("batch takes", "batch demo"), (r"$", f"{SHORT} --workers 1"))),
+    Rule(r"hangtime blind run ", "slow", ((r"$", ONE_COARSE_CASE),)),
+    Rule(r"hangtime blind strike ", "slow", ((r"$", f"{ONE_COARSE_CASE} --least 0"),)),
+    Rule(r"hangtime blind (?:score|report) ", "slow"),
     Rule(
         r"hangtime blind make set --cases", "slow",
         ((r"--cases \d+", "--cases 1"), (r"--nulls \d+", "--nulls 0"), (r"--pairs \d+", "--pairs 0"),
@@ -163,6 +189,14 @@ def test_a_command_with_one_fault_does_not_parse(text: str) -> None:
         check_syntax(words_of_command(text))
 
 
+def test_contributing_says_how_many_commands_run() -> None:
+    how = Counter(rule_of(text).how for _, text in shown_commands())
+    stated = re.search(r"Of (\d+) commands, (\d+) run in the quick tests, (\d+) with `--slow`, and (\d+)",
+                       " ".join((ROOT / "CONTRIBUTING.md").read_text().split()))  # fmt: skip
+    assert stated is not None
+    assert [int(n) for n in stated.groups()] == [how.total(), how["quick"], how["slow"], how["parsed"]]
+
+
 def test_every_command_of_a_page_has_a_rule() -> None:
     assert [(page, text) for page, text in shown_commands() if not any(re.match(r.pattern, text) for r in RULES)] == []
 
@@ -193,6 +227,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "dance.bvh").write_text(bvh_of(walk(3.0)))
     for name, hz in (("swing", 0.7), ("other", 0.9)):
         (folder / f"{name}.csv").write_text(marker_paths(time, hz))
+    run(folder, "hangtime swatch other-swatch.toml --mass 0.05 --side 0.5 --markers 9")
+    write_recording(folder / "recorded.oni", 20)
     run(folder, "hangtime fit swing.mcap --method si --search annealing --iterations 4 --spacing 0.15 --out results")
     for out in ("demo", "other-results"):
         shutil.copytree(folder / "results", folder / out, dirs_exist_ok=True)
@@ -210,15 +246,27 @@ def marker_paths(time: np.ndarray, hz: float) -> str:
     return "\n".join(lines) + "\n"
 
 
+def copy_of(workshop: Path, folder: Path) -> Path:
+    shutil.copytree(workshop, folder)
+    return folder
+
+
 def run_all(folder: Path, commands: list[Command]) -> None:
     """Run the commands of a page in turn; skip at the end, and say so, where modules of some are not installed."""
-    missing = {name for one in commands for name in one.needs if importlib.util.find_spec(name) is None}
+    if any("appliance.toml" in one.text for one in commands):
+        keep_appliance(folder)
+    missing = {name for one in commands for name in one.needs if not is_installed(name)}
     for one in commands:
         if not missing & set(one.needs):
-            run(folder, one.text)
+            with surroundings(one.around):
+                run(folder, one.text)
     if missing:
         left_out = [one.text for one in commands if missing & set(one.needs)]
         pytest.skip(f"{', '.join(sorted(missing))} is not installed; left out: {'; '.join(left_out)}")
+
+
+def is_installed(name: str) -> bool:
+    return openni2.is_available() if name == OPENNI else importlib.util.find_spec(name) is not None
 
 
 def run(folder: Path, text: str) -> None:
@@ -229,10 +277,11 @@ def run(folder: Path, text: str) -> None:
 
 @dataclass(frozen=True)
 class Command:
-    """A command as it is run, and the modules that it needs."""
+    """A command as it is run, the modules that it needs, and what it finds around it."""
 
     text: str
     needs: tuple[str, ...]
+    around: str
 
 
 def runnable(how: tuple[str, ...]) -> dict[str, list[Command]]:
@@ -244,21 +293,19 @@ def runnable(how: tuple[str, ...]) -> dict[str, list[Command]]:
             small = text
             for before, after in rule.changes:
                 small = re.sub(before, after, small)
-            found.setdefault(page, []).append(Command(small, rule.needs))
+            found.setdefault(page, []).append(Command(small, rule.needs, rule.around))
     return found
 
 
 @pytest.mark.parametrize("page", runnable(("quick",)))
 def test_the_quick_commands_of_a_page_run_in_its_order(page: str, workshop: Path, tmp_path: Path) -> None:
-    shutil.copytree(workshop, tmp_path / "shop")
-    run_all(tmp_path / "shop", runnable(("quick",))[page])
+    run_all(copy_of(workshop, tmp_path / "shop"), runnable(("quick",))[page])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", sorted(set(runnable(("slow",)))))
 def test_all_commands_of_a_page_run_in_its_order_on_small_inputs(page: str, workshop: Path, tmp_path: Path) -> None:
-    shutil.copytree(workshop, tmp_path / "shop")
-    run_all(tmp_path / "shop", runnable(("quick", "slow"))[page])
+    run_all(copy_of(workshop, tmp_path / "shop"), runnable(("quick", "slow"))[page])
 
 
 @pytest.mark.parametrize("page", sorted({page for page, _ in shown_commands()}))

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fit.errors import BlowUpError
 from fit.identification import trials
 from fit.identification.free_intervals import blocks_of, free_intervals
 from fit.identification.trials import ObservedSettings, Run
@@ -186,3 +187,38 @@ def test_a_trial_begins_at_its_own_best_sample():
     run.costs = np.array([1.0, 9.0, 8.0, 7.0, 6.0])
     (start,) = run._starts()
     assert start == pytest.approx([0.5 * 4.0, 0.6 * 10.0])
+
+
+def test_a_trial_simulates_its_number_of_samples_whatever_earlier_trials_did():
+    """Five after two of an earlier trial, proposed by three: a batch of three, then one of two."""
+    run, asked = object.__new__(Run), []
+    run.search, run.settings = SimpleNamespace(space=SPACE), ObservedSettings(samples=5, pulls=(1.0,))
+    run.units, run.first, run.waiting = np.zeros((2, 2)), 2, []
+    run._next_units = lambda: np.full((3, 2), 0.5)
+    run._record_samples = lambda vectors, known: None
+
+    def evaluate(vectors):
+        asked.append(len(vectors))
+        run.units = np.concatenate([run.units, SPACE.to_unit(vectors)])
+
+    run._evaluate = evaluate
+    run._sample()
+    assert asked == [3, 2]
+
+
+def test_the_scattered_samples_are_one_batch_and_each_further_two_are_one():
+    steps = [ObservedSettings(samples=samples, trials=2).steps for samples in (16, 17, 18, 19)]
+    assert np.diff(steps).tolist() == [2, 0, 2]  # a batch more in each of two trials
+
+
+def test_a_descent_that_blew_up_has_no_samples():
+    run = object.__new__(Run)
+    run.waiting, run.settings, run.distances = [], ObservedSettings(samples=5, pulls=(1.0,)), []
+
+    def minimise(*given):
+        raise BlowUpError("of too long a step", where="here", advice="shorten the step")
+
+    run._minimise, run._simulations, run._take = minimise, lambda: 7, lambda step, is_known: None
+    step, found = run._descend(1.0, BEST)
+    assert found is None
+    assert (step.vectors.shape, step.cost, step.simulations) == ((0, 2), np.inf, 7)

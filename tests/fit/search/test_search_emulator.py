@@ -79,6 +79,16 @@ def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
         assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
 
 
+def test_the_likelihood_of_residuals_e_times_as_large_is_that_of_one_sample_fewer(samples):
+    """The mean is unknown, so 60 (n - 1) / 2 ln e^2 more, of 20 samples and 60 independent numbers: 1140."""
+    told = swung(samples)
+    values = []
+    for factor in (1.0, np.e):
+        emulator = Emulator(samples, factor**2 * told @ told.T)
+        values.append(emulator._negative_log_posterior(np.array([-0.5, -0.2, 0.1, -7.0]))[0])
+    assert values[1] - values[0] == pytest.approx(60 * (20 - 1))
+
+
 def test_residuals_that_depend_on_no_parameter_cost_the_same_everywhere(samples):
     found = Emulator(samples, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
     assert found[0] == pytest.approx(7.0)
@@ -115,9 +125,9 @@ def test_candidates_drawn_about_a_best_one_at_the_bound_stay_in_the_box(monkeypa
     assert (drawn.min(), drawn.max()) == (0.0, 1.0)
 
 
-def test_four_descents_and_350_drawn_candidates_are_ranked_by_their_emulated_cost_and_the_prior(places, emulator):
+def test_four_descents_and_350_drawn_candidates_are_ranked_by_their_emulated_cost_and_the_prior(samples, emulator):
     """Descents from the best and the three best drawn; drawn are 200 over the box, and 100 and 50 about the best."""
-    start, best = np.full(places.shape[1], 0.3), places[0]
+    start, best = np.full(samples.shape[1], 0.3), samples[0]
     found = np.array(sampling._least(emulator, 0.0, best, start, np.random.default_rng(2)))
     costs = emulator.costs(found, 0.0)[0] + ((found - start) ** 2).sum(1) / PRIOR_SD**2
     assert len(found) == 4 + 350

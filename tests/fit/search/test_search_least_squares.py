@@ -217,3 +217,7 @@ def test_the_jacobian_of_a_search_by_chords_that_stops_after_a_long_step_is_that
     assert np.abs(found.parameters - start).max() > 0.1
     again = minimise(residuals, found.parameters, space, settings=replace(settings, max_iterations=0))
     assert np.allclose(found.jacobian, again.jacobian)
+
+
+def test_a_descent_ends_after_thirty_iterations_unless_told_otherwise():
+    assert LeastSquaresSettings().max_iterations == 30

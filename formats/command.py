@@ -31,6 +31,7 @@ PACKAGES = {
     "pxr": "usd-core",
     "rerun": "rerun-sdk",
 }  # import names that differ from the package's name
+FOR_DEVELOPERS = {"dev", "docs"}  # extras that no command of a user needs
 WORDS_ASKED = "_HANGTIME_COMPLETE"  # variable by which a shell asks for the completions of a word
 PANIC = "PanicException"  # of libraries in Rust: not a subclass of Exception, and not importable
 
@@ -161,10 +162,11 @@ def _spoken(error: BaseException) -> HangtimeError | None:
 
 
 def _how_to_get(library: str) -> str:
-    """Return how to install a missing library: the extra of Hangtime that lists it."""
+    """Return how to install a missing library: the extra of Hangtime that lists it, a user's before a developer's."""
     package = PACKAGES.get(library, library)
     wanted = re.compile(rf"{re.escape(package)}\b(?!-).*\bextra == ['\"](\w+)", re.IGNORECASE)
-    extra = next((found[1] for line in requires("hangtime") or [] if (found := wanted.match(line))), None)
+    extras = [found[1] for line in requires("hangtime") or [] if (found := wanted.match(line))]
+    extra = min(extras, key=FOR_DEVELOPERS.__contains__, default=None)
     if extra is None:
         return "in Hangtime's checkout: scripts/setup"
     if extra == "fit" and sys.platform == "linux" and (machine := platform.machine()) != "x86_64":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import formats.command
 from formats.archive import write_take
 from formats.results import save_diagnosis
 from tests.formats.test_archive import a_take
@@ -146,6 +147,16 @@ def test_a_command_whose_library_is_not_installed_says_in_one_sentence_how_to_ge
     done = run(WITHOUT, machine, *words)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"hangtime: {said}\n"
+
+
+def test_an_extra_for_developers_is_named_only_where_no_other_has_the_library(monkeypatch):
+    """The packages' own lists are sorted by name, so that `dev` comes before `parquet`."""
+    listed = [f"pyarrow>=17; extra == '{extra}'" for extra in ("dev", "docs", "parquet")] + [
+        "ruff>=0.9; extra == 'dev'"
+    ]
+    monkeypatch.setattr(formats.command, "requires", lambda name: listed)
+    missing = [formats.command._spoken(ModuleNotFoundError(name=name)).advice for name in ("pyarrow", "ruff")]
+    assert missing == [f"in Hangtime's checkout: pip install -e '.[{extra}]'" for extra in ("parquet", "dev")]
 
 
 def test_help_lists_every_command_where_their_libraries_are_not_installed():

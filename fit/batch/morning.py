@@ -18,6 +18,7 @@ from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
+from formats.plain_text import counted
 from formats.results import diagnosis_from
 
 DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
@@ -80,10 +81,15 @@ class TakeLine:
 
 @dataclass(frozen=True, kw_only=True)
 class Morning:
-    """Content of the page; needs: takes or garments that need a person, with one sentence of advice each."""
+    """Content of the page.
+
+    - `needs`: takes or garments that need a person, with one sentence of advice each
+    - `stopped`: what an interrupted run has left to do; empty where nothing waits
+    """
 
     made: str
     headline: str
+    stopped: str
     needs: tuple[tuple[str, str], ...]
     findings: tuple[Finding, ...]
     takes: tuple[TakeLine, ...]
@@ -122,7 +128,10 @@ def morning_of(
     headline = f"{sentence_of(rows)} {count}{f', {lacking} without enough takes' if lacking else ''}."
     when = (made or datetime.now(UTC)).strftime("%Y-%m-%d %H:%M UTC")
     needs = (*_needs_of_takes(rows), *_needs_of_garments(findings))
-    return Morning(made=when, headline=headline, needs=needs, findings=tuple(findings), takes=tuple(lines))
+    return Morning(
+        made=when, headline=headline, stopped=_stopped(rows, findings), needs=needs, findings=tuple(findings),
+        takes=tuple(lines),
+    )  # fmt: skip
 
 
 def write_morning(morning: Morning, results: Store) -> None:
@@ -138,10 +147,10 @@ def as_html(morning: Morning) -> str:
 
 def as_text(morning: Morning) -> str:
     """Return the page as plain text, for a mail or a terminal."""
-    lines = [f"Hangtime, {morning.made}", morning.headline, ""]
+    lines = [f"Hangtime, {morning.made}", morning.headline, *([morning.stopped] if morning.stopped else []), ""]
     lines += ["A person is needed for:", *(f"- {who}: {what}" for who, what in morning.needs)]
     if not morning.needs:
-        lines[-1] = "Nothing needs a person."
+        lines[-1] = f"Nothing needs a person{' so far' if morning.stopped else ''}."
     for finding in morning.findings:
         lines += ["", f"{finding.garment}: {finding.verdict or finding.state}", f"  {finding.sentence}"]
         if finding.training:
@@ -183,6 +192,18 @@ def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
         wardrobe=one, state="diagnosed", sentence=found.sentence, verdict=found.verdict, link=report_name(key),
         proposal=proposal,
     )  # fmt: skip
+
+
+def _stopped(rows: Sequence[Row], findings: Sequence[Finding]) -> str:
+    """Return how many takes and garments a run left that stopped before its end."""
+    left = []
+    for states, one, done in (
+        ([row.state for row in rows], "take", "fitted"),
+        ([finding.state for finding in findings], "garment", "diagnosed"),
+    ):
+        if count := states.count("waiting"):
+            left.append(f"{counted(count, one)} {'is' if count == 1 else 'are'} not {done}")
+    return f"The run was interrupted; {' and '.join(left)}; the same command continues." if left else ""
 
 
 def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:

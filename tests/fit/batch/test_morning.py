@@ -1,4 +1,4 @@
-"""Names of takes on a batch's summary page, and what its command does without options."""
+"""A batch's summary page: names of takes, an interrupted run, and its command without options."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import re
 
 import pytest
 
-from fit.batch.morning import short_name
+from fit.batch.garments import Seen, diagnoses_of, wardrobe_of
+from fit.batch.morning import as_html, as_text, morning_of, short_name
+from fit.batch.runner import Survey
+from fit.batch.store import open_store
+from fit.batch.summary import Row
 from tests.fit.here import hangtime_here
 
 
@@ -27,3 +31,26 @@ def test_a_batch_fits_as_a_single_fit_does_and_waits_for_ten_minutes_or_not_at_a
     ours, theirs = (re.search(r"--method .*?\[default: (\w[\w-]*)\]", shown)[1] for shown in (batch, fit))
     assert ours == theirs
     assert re.search(r"--patience MINUTES [^\[]*\[default: 10\.0; x>=0\]", batch)
+
+
+def test_the_page_of_an_interrupted_run_is_not_green_and_says_what_is_left(tmp_path):
+    """Two takes, one of them not fitted, and a garment that waits; a run that left nothing has a green page."""
+    rows = [Row(take=f"{k}.mcap", key=k, state=state, sentence="", result=None) for k, state in
+            (("a", "fitted"), ("b", "waiting"))]  # fmt: skip
+    kinds = {"a.mcap": "face-on", "b.mcap": "sideways"}
+    skirt = wardrobe_of("skirt", [Seen(name=name, digest=name, kind=kind, reach=0.03, seconds=8.0, is_calibrated=True)
+                                  for name, kind in kinds.items()])  # fmt: skip
+    results = open_store(str(tmp_path))
+    page = morning_of(rows, [skirt], diagnoses_of([skirt], open_store("takes"), results, 0), results)
+    said = "The run was interrupted; 1 take is not fitted and 1 garment is not diagnosed; the same command continues."
+    assert page.needs == ()
+    for shown, nothing in (
+        (as_html(page), "<p>Nothing so far.</p>"),
+        (as_text(page), "Nothing needs a person so far."),
+    ):
+        assert said in shown
+        assert nothing in shown
+        assert "is-good" not in shown.split("</style>")[-1]
+    whole = morning_of(rows[:1], [], Survey(), results)
+    assert 'class="verdict is-good"' in as_html(whole)
+    assert "interrupted" not in as_html(whole) + as_text(whole)

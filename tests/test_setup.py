@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -88,3 +89,29 @@ def test_a_set_up_that_was_killed_is_named_or_forgotten(checkout):
     else:
         assert again.returncode == 1
         assert f"remove {checkout}/.setup.lock.d" in said
+
+
+@pytest.mark.parametrize("script", ["setup", "demo"])
+@pytest.mark.parametrize("checkout", ["flock"], indirect=True)
+def test_a_checkout_of_somebody_else_is_named_in_one_line_and_nothing_is_removed(checkout, script):
+    """Nobody runs the script where a superuser tests, who may write everywhere; others meet a read-only folder."""
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(place) / "hangtime"
+        shutil.copytree(checkout, copy, symlinks=True)
+        shutil.copy(ROOT / "scripts/demo", copy / "scripts/demo")
+        (copy / ".venv").mkdir()
+        (copy / ".venv/kept").touch()
+        for folder in (copy / ".venv", copy):
+            folder.chmod(0o555)
+        Path(place).chmod(0o755)
+        done = subprocess.run(
+            [f"scripts/{script}"], cwd=copy, env={**os.environ, "PATH": str(copy / "bin")}, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, user=65534 if os.geteuid() == 0 else None,
+        )  # fmt: skip
+        is_kept = (copy / ".venv/kept").exists()
+        for folder in (copy, copy / ".venv"):
+            folder.chmod(0o755)
+    lines = [line for line in done.stdout.splitlines() if "missing: " not in line]  # system libraries
+    assert (done.returncode, is_kept) == (1, True), done.stdout
+    assert lines == [f"{script}: {copy} belongs to somebody else or cannot be written; clone a checkout of your own "
+                     "and run this there"]  # fmt: skip

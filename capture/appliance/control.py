@@ -252,7 +252,7 @@ def _connected(path: Path) -> socket.socket:
         else:
             what, advice = (
                 "no daemon listens here",
-                f"start it: `systemctl start {UNIT}`, or `hangtime daemon`",
+                f"start it: `systemctl start {UNIT}`, or `hangtime daemon`; docs/how-to/appliance.md installs it",
             )
         raise ControlError(what, where=path, advice=advice) from error
     return connection

@@ -318,6 +318,11 @@ class Spool:
             if entry.name == f"{_stem(number)}.{ending}" and entry.is_file(follow_symlinks=False)
         }  # fmt: skip
 
+    def strays(self) -> list[str]:
+        """Return the names of takes in the folder that no recorder of this device has named, in order."""
+        names = (path.name for path in self.folder.glob("*.mcap"))
+        return sorted(name for name in names if not NAME.match(name))
+
     def _named(self) -> Iterator[tuple[int, os.DirEntry[str]]]:
         """Yield the number of every file that is named after a take."""
         with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as entries:

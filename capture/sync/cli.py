@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formats.help_pages import OUTPUT
-from formats.plain_text import counted, sized
+from formats.plain_text import counted, plain, sized
 from formats.telling import know, tell
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ def show_sync(
         tell("Syncing now.")
     for sentence in sentences(status, now_here()):
         tell(sentence)
+    _tell_strays(folder)
 
 
 def prune_takes(
@@ -133,6 +134,17 @@ def prune_takes(
     if not room.is_enough:
         asked = "--quota-mb" if quota_mb is not None else "the configuration"
         tell(f"that is more than {asked} allows: {unsafe} takes are not safe on the server and stay")
+    _tell_strays(setup.spool)
+
+
+def _tell_strays(spool: Path) -> None:
+    """Name takes that stand in the spool under names of their own, which neither sync nor removal counts."""
+    from capture.appliance.spool import Spool
+
+    if names := Spool(spool).strays():
+        shown = ", ".join(map(plain, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        are = "is no take" if len(names) == 1 else "are no takes"
+        tell(f"{counted(len(names), 'file')} here {are} of the recorder, and nothing sends or removes: {shown}")
 
 
 def _start(command: str, config: Path, spool: Path | None) -> None:

@@ -134,7 +134,13 @@ def load_settings(file: Path, spool: Path | None = None) -> SyncSetup:
     Raises:
         SyncError: the file or the table is invalid.
     """
-    plain = read_toml(file, SyncError)
+    try:
+        plain = read_toml(file, SyncError)
+    except SyncError as error:
+        if not isinstance(error.__cause__, FileNotFoundError):
+            raise
+        advice = "install the appliance (docs/how-to/appliance.md), or give another file with --config"
+        raise SyncError("is absent", where=file, advice=advice) from error.__cause__
     _refuse_another_file(plain, file)
     settings = settings_of(plain.get("sync", {}), where=file, plain=plain)
     folder = plain.get("spool", {}).get("folder", str(DEFAULT_SPOOL))

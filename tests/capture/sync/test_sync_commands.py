@@ -79,6 +79,21 @@ def test_a_command_makes_no_folder_where_no_takes_are_and_says_so(tmp_path, comm
     assert "loop: is a link that leads to itself; give the folder of takes with --spool" in done.stderr
 
 
+def test_a_take_of_another_name_in_the_spool_is_named(spool, three):
+    shown = hangtime("sync", "status", "--spool", spool.folder).stdout
+    assert "of the recorder" not in shown
+    for name in ("b\nc.mcap", "swing.mcap", "take-12.mcap"):
+        (spool.folder / name).write_bytes(b"x")
+    told = (
+        "3 files here are no takes of the recorder, and nothing sends or removes: b\\nc.mcap, swing.mcap, take-12.mcap"
+    )
+    for command in (("sync", "status"), ("takes", "prune")):
+        assert told in hangtime(*command, "--spool", spool.folder).stdout
+    for k in range(2):
+        (spool.folder / f"x{k}.mcap").write_bytes(b"x")
+    assert "swing.mcap, take-12.mcap and 2 more" in hangtime("sync", "status", "--spool", spool.folder).stdout
+
+
 def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
@@ -101,7 +116,8 @@ def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "cannot be read (No such file or directory)"), ("[sync", "is not valid TOML"),
+        (None, "appliance.toml: is absent; install the appliance (docs/how-to/appliance.md), or give another file"),
+        ("[sync", "is not valid TOML"),
         ("[sync]\nurl = 1\n", "is invalid"),
     ],
     ids=["missing", "no-toml", "wrong-type"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from pathlib import Path
 
@@ -25,8 +26,22 @@ from formats.results import (
 from tests.fit.report.report_scene import diagnosis, fit_result
 
 SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"
+
+
+def without_indents(schema):
+    """Return a schema whose descriptions begin at the left; msgspec does so since 0.23, and Python since 3.13."""
+    if isinstance(schema, list):
+        return [without_indents(one) for one in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        name: inspect.cleandoc(value) if name == "description" and isinstance(value, str) else without_indents(value)
+        for name, value in schema.items()
+    }  # fmt: skip
+
+
 SCHEMAS = {
-    name: {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(record)}
+    name: {"$schema": "https://json-schema.org/draft/2020-12/schema", **without_indents(msgspec.json.schema(record))}
     for name, record in (("fit-result.json", FitResult), ("diagnosis.json", Diagnosis))
 }
 

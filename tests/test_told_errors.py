@@ -24,6 +24,7 @@ from tests.formats.test_marker_oddities import GARMENT as SWATCH
 from tests.formats.test_marker_oddities import hanging
 
 GONE = "cannot be read (No such file or directory); check the path"
+ABSENT = "is absent; install the appliance (docs/how-to/appliance.md), or give another file with --config"
 OPEN = "--garment g.toml --out"
 
 
@@ -51,9 +52,9 @@ def desk(tmp_path_factory):
         ("takes export a.mcap gone.mcap --to csv --overwrite --out e", [f"gone.mcap: {GONE}"]),
         ("takes export gone.mcap --to csv --out e", [f"gone.mcap: {GONE}"]),
         (f"import m.csv gone.csv {OPEN} t --overwrite", [f"gone.csv: {GONE}"]),
-        ("sync now --config gone.toml", [f"gone.toml: {GONE}"]),
-        ("sync prove --config gone.toml", [f"gone.toml: {GONE}"]),
-        ("sync status --config gone.toml", [f"gone.toml: {GONE}"]),
+        ("sync now --config gone.toml", [f"gone.toml: {ABSENT}"]),
+        ("sync prove --config gone.toml", [f"gone.toml: {ABSENT}"]),
+        ("sync status --config gone.toml", [f"gone.toml: {ABSENT}"]),
     ],
 )
 def test_a_command_that_fails_has_its_error_for_a_program_and_on_stderr_in_silence(desk, words, sentences):

@@ -203,7 +203,7 @@ def _stopped(rows: Sequence[Row], findings: Sequence[Finding]) -> str:
     ):
         if count := states.count("waiting"):
             left.append(f"{counted(count, one)} {'is' if count == 1 else 'are'} not {done}")
-    return f"The run was interrupted; {' and '.join(left)}; the same command continues." if left else ""
+    return f"The run ended early; {' and '.join(left)}; the same command continues." if left else ""
 
 
 def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:

@@ -42,7 +42,7 @@ def test_the_page_of_an_interrupted_run_is_not_green_and_says_what_is_left(tmp_p
                                   for name, kind in kinds.items()])  # fmt: skip
     results = open_store(str(tmp_path))
     page = morning_of(rows, [skirt], diagnoses_of([skirt], open_store("takes"), results, 0), results)
-    said = "The run was interrupted; 1 take is not fitted and 1 garment is not diagnosed; the same command continues."
+    said = "The run ended early; 1 take is not fitted and 1 garment is not diagnosed; the same command continues."
     assert page.needs == ()
     for shown, nothing in (
         (as_html(page), "<p>Nothing so far.</p>"),

@@ -5,42 +5,24 @@ HANGTIME_THREADS=N lowers the number of processors. HANGTIME_JITTER=SEED moves e
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import functools
 import io
-import math
 import os
-import shutil
-import stat
-import struct
-import tempfile
-import threading
-import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
+from fit.kernel_cache.place import mended_cache
 from formats.arrays import Floats
-from formats.whole_files import write_whole
 
 JITTER_VARIABLE = "HANGTIME_JITTER"  # environment variable that `jittered` reads
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
 TASK = 512  # Taichi splits loops into tasks of at least 512 iterations: a kernel makes each group one task
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
-CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
-INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
-INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `sizes_of_kernels` knows
-LARGEST_INDEX = 1 << 26  # bytes: 400,000 kernels
-NOTED = "hangtime-kernels.json"  # this program's own file in Taichi's cache, see `note_kernels`
-HASH = 64  # letters of the SHA-256 with which Taichi ends the file of a kernel
-LARGEST_NOTE = 1 << 26  # bytes; our choice: as of the index, since a note holds a line for each of its kernels
-STALE_LOCK = 60.0  # s; Taichi holds its lock for milliseconds, and gives up after 0.2 s
 _started: dict[str, int] = {}
 
 
@@ -119,7 +101,7 @@ def start(threads: int | None = None) -> None:
         return
     import taichi as ti
 
-    cache = _other_cache(ti)
+    cache = mended_cache(ti)
     _started["threads"] = threads or available_threads()
     with contextlib.redirect_stdout(io.StringIO()):  # it prints version and processor
         ti.init(
@@ -132,167 +114,6 @@ def start(threads: int | None = None) -> None:
             **cache,
         )
     _read_kernels_quickly()
-
-
-def _other_cache(ti: Any) -> dict[str, str]:
-    """Return a temporary kernel cache for `ti.init` if its own cannot be written, which would end the process."""
-    own = Path(os.environ.get(CACHE) or ti.lang.impl.default_cfg().offline_cache_file_path)
-    try:
-        own.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=own):
-            mend_cache(own)
-            with contextlib.suppress(OSError):  # on a full disk, or of another user: the cache works without it
-                note_kernels(own)
-            atexit.register(_note_own_kernels, ti, own, time.time())
-            return {}
-    except OSError:
-        os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
-    try:
-        folder = tempfile.mkdtemp(prefix="hangtime-kernels-")
-    except OSError as error:
-        raise FitError(
-            f"compiled kernels cannot be kept ({error.strerror})", where=own,
-            advice="set TMPDIR to a folder that can be written",
-        ) from error  # fmt: skip
-
-    def forget() -> None:
-        ti.reset()  # it writes, and must find the folder
-        shutil.rmtree(folder, ignore_errors=True)
-
-    atexit.register(forget)
-    return {"offline_cache_file_path": folder}
-
-
-def mend_cache(folder: Path) -> None:
-    """Rename a damaged index of compiled kernels, and remove the stale lock of a killed process.
-
-    Taichi 1.7.4 trusts its index: a damaged one ends the process, or requests more memory than exists. Another kernel's
-    file under a kernel's name ends the process, or computes something else. With a stale lock, or without a file of the
-    index, every process compiles again. The damaged index becomes `ticache.tcb.damaged`, and Taichi writes all anew.
-    So does an index of which a file differs from what `note_kernels` noted.
-
-    Raises:
-        OSError: a file cannot be read, renamed or removed.
-    """
-    index, lock = folder / INDEX, folder / LOCK
-    with contextlib.suppress(FileNotFoundError):
-        if abs(time.time() - lock.stat().st_mtime) > STALE_LOCK:  # the clock may have been put back since
-            lock.unlink()
-    for patience in (0.05, 0.1, 0.0):  # s: another process may be writing it
-        try:
-            if lock.exists() or _is_sound_cache(index):
-                return
-        except FileNotFoundError:
-            return
-        time.sleep(patience)
-    with contextlib.suppress(FileNotFoundError):
-        (folder / NOTED).unlink(missing_ok=True)
-        for kernel in folder.glob("*.tic"):
-            if not kernel.is_file():  # Taichi would write into a pipe for ever, and end for a folder or a dead link
-                kernel.rename(kernel.with_name(kernel.name + ".damaged"))
-        index.rename(index.with_name(INDEX + ".damaged"))
-
-
-def note_kernels(folder: Path, since: float = math.inf) -> None:
-    """Note which compiled kernel has which name, so that `mend_cache` finds exchanged files of one size.
-
-    Taichi checks each file by the hash at the end of the file, and never whether the file is that of the name.
-
-    since [s since 1970]: files changed after this time are noted anew; other files only where they are not noted yet
-
-    Raises:
-        OSError: a file cannot be read or written.
-    """
-    if (folder / LOCK).exists() or not (folder / INDEX).is_file():
-        return
-    before, now = _noted(folder), {}
-    for name in sizes_of_kernels((folder / INDEX).read_bytes()) or {}:
-        file = folder / f"{name}.tic"
-        if file.is_file():
-            is_known = name in before and file.stat().st_mtime < since
-            now[name] = before[name] if is_known else _hash_of(file)
-    if now != before:
-        write_whole(folder / NOTED, msgspec.json.encode(now))
-
-
-def _note_own_kernels(ti: Any, folder: Path, since: float) -> None:
-    """Note the kernels of this process at its end; with other threads, which may simulate, the next process does."""
-    if threading.active_count() > 1:
-        return
-    ti.reset()  # it writes the kernels
-    with contextlib.suppress(OSError):
-        note_kernels(folder, since)
-
-
-def _noted(folder: Path) -> dict[str, str]:
-    """Return the noted hashes of kernels by name; a damaged note holds none."""
-    file = folder / NOTED
-    try:
-        if not file.is_file() or file.stat().st_size > LARGEST_NOTE:
-            return {}
-        return msgspec.json.decode(file.read_bytes(), type=dict[str, str])
-    except (msgspec.MsgspecError, FileNotFoundError):
-        return {}
-
-
-def _hash_of(kernel: Path) -> str:
-    with kernel.open("rb") as file:
-        file.seek(-min(HASH, kernel.stat().st_size), os.SEEK_END)
-        return file.read(HASH).decode("latin-1")
-
-
-def _is_sound_cache(index: Path) -> bool:
-    """Return whether an index is undamaged, and the file of each kernel is as long as stated and as noted."""
-    state = index.stat()
-    if not stat.S_ISREG(state.st_mode) or state.st_size > LARGEST_INDEX:
-        return False
-    sizes = sizes_of_kernels(index.read_bytes())
-    if sizes is None:
-        return False
-    noted = _noted(index.parent)
-    try:
-        for name, size in sizes.items():
-            kernel = index.parent / f"{name}.tic"
-            if (
-                not kernel.is_file()
-                or kernel.stat().st_size != size
-                or (name in noted and _hash_of(kernel) != noted[name])
-            ):
-                return False
-        return True
-    except FileNotFoundError:
-        return False
-
-
-def sizes_of_kernels(held: bytes) -> dict[str, int] | None:
-    """Return the sizes of compiled kernels [bytes] by name, from the bytes of their index; None if it is damaged.
-
-    - header: length of the file, version of Taichi, size of all kernels, number of entries
-    - entry: the kernel's name twice, each after its length, then the size of its file and two dates
-
-    Taichi itself discards the index of another version, which gives no sizes here.
-    """
-    header = struct.Struct("<q3HQQ")
-    if len(held) < header.size:
-        return None
-    length, *version, _, count = header.unpack_from(held)
-    if tuple(version) != INDEX_VERSION:
-        return {}
-    sizes: dict[str, int] = {}
-    at = header.size
-    for _ in range(min(count, len(held))):
-        names = []
-        for _ in range(2):
-            end = at + 8 + int.from_bytes(held[at : at + 8], "little")
-            names.append(held[at + 8 : end])
-            if end > len(held):
-                return None
-            at = end
-        if names[0] != names[1] or not names[0].isalnum():
-            return None
-        sizes[names[0].decode()] = int.from_bytes(held[at : at + 8], "little")
-        at += 24
-    return sizes if at == length == len(held) else None
 
 
 def _read_kernels_quickly() -> None:

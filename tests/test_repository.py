@@ -102,7 +102,7 @@ def test_the_top_of_fit_holds_five_modules_and_rooms() -> None:
 
 BLIND = "The blind check's generator knows nothing of the fitter"
 # Rooms from which fit/blind may import: they start processes and guard folders, and know no cloth.
-NO_FITTER = {"blind", "errors", "folders", "foreign", "runtime"}
+NO_FITTER = {"blind", "errors", "folders", "foreign", "kernel_cache", "runtime"}
 
 
 def test_the_blind_check_may_import_from_no_room_of_the_fitter() -> None:

@@ -20,6 +20,7 @@ from fit.batch.worker import run_job
 from fit.errors import FitError
 from fit.identification.calibrate import calibrate
 from fit.identification.request import Plan
+from fit.kernel_cache.place import CACHE
 from fit.provenance import physics_version
 from formats.archive import read_take
 from formats.results import load_fit_result
@@ -285,7 +286,7 @@ def test_a_folder_that_a_worker_cannot_make_is_no_fault_of_the_take(takes, tmp_p
 def test_a_worker_that_can_keep_no_kernels_is_no_fault_of_the_take(takes, tmp_path, monkeypatch):
     """Taichi's own folder cannot be made, nor a temporary one."""
     (tmp_path / "file").touch()
-    monkeypatch.setenv(runtime.CACHE, str(tmp_path / "file/kernels"))
+    monkeypatch.setenv(CACHE, str(tmp_path / "file/kernels"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     monkeypatch.setattr(runtime, "_started", {})
     outcome = run_job(job_of(takes / "swing0.mcap", tmp_path / "out"))

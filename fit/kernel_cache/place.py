@@ -1,0 +1,57 @@
+"""Choice of the folder of compiled kernels: Taichi's own, mended, or a temporary one."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import shutil
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from fit.errors import FitError
+from fit.kernel_cache.mending import mend_cache
+from fit.kernel_cache.notes import note_kernels
+
+CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
+
+
+def mended_cache(ti: Any) -> dict[str, str]:
+    """Return a temporary kernel cache for `ti.init` if its own cannot be written, which would end the process."""
+    own = Path(os.environ.get(CACHE) or ti.lang.impl.default_cfg().offline_cache_file_path)
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=own):
+            mend_cache(own)
+            with contextlib.suppress(OSError):  # on a full disk, or of another user: the cache works without it
+                note_kernels(own)
+            atexit.register(_note_own_kernels, ti, own, time.time())
+            return {}
+    except OSError:
+        os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
+    try:
+        folder = tempfile.mkdtemp(prefix="hangtime-kernels-")
+    except OSError as error:
+        raise FitError(
+            f"compiled kernels cannot be kept ({error.strerror})", where=own,
+            advice="set TMPDIR to a folder that can be written",
+        ) from error  # fmt: skip
+
+    def forget() -> None:
+        ti.reset()  # it writes, and must find the folder
+        shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(forget)
+    return {"offline_cache_file_path": folder}
+
+
+def _note_own_kernels(ti: Any, folder: Path, since: float) -> None:
+    """Note the kernels of this process at its end; with other threads, which may simulate, the next process does."""
+    if threading.active_count() > 1:
+        return
+    ti.reset()  # it writes the kernels
+    with contextlib.suppress(OSError):
+        note_kernels(folder, since)

@@ -7,6 +7,7 @@ HangtimeError                 says what, where, and what to do next; the command
   +-- OutputError             a file that cannot be written, or that would replace another
   +-- AddressError            an address that leads to no folder and no bucket
   +-- ResultError             a fit result or diagnosis that does not match its schema
+  |     +-- NewerFormatError  one of a newer format, which a newer Hangtime reads
   +-- firmware_host.errors.*  the sensor
   +-- capture.errors.*        tracking and recording
   +-- fit.errors.*            fitting and diagnosis
@@ -64,6 +65,10 @@ class AddressError(HangtimeError):
 
 class ResultError(HangtimeError):
     """A fit result or diagnosis that does not match its published schema."""
+
+
+class NewerFormatError(ResultError):
+    """A fit result or diagnosis of a newer format than this version reads, which is no damage."""
 
 
 def of_system(error: OSError) -> HangtimeError | None:

@@ -9,7 +9,7 @@ from typing import TypeVar, get_args, get_type_hints
 import msgspec
 
 from formats.diagnosis_records import Diagnosis
-from formats.errors import ResultError
+from formats.errors import NewerFormatError, ResultError
 from formats.fit_records import FitResult
 from formats.plain_text import encoding_of, sized
 from formats.result_checks import as_plain, check_result
@@ -46,7 +46,7 @@ def fit_result_from(raw: bytes, where: object) -> FitResult:
     """Return the fit result in the bytes of its file.
 
     Raises:
-        ResultError: they do not match the schema.
+        ResultError: they do not match the schema. NewerFormatError: a newer version wrote them.
     """
     return _decoded(raw, FitResult, where)
 
@@ -55,7 +55,7 @@ def diagnosis_from(raw: bytes, where: object) -> Diagnosis:
     """Return the diagnosis in the bytes of its file.
 
     Raises:
-        ResultError: they do not match the schema.
+        ResultError: they do not match the schema. NewerFormatError: a newer version wrote them.
     """
     return _decoded(raw, Diagnosis, where)
 
@@ -150,8 +150,11 @@ def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None
         named = msgspec.json.decode(raw, type=_Named).format
     except (msgspec.MsgspecError, RecursionError):
         return
-    if named != known and named.split("/")[0] == known.split("/")[0]:
-        raise ResultError(
+    kind_named, _, version = named.partition("/")
+    kind_known, _, newest = known.partition("/")
+    if named != known and kind_named == kind_known:
+        is_newer = version.isdecimal() and version.isascii() and int(version[:9]) > int(newest)
+        raise (NewerFormatError if is_newer else ResultError)(
             f"has the format {named}, and this version of Hangtime reads {known}", where=where,
             advice="read it with the version that wrote it, or make it again",
         )  # fmt: skip

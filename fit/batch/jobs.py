@@ -51,7 +51,11 @@ class DiagnosisJob(Task):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The end of a job: fitted or diagnosed, failed (would fail again) or refused (this worker cannot do it)."""
+    """The end of a job.
+
+    state: `fitted`, `diagnosed`, `failed` (it would again), `refused` (by this worker) or `newer` (the stored result is
+    of a newer format)
+    """
 
     key: str
     state: str

@@ -1,8 +1,8 @@
 """Storage of results with checksums; a damaged or unreadable result counts as absent and is computed again.
 
 The file `fits/KEY.json.sha256` belongs to `fits/KEY.json`, in the format of `sha256sum --check`. The checksum is
-written first, so that every result has its own. A result without a checksum is of an earlier Hangtime; its schema alone
-judges it.
+written first, so that every result has its own. It also holds the result's name. So a result without a checksum is
+damaged or a copy of another one, and counts as absent. A result of a newer format is neither, and is never replaced.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TypeVar
 from fit.batch.jobs import diagnosis_name, digest_of, report_name, result_name
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
-from formats.errors import ResultError
+from formats.errors import NewerFormatError, ResultError
 from formats.results import diagnosis_from, fit_result_from
 
 Kept = TypeVar("Kept")
@@ -33,37 +33,64 @@ def keep(results: Store, name: str, content: bytes) -> None:
 
 
 def sound(results: Store, name: str) -> bytes:
-    """Return the content of a file with a correct checksum or without any.
+    """Return the content of a file with a correct checksum.
 
     Raises:
-        BatchError: the file cannot be read, or its checksum is wrong. UnreachableError: the results cannot be reached
-        now.
+        BatchError: the file cannot be read, or its checksum is wrong or absent. UnreachableError: the results cannot be
+        reached now.
     """
     content = results.read(name)
+    _check(results, name, content)
+    return content
+
+
+def _check(results: Store, name: str, content: bytes) -> None:
+    what = "has no checksum beside it"
     if results.has(name + CHECKSUM_SUFFIX):
         stated = results.read(name + CHECKSUM_SUFFIX).split()
-        if stated != [digest_of(content).encode(), name.rsplit("/", 1)[-1].encode()]:  # a copy has another name
-            raise BatchError(
-                "is damaged: its checksum does not fit", where=f"{results.url}/{name}",
-                advice="run the batch again, which makes it again",
-            )  # fmt: skip
-    return content
+        if stated == [digest_of(content).encode(), name.rsplit("/", 1)[-1].encode()]:  # a copy has another name
+            return
+        what = "is damaged: its checksum does not fit"
+    raise BatchError(what, where=f"{results.url}/{name}", advice="run the batch again, which makes it again")
 
 
 def kept(results: Store, name: str, load: Callable[[bytes, object], Kept]) -> Kept:
     """Return an undamaged result, decoded by `load`.
 
     Raises:
-        BatchError, ResultError: it cannot be read, or is damaged.
+        BatchError, ResultError: it cannot be read, or is damaged. NewerFormatError: it is of a newer format, whose
+        checksum this version does not judge.
         UnreachableError: the results cannot be reached now.
     """
-    return load(sound(results, name), f"{results.url}/{name}")
+    content = results.read(name)
+    try:
+        _check(results, name, content)
+    except UnreachableError:
+        raise
+    except BatchError as damage:
+        try:
+            load(content, f"{results.url}/{name}")
+        except NewerFormatError:
+            raise
+        except ResultError:
+            pass
+        raise damage
+    return load(content, f"{results.url}/{name}")
+
+
+def left_alone(error: NewerFormatError) -> str:
+    """Return why a result of a newer format was not made again, and the next step."""
+    return (
+        f"its result {error.what}, and stays as it is: {error.where}; run the batch of the version that wrote it, "
+        "or move the file away"
+    )
 
 
 def has_fit(results: Store, key: str) -> bool:
     """Return whether the store has an undamaged fit of this key.
 
     Raises:
+        NewerFormatError: the store has a fit of a newer format.
         UnreachableError: the results cannot be reached now.
     """
     name = result_name(key)
@@ -74,6 +101,7 @@ def has_diagnosis(results: Store, key: str) -> bool:
     """Return whether the store has an undamaged diagnosis of this key, with its report.
 
     Raises:
+        NewerFormatError: the store has a diagnosis of a newer format.
         UnreachableError: the results cannot be reached now.
     """
     name = diagnosis_name(key)
@@ -83,7 +111,7 @@ def has_diagnosis(results: Store, key: str) -> bool:
 def _holds(read: Callable[[], object]) -> bool:
     try:
         read()
-    except UnreachableError:
+    except (UnreachableError, NewerFormatError):
         raise
     except (BatchError, ResultError):
         return False

@@ -36,7 +36,7 @@ NEEDS = {
 class Finding:
     """A garment's entry on the page.
 
-    - `state`: diagnosed, lacking, failed, refused or waiting
+    - `state`: diagnosed, lacking, failed, refused, newer or waiting
     - `sentence`: the finding, or the reason why there is none
     - `link`: path of the report in the store of results
     """
@@ -207,7 +207,7 @@ def _stopped(rows: Sequence[Row], findings: Sequence[Finding]) -> str:
 
 
 def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    needs = [(short_name(row.take), row.sentence) for row in rows if row.state in ("failed", "refused")]
+    needs = [(short_name(row.take), row.sentence) for row in rows if row.state in ("failed", "refused", "newer")]
     for row in rows:
         notes = row.result.notes if row.result else []
         needs += [(short_name(row.take), note) for note in notes if note.startswith("Warning:") and note != TOO_SHORT]
@@ -217,7 +217,7 @@ def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:
 def _needs_of_garments(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     needs = []
     for finding in findings:
-        if finding.state in ("lacking", "failed", "refused"):
+        if finding.state in ("lacking", "failed", "refused", "newer"):
             needs.append((finding.garment, finding.sentence))
         elif finding.verdict in NEEDS:
             needs.append((finding.garment, finding.proposal or NEEDS[finding.verdict]))

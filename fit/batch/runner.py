@@ -18,13 +18,13 @@ from typing import Any
 from fit.batch.cluster import RETRY, STAGES, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
-from fit.batch.kept import has_fit
+from fit.batch.kept import has_fit, left_alone
 from fit.batch.store import Store
 from fit.batch.worker import run_job, words_of
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
-from formats.errors import HangtimeError, ImplausibleError, TakeError
+from formats.errors import HangtimeError, ImplausibleError, NewerFormatError, TakeError
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without any outcome, after which the batch gives up
@@ -90,7 +90,12 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         is_new = key not in found.keys.values()
         found.keys[name], found.digests[name] = key, digest
         why = kept_sentence(results, key) if failure_name(key) in failed and not retry_failed else None
-        if has_fit(results, key):
+        try:
+            is_kept = has_fit(results, key)
+        except NewerFormatError as error:
+            found.outcomes[key] = Outcome(key=key, state="newer", sentence=left_alone(error))
+            continue
+        if is_kept:
             found.outcomes[key] = Outcome(key=key, state="known")
         elif why is not None:
             found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)

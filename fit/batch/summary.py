@@ -29,6 +29,7 @@ STATE_WORDS = {
     "known": "fitted before",
     "failed": "failed",
     "refused": "not fitted",
+    "newer": "of a newer version",
     "waiting": "waiting",
 }
 STATE_TONES = {
@@ -36,6 +37,7 @@ STATE_TONES = {
     "known": "plain",
     "failed": "bad",
     "refused": "bad",
+    "newer": "warn",
     "waiting": "warn",
 }  # of `STATE_WORDS`
 
@@ -130,7 +132,7 @@ def _figures(row: Row, names: list[str]) -> list[object]:
 
 def as_html(rows: Sequence[Row], plan: Plan) -> str:
     """Return the table as a page: faulty takes first, then by error."""
-    order = ["failed", "refused", "waiting"]
+    order = ["failed", "refused", "newer", "waiting"]
     ranked = sorted(rows, key=lambda r: (order.index(r.state) if r.state in order else len(order), -_error(r), r.take))
     names = _parameters(rows)
     units = {p.name: p.unit for row in rows if row.result for p in row.result.parameters}

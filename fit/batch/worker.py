@@ -14,11 +14,11 @@ from pathlib import Path
 from fit import runtime
 from fit.batch.cluster import RETRY, WAITS
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
-from fit.batch.kept import has_fit, keep
+from fit.batch.kept import has_fit, keep, left_alone
 from fit.batch.store import Store, open_store, store_is_full
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
-from formats.errors import HangtimeError, ImplausibleError
+from formats.errors import HangtimeError, ImplausibleError, NewerFormatError
 from formats.system_causes import FULL
 
 HEARS_WITHIN = 5.0  # s between messages of a waiting worker to the batch
@@ -82,8 +82,11 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
             "the worker has another Hangtime or other libraries than the batch; install the same versions on both",
         )
     takes = open_store(job.takes_url)
-    if errand.is_kept():
-        return ended(errand.done)
+    try:
+        if errand.is_kept():
+            return ended(errand.done)
+    except NewerFormatError as error:  # another batch wrote it meanwhile
+        return ended("newer", left_alone(error))
     try:
         runtime.start()  # before any fault of a take
     except (FitError, OSError, ImportError) as error:

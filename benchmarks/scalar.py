@@ -37,7 +37,7 @@ from formats.arrays import Floats, Singles
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit import runtime
-from fit.cloth import bundles, lines, rollout
+from fit.cloth import bundles, launch, lines, rollout
 from fit.cloth.bundles import Kind
 from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
@@ -172,7 +172,10 @@ class InC:
 
 @contextlib.contextmanager
 def heard() -> Iterator[list[Call]]:
-    """Record every call of the kernel inside this context, with copies of its arrays."""
+    """Record every call of the kernel inside this context, with copies of its arrays.
+
+    A simulation runs as one call here. Elsewhere it is cut into pieces of about a second, so that Ctrl-C gets through.
+    """
     calls: list[Call] = []
     make = rollout.make_rollout
 
@@ -185,7 +188,8 @@ def heard() -> Iterator[list[Call]]:
 
         return hear
 
-    with patch.object(rollout, "make_rollout", make_heard):
+    whole = patch.object(launch, "pieces_for", lambda steps, numbers: 1)
+    with patch.object(rollout, "make_rollout", make_heard), whole:
         yield calls
 
 

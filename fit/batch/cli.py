@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fit.errors import UnreachableError
+from fit.errors import BatchError, UnreachableError
 from formats.anyway import Anyway
 from formats.command_groups import FIT
 from formats.plain_text import counted, plain
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from fit.batch.summary import Row
 
 SOME_NOT_FITTED = 3  # exit status: 1 is a crash of Python, 2 wrong options
+MOST_HOURS = 8784.0  # h; our choice: a leap year, which says that another unit was meant
+MOST_PATIENCE = 10_080.0  # min; our choice: a week, for the same reason
 NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in systemd/user/hangtime-batch.service)
 
 
@@ -51,7 +53,13 @@ def batch_command(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option("--workers", min=1, metavar="N", help="Workers on this machine.", show_default="one a core"),
+        typer.Option(
+            "--workers",
+            min=1,
+            metavar="N",
+            help="Workers on this machine, no more than its processors and its free memory allow.",
+            show_default="one a core",
+        ),
     ] = None,
     dashboard_port: Annotated[
         int,
@@ -64,6 +72,7 @@ def batch_command(
         typer.Option(
             "--patience",
             min=0,
+            max=MOST_PATIENCE,
             metavar="MINUTES",
             help="How long to wait for workers, and for an unreachable scheduler or bucket.",
         ),
@@ -73,6 +82,7 @@ def batch_command(
         typer.Option(
             "--hours",
             min=0,
+            max=MOST_HOURS,
             metavar="HOURS",
             help="Stop after this time. The next run continues.",
             show_default="no limit",
@@ -154,6 +164,11 @@ def batch_command(
         spacing=spacing, seed=seed, fabric=fabric,
     )  # fmt: skip
     plan.request()
+    if scheduler is not None and workers is not None:
+        raise BatchError(
+            "changes nothing here: a running cluster has workers of its own", where="--workers",
+            advice="leave it out, or leave out --scheduler",
+        )  # fmt: skip
     ending = ending_of(hours, until)
     cluster = Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import os
 import re
 import signal
 import time
@@ -20,6 +19,7 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
+from fit.batch.room import Room
 from fit.errors import BatchError, UnreachableError
 from formats.interrupts import held
 
@@ -35,13 +35,14 @@ class Workers:
     """Location of the workers; `scheduler`: address or scheduler file of a running cluster, None for this machine."""
 
     scheduler: str | None = None
-    count: int | None = None  # processes on this machine; None: one per core, and no more than jobs
+    count: int | None = None  # processes on this machine; None: one per core; no more than jobs and room (`room`)
     dashboard_port: int = 8787  # dask's own default
     patience: float = 600.0  # s of waiting for a lost scheduler, an unreachable bucket or the first worker
 
-    def at_most(self, count: int) -> Workers:
-        """Return the location with no more workers than jobs, because further workers would only use memory."""
-        return replace(self, count=min(self.count or len(os.sched_getaffinity(0)), count))
+    def at_most(self, jobs: int, room: Room) -> tuple[Workers, str]:
+        """Return the location with no more workers than jobs and room here, and why there are fewer than asked."""
+        count, why = room.at_most(self.count, jobs)
+        return replace(self, count=count), why
 
 
 @contextlib.contextmanager

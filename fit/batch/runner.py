@@ -19,6 +19,7 @@ from fit.batch.cluster import RETRY, STAGES, WAITS, Workers, connect, has_worker
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
 from fit.batch.kept import has_fit, left_alone
+from fit.batch.room import room_here
 from fit.batch.store import Store
 from fit.batch.worker import run_job, words_of
 from fit.errors import BatchError, FitError, UnreachableError
@@ -152,10 +153,14 @@ def run(
         UnreachableError: no scheduler answers, it has no workers, or workers cannot reach takes or results, for longer
             than patience lasts.
     """
-    fruitless, connections = 0, 0
+    fruitless, connections, told = 0, 0, ""
     while found.waiting and not ending.is_over:
         before = len(found.waiting)
-        with connect(workers.at_most(before)) as client:
+        here, why_fewer = workers.at_most(before, room_here())
+        if workers.scheduler is None and why_fewer not in ("", told):
+            say(why_fewer)
+            told = why_fewer
+        with connect(here) as client:
             connections += 1
             say(f"Dashboard: {client.dashboard_link}" if connections == 1 else "Connected again.")
             is_lost = _Round(client, found, workers, progress, say).run(ending)

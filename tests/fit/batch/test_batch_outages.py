@@ -61,12 +61,6 @@ def test_a_dashboard_whose_port_is_taken_has_another_one_without_a_word_of_the_l
     assert (done.returncode, "UserWarning" in done.stderr) == (0, False)
 
 
-def test_no_more_workers_are_started_than_there_are_jobs():
-    assert Workers(count=100_000).at_most(3).count == 3
-    assert Workers(count=2).at_most(3).count == 2
-    assert Workers().at_most(1).count == 1
-
-
 # --- workers ------------------------------------------------------------------------------------
 
 

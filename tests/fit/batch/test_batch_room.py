@@ -1,0 +1,93 @@
+"""A batch starts no more workers than processors and memory allow, and refuses numbers without a meaning."""
+
+from __future__ import annotations
+
+import pytest
+
+from fit.batch import room
+from fit.batch.cluster import Workers
+from fit.batch.room import NEEDED, Room, room_here
+from tests.fit.batch.night import SHORT, make_takes
+from tests.fit.here import hangtime_here
+
+
+@pytest.mark.parametrize(
+    ("asked", "jobs", "memory", "count", "why"),
+    [
+        (300, 400, 64e9, 8, "8 workers instead of 300: this machine has 8 processors for them, and each fit uses one."),
+        (300, 3, 64e9, 3, ""),
+        (2, 400, 64e9, 2, ""),
+        (None, 400, 64e9, 8, ""),
+        (None, 400, 2.2 * NEEDED, 2, "2 workers instead of 8: 1.1 GB of memory are free, and a worker needs 500.0 MB."),
+        (5, 400, 1e6, 1, "1 worker instead of 5: 1.0 MB of memory are free, and a worker needs 500.0 MB."),
+        (300, 400, None, 8, "8 workers instead of 300: this machine has 8 processors for them, and each fit uses one."),
+    ],
+)
+def test_workers_are_as_many_as_jobs_processors_and_memory_allow_and_the_reason_is_named(
+    asked, jobs, memory, count, why
+):
+    workers, told = Workers(count=asked).at_most(jobs, Room(processors=8, memory=memory))
+    assert (workers.count, told) == (count, why)
+
+
+def test_the_room_is_what_the_system_states_and_a_limit_of_a_container_counts(tmp_path, monkeypatch):
+    (tmp_path / "meminfo").write_text("MemTotal: 99 kB\nMemAvailable:    3000000 kB\n")
+    monkeypatch.setattr(room, "MEMORY", tmp_path / "meminfo")
+    monkeypatch.setattr(room, "GROUP", tmp_path)
+    assert room_here().memory == 3_072_000_000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert room_here().memory == 3_072_000_000
+    (tmp_path / "memory.max").write_text("2000000000\n")
+    (tmp_path / "memory.current").write_text("1500000000\n")
+    assert room_here().memory == 500_000_000
+    (tmp_path / "meminfo").write_text("MemAvailable: unknown\n")
+    (tmp_path / "memory.max").unlink()
+    assert room_here().memory is None
+
+
+def test_three_hundred_workers_of_one_processor_are_one_and_the_batch_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr("fit.batch.runner.room_here", lambda: Room(processors=1, memory=None))
+    started = []
+
+    def no_cluster(workers):
+        started.append(workers.count)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fit.batch.runner.connect", no_cluster)
+    make_takes(tmp_path, 2)
+    done = hangtime_here("batch", ".", "--out", "out", "--workers", 300, *SHORT, folder=tmp_path)
+    assert (done.returncode, started) == (130, [1])
+    assert "1 worker instead of 2: this machine has 1 processor for them, and each fit uses one." in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--hours", "inf"), "it must be at most 8784"),
+        (("--hours", "nan"), "--hours"),
+        (("--hours", "9000"), "it must be at most 8784"),
+        (("--patience", "nan"), "--patience"),
+        (("--patience", "inf"), "it must be at most 10080"),
+        (("--patience", "-1"), "it must be at least 0"),
+        (("--workers", "0"), "it must be at least 1"),
+        (("--workers", "-3"), "it must be at least 1"),
+        (("--workers", "2.5"), "--workers"),
+        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:9"), "--workers: changes nothing here"),
+        (("--iterations", "0"), "it must be at least 1"),
+        (("--iterations", "999999999999"), "--iterations"),
+        (("--gamma", "nan"), "--gamma: gamma is nan; give a number above 0"),
+        (("--gamma", "-1"), "--gamma: gamma is -1; give a number above 0"),
+        (("--gamma", "inf"), "--gamma: gamma is inf; give a number above 0"),
+        (("--spacing", "nan"), "the mesh spacing is nan m"),
+        (("--spacing", "inf"), "the mesh spacing is inf m"),
+        (("--seed", "-1"), "it must be at least 0"),
+        (("--dashboard-port", "99999"), "it must be at most 65535"),
+    ],
+)
+def test_a_number_without_a_meaning_is_refused_with_its_option_and_its_range(tmp_path, words, sentence):
+    (tmp_path / "takes").mkdir()
+    done = hangtime_here("batch", "takes", "--out", "out", *words, folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -162,6 +162,7 @@ def fit_command(
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
     from fit.api.takes import say_takes, sorted_out
+    from fit.api.watched import fit_words
     from fit.engines import check_engine
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
@@ -170,7 +171,6 @@ def fit_command(
     from fit.report.again import may_draw, plot_of, tiles_in_words
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
-    from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
     if plot is not None:
@@ -193,9 +193,7 @@ def fit_command(
         if is_resumed:
             say(f"Continuing from {done} of {total}.")
             is_resumed = False
-        error = f"{1e3 * best:.1f} mm" if request.method.is_in_metres else f"E/N {best:.3f}"
-        count = f"step {done} of at most {total}" if request.search in OBSERVED else f"{done}/{total}"
-        progress.show(done / total, f"{error} on fitted takes, {count}")
+        progress.show(done / total, fit_words(request, done, total, best))
 
     try:
         with alone(out):

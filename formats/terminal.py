@@ -53,6 +53,16 @@ def is_watched() -> bool:
     return sys.stderr is not None and sys.stderr.isatty()
 
 
+def is_in_notebook() -> bool:
+    """Return whether stderr is the output of a notebook's cell."""
+    return type(sys.stderr).__module__.partition(".")[0] == "ipykernel"
+
+
+def is_displayed() -> bool:
+    """Return whether a person probably watches stderr: a terminal or a notebook."""
+    return is_watched() or is_in_notebook()
+
+
 def take_streams() -> None:
     """Replace closed standard streams, so that no file takes their number; print file names byte for byte."""
     while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -82,7 +92,7 @@ def _in_bytes(error: UnicodeError) -> tuple[bytes, int]:
 
 
 class ProgressLine:
-    """A line on a terminal that shows the progress of a long job; elsewhere, a few whole lines.
+    """A line on a terminal or in a notebook that shows the progress of a long job; elsewhere, a few whole lines.
 
     The remaining time is estimated from the speed since this process began. Work of an earlier process does not count.
     """
@@ -90,7 +100,7 @@ class ProgressLine:
     def __init__(self, title: str, now: Callable[[], float] = clock.monotonic) -> None:
         """Begin the line; now: a clock [s]."""
         self._title, self._now = title, now
-        self._is_terminal = is_watched()
+        self._is_terminal = is_displayed()
         self._last, self._last_said = -1.0, now()
         self._begun: tuple[float, float] | None = None  # when, and at which share
 

@@ -125,16 +125,6 @@ def path_of(path: Path | str, name: str, wanted: str = "the path of a file") -> 
     return Path(path)
 
 
-def check_call(value: object, name: str) -> None:
-    """Refuse a value that cannot be called.
-
-    Raises:
-        FitError: names the argument.
-    """
-    if not callable(value):
-        raise FitError("cannot be called", where=name, advice="give a function, or leave it out")
-
-
 def check_text(value: object, name: str) -> None:
     """Refuse a value that is no text, as `check_kind` does."""
     check_kind(value, name, str, "a text")

@@ -7,7 +7,7 @@ linear algebra. So the numbers are the command's to the last digit.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
@@ -17,7 +17,6 @@ from fit.api.arguments import (
     PLAN_DEFAULTS,
     PlanOptions,
     arguments_named,
-    check_call,
     check_kind,
     check_text,
     checked,
@@ -28,6 +27,14 @@ from fit.api.arguments import (
 )
 from fit.api.results import DiagnosisOutcome, FitOutcome, SimulatedTake, Simulation
 from fit.api.takes import OneTake, Takes, library_of, one_take, sorted_out
+from fit.api.watched import (
+    FitProgress,
+    StageProgress,
+    check_progress,
+    diagnosis_shown,
+    ends_in_a_sentence,
+    fit_shown,
+)
 from fit.errors import FitError
 from formats.archive import read_take
 from formats.errors import ResultError
@@ -59,6 +66,7 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
 
 
 @options_shown(PLAN_DEFAULTS)
+@ends_in_a_sentence
 @arguments_named()
 def fit(
     takes: Takes,
@@ -67,7 +75,7 @@ def fit(
     held_out_motion: Sequence[str] = (),
     anyway: bool = False,
     checkpoint: Path | str | None = None,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: FitProgress | bool | None = None,
     **options: Unpack[PlanOptions],
 ) -> FitOutcome:
     """Find the cloth parameters that make the simulation follow the takes, as `hangtime fit` does.
@@ -75,8 +83,10 @@ def fit(
     - `takes`, `held_out`: takes or paths of archives, one or several
     - `held_out_motion`: kinds of motion to judge on, one or several
     - `anyway`: accept sizes, weights, times and jumps that no cloth, hanger or camera has
-    - `checkpoint`: file from which an interrupted search continues; its folder is made if absent
-    - `progress`: called with steps done, steps in all and the least error so far
+    - `checkpoint`: file from which an interrupted search continues; its folder is made if absent. Ctrl-C keeps the
+      search there; without a file, nothing is kept
+    - `progress`: False hides the line of progress, which a terminal or notebook shows. A function receives the steps
+      done, the steps in all and the least error so far
     - `method`: the parameters to fit, as `--method`
     - `effects`: names of effects of which the size is fitted too, as `--effect`
     - `bounds`: NAME=LOW:HIGH, one text a parameter
@@ -94,23 +104,22 @@ def fit(
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
 
-    if progress is not None:
-        check_call(progress, "progress")
+    check_progress(progress)
     request = Plan(**checked(options)).request()
     file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     mesh = request.resolution.spacing
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     with output_folder(file.parent) if file is not None else contextlib.nullcontext():
         prepared = ready(training, testing)
-        result = calibrate(
-            training, testing, request, prepared=prepared, checkpoint=file, progress=progress or (lambda *_: None)
-        )
+        with fit_shown(progress, request) as show:
+            result = calibrate(training, testing, request, prepared=prepared, checkpoint=file, progress=show)
     return FitOutcome(
         result=result, training=tuple(training), held_out=tuple(testing), request=request, prepared=prepared
     )
 
 
 @options_shown()
+@ends_in_a_sentence
 @arguments_named()
 def diagnose(
     takes: Takes,
@@ -125,7 +134,7 @@ def diagnose(
     anyway: bool = False,
     by: str = "rules",
     checkpoint: Path | str | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: StageProgress | bool | None = None,
 ) -> DiagnosisOutcome:
     """Say where the simulation misses and which unmodelled effect causes it, as `hangtime diagnose` does.
 
@@ -135,8 +144,8 @@ def diagnose(
     - `without`: effects to leave out of the library
     - `spacing`: of the mesh [m]
     - `by`: what decides: `rules` or `evidence`
-    - `checkpoint`: a folder in which finished fits are kept
-    - `progress`: called with the stage and its share that is done
+    - `checkpoint`: a folder in which finished fits are kept, also at Ctrl-C; the same call continues with them
+    - `progress`: as for `fit`; a function receives the stage and its share that is done
 
     Raises:
         FitError: the takes cannot be diagnosed, or there is no such model or effect.
@@ -150,8 +159,7 @@ def diagnose(
     for name, text in {"model": model, "by": by}.items():
         if text is not None or name == "by":
             check_text(text, name)
-    if progress is not None:
-        check_call(progress, "progress")
+    check_progress(progress)
     check_count(seed, "seed", least=0)
     mesh = number_of(spacing, "spacing")
     resolution = Resolution(spacing=mesh) if mesh is not None else None
@@ -161,17 +169,18 @@ def diagnose(
         raise FitError("no take was given", advice="name at least one take archive")
     add, without = names_of(add, "add"), names_of(without, "without")
     library = library_of(add, without)
-    findings = find_gap(
-        training, testing,
-        effects=library,
-        model=find_method(model) if model else base_model_of(training[0].garment),
-        added=tuple(add),
-        checkpoint=folder,
-        resolution=resolution,
-        seed=seed,
-        by=deciding(by),
-        progress=progress or (lambda *_: None),
-    )  # fmt: skip
+    with diagnosis_shown(progress) as show:
+        findings = find_gap(
+            training, testing,
+            effects=library,
+            model=find_method(model) if model else base_model_of(training[0].garment),
+            added=tuple(add),
+            checkpoint=folder,
+            resolution=resolution,
+            seed=seed,
+            by=deciding(by),
+            progress=show,
+        )  # fmt: skip
     return DiagnosisOutcome(
         result=findings.diagnosis, training=tuple(training), held_out=tuple(testing), findings=findings,
         added=tuple(add),

@@ -26,7 +26,7 @@ from formats.arrays import Floats, Indices, Integers
 Nodes = Integers
 
 ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
-STENCIL_NODES = 16  # nodes: longer stencils are padded to multiples of this, so that few lengths are compiled
+STENCIL_NODES = 16  # nodes of one element; longer stencils are padded to multiples, so that few lengths are compiled
 BEND_NODES = (4, 7, STENCIL_NODES)  # lengths of the stencils of second derivatives, the last one and its multiples
 RIMS = (range(4), range(12, 16), range(0, 16, 4), range(3, 16, 4))  # of an element's nodes: top, bottom, left, right
 

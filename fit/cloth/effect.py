@@ -50,7 +50,9 @@ class Effect:
     low: ClassVar[float]
     high: ClassVar[float]
     typical: ClassVar[float]
-    # Share of the size; our choice: it stands for every effect whose spread nobody derived.
+    # Share of the size. Our choice: no data; it was the one spread of all laws before effects had spreads of their
+    # own. Three deviations, squared, leave 0.06 of a gap, hardly above the least that any law may leave
+    # (`fit.observer.edge.LEAST_BY_LAW`). So half changes little there; at twice, 0.23 of a gap may stay unexplained.
     law_spread: ClassVar[float] = 0.08
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which the diagnosis tries an effect of one component
     components: ClassVar[tuple[str, ...]] = ("",)

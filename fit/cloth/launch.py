@@ -36,7 +36,7 @@ Numbers = TypeVar("Numbers", Floats, Singles, Indices)
 
 
 Progress = Callable[[float], None]
-PIECES_REPORTED = 100  # parts of a simulation that reports its progress and can be interrupted between them
+PIECES_REPORTED = 100  # parts of a simulation that reports its progress; our choice: a part is one per cent of it
 NUMBERS_A_PIECE = 5e7  # coordinates times steps of one part, about a second of one core: Ctrl-C waits for its end
 
 

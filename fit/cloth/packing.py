@@ -21,7 +21,9 @@ from formats.arrays import Integers
 # Relative time of a step by lanes, a guess: an AMD EPYC with AVX-512 took 1, 1.24 and 1.86 for plain cloth.
 # Only how candidates are packed depends on it, no result.
 COST = {1: 1.0, 8: 1.15, 16: 1.5}
-TASKS = 8  # per processor and call: a call cannot be interrupted
+# Per processor and call. Our choice: with fewer, processors wait for the last task. With more, Ctrl-C waits longer,
+# since a call cannot be interrupted. Half and double were not tried.
+TASKS = 8
 MOST_NUMBERS = 2**28  # single-precision numbers in a call, 1 GB; limits calls and lanes where possible
 FRAME_COPIES, HANDLE_COPIES = 2, 3  # copies of the results, and of the handles, which start in double precision
 

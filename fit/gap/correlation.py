@@ -30,7 +30,9 @@ from formats.arrays import Floats
 FREE_DIRECTIONS = 9
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
-SAMPLES_A_BLOCK = 12  # instants per block in the sum of the correlation
+# Instants per block in the sum of the correlation. Our choice: 42 ms apart, four to a period of the squared cosine at
+# the fastest tried frequency. Half would be two, the least there is; twice costs four times the sum.
+SAMPLES_A_BLOCK = 12
 TRIED_FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz
 
 

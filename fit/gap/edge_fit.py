@@ -34,7 +34,7 @@ from formats.arrays import Floats
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 # Deviations between the edge's amplitude and the fit's; our choice: noise exceeds it in 5 % of single components.
 DISPUTED = 2.0
-LEADS = 2  # effects that are refitted because they would explain the held edge's error
+LEADS = 2  # effects refitted since they would explain the held edge's error; our choice: each costs a refit
 LARGEST_AMPLITUDE = 1e3  # typical sizes: an effect that needs more moves the edge by rounding errors only
 
 

@@ -44,7 +44,7 @@ MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette 
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3  # our choice: laws 0.1 apart leave 0.09 of a gap; less leaves most to others
 MOST_OF_LEFT = 0.6  # of the error left; chosen on the development pairs of decision 18
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most: decision 25
-LEAST_LEFT = 0.1  # of the squared noise: least squared error that a half-second is assumed to keep
+LEAST_LEFT = 0.1  # of the squared noise, of half-seconds whose shares count; our choice: half and double untried
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure, of rivals; our choice: collinear ones need no share of draws
 RIVAL = 0.1  # share of bootstrap draws won, from which an effect is a rival; our choice: below, others win nine of ten
 

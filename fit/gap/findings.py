@@ -20,7 +20,7 @@ from formats.figures import short, with_unit
 from formats.fit_records import FitParameter
 from formats.nature import NORMAL_90
 
-LISTED_EFFECTS = 3  # left-out effects that a sentence names
+LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
 PROBABILITIES = {
     "rules": "Probabilities follow from the share of draws in which an effect is best and worth naming. A draw chooses "
     "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "

@@ -21,7 +21,9 @@ LEAST_OWN_MOTION = 2.0  # times the noise: a rigid board on the hanger would sho
 LARGEST_NUMERICS = 0.4
 SHARE_OF_EFFECT = 0.5  # of the log cost that the best effect saves; our choice: at 1, starts may differ by all of it
 CONVERGED = 0.15  # relative difference in cost between the best fits; our choice: 7 % in the error, whose square it is
-PULL_FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
+# Hz, of the observer's pull; our choice: 3 Hz make cloth predictable (decision 4), and twice that is a limit. Weaker
+# pulls are tried first, because a strong one hides what the model lacks.
+PULL_FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)
 NUDGE = 1e-3  # relative change of the stiffnesses for predictability; our choice: small, so that only chaos shows
 FORGOTTEN_SHARE = 0.2  # of the sensor's noise; our choice: its square adds a 25th to the noise's variance
 

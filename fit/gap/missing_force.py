@@ -28,7 +28,7 @@ from fit.recordings.smoothing import low_pass
 from formats.arrays import Floats
 from formats.diagnosis_records import VISIBLE_FORCE, ForceAt, MissingForce
 
-FREQUENCY = 3.0  # Hz: strong enough for the observer's states to follow the data
+FREQUENCY = 3.0  # Hz: simulations then follow the data, whatever the fabric (decision 15)
 LOW_PASS = 2.0  # Hz; our choice: hanging cloth swings below 2 Hz, and the pull follows the data to 3 Hz
 WITHIN_CLOTH = 0.2  # share along the normal, below which a force acts within the cloth; a random direction has a third
 # Powers of the speed that are tried; our choice: dry friction has 0, air drag 1 to 2.

@@ -30,9 +30,11 @@ from formats.diagnosis_records import NextExperiment
 
 # s; frames per second, of a proposed recording; our choice: above 2.5 s; the PS1080's at VGA.
 SECONDS, FRAME_RATE = 4.0, 30.0
-JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
+# Of the box, for the Jacobian; our choice: simulations without noise allow a smaller step than fits to data, which take
+# 0.05. Half and double were not tried.
+JACOBIAN_STEP = 0.01
 MOST_ALIVE = 4  # explanations that are compared; our choice: a limit on the cost
-WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording
+WORTH_IT = 1.0  # standard deviations: least gain of a proposed recording; our choice: less, and noise may hide it
 
 
 @dataclass(frozen=True)

@@ -60,13 +60,19 @@ SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed ove
 SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
 WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
 UNKNOWN = 1 / 6  # odds of a cause outside the library; our choice: small probabilities of it grow in proportion
-DOZEN = 12  # subsets that are refitted in one round at most
+DOZEN = 12  # subsets that are refitted in one round at most; our choice: a limit on the cost
 REFITTED_WITHIN = 2.5  # of log mass below the best, for refits; our choice: an effect without gain is 3.2 behind
-JOINT_ITERATIONS = 6  # of a joint refit, along chords
-JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
-LEAST_KEPT = 0.25  # of a predicted amplitude: a fit that keeps less found another local minimum
-TRIED = 3  # effects that are refitted whatever their mass, if the base model needs an unknown cause
-LEAST_MOTION = 1e-3  # mm: an effect that moves the points less does not move them
+JOINT_ITERATIONS = 6  # of a joint refit, along chords; our choice: a limit on the cost, half and double untried
+# Of the joint linear solution, from which refits begin; our choice: laws that bend take less than their slope says.
+JOINT_STARTS = (0.3, 0.7, 1.0)
+# Of a predicted amplitude: a fit that keeps less found another local minimum. Our choice: below the least of
+# `JOINT_STARTS`, so that no start counts as lost. Half and double were not tried.
+LEAST_KEPT = 0.25
+# Effects that are refitted whatever their mass, if the base model needs an unknown cause; our choice: each costs
+# refits.
+TRIED = 3
+# mm: an effect that moves the points less does not move them; our choice: a thousandth of a marker's noise.
+LEAST_MOTION = 1e-3
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ POLISHED = 2  # hypotheses whose fit goes on with a Jacobian of finite differenc
 POLISHED_SHARE = 0.5  # of the best hypothesis' saving of cost: one that saves less is not continued (decision 18)
 PROMISING = 2.0  # times its closure: a further effect that then suffices is fitted on; our choice: refits end early
 POLISHED_WITHIN = 1.5  # of two effects' squared error: within it a twin is fitted on; our choice: refits end early
-SECONDS_TRIED = 3  # further effects that are refitted together with the first one
+SECONDS_TRIED = 3  # further effects that are refitted together with the first one; our choice: each costs a refit
 FITS_BETTER = 1.5  # times the best effect's saving of cost: more is a start for pairs; our choice: each costs fits
 RIVAL_SHARE = 0.7  # of the best effect's closure: from it on, the next is a start for pairs; our choice: below `NEAR`
 

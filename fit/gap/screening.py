@@ -37,9 +37,13 @@ DETECTION = NORMAL_90 + 0.842  # one-sided 5 % and power 80 %
 # Signatures with a larger cosine are collinear: they form a group. Our choice: less than 19 % of the square of one is
 # not in the other.
 GROUP_COSINE = 0.9
-RENEWED = 8  # effects whose signatures are recomputed although signatures about a nearby fit are known
+# Effects whose signatures are recomputed although signatures about a nearby fit are known: the most promising ones of
+# decision 18. Our choice: a limit on the cost; half and double were not tried.
+RENEWED = 8
 AT_TOP = 0.02  # of a base parameter's largest value; our choice: fits end a little short of a bound
-SECANT_RANGE = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
+# Of the amplitude of a probe: the range in which its secant is used. Our choice: a factor of about two each way, so
+# that probes up to 3.2 times apart leave no amplitude out. Half and double were not tried.
+SECANT_RANGE = (0.5, 1.6)
 
 
 def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:

@@ -30,9 +30,12 @@ from scipy.special import log_ndtr, logsumexp
 from fit.gap.likelihood import Sums
 from formats.arrays import Floats, Integers
 
-MOST_EFFECTS = 3  # present together
+MOST_EFFECTS = 3  # present together; our choice: of 29 effects that makes 4090 subsets, four at most make 27,841
 CHANCE = 1 / 24  # odds that one effect is present: about two dozen effects give an even chance that one is present
-SIZES = 2.0  # standard deviation of an amplitude, in typical sizes, before its range cuts it
+# Standard deviation of an amplitude, in typical sizes, before its range cuts it; our choice: a typical size is then
+# within half a deviation. At twice, the log evidence of an effect that is found falls by log 2; at half it rises by
+# that.
+SIZES = 2.0
 TOGETHER = 256  # subsets evaluated in one batch, which bounds the memory of their matrices
 LOG_ROOT = 0.5 * float(np.log(2 * np.pi))  # of the normal density's constant, sqrt(2 pi)
 

@@ -10,8 +10,12 @@ from fit.recordings.camera import STILL_SPEED
 from formats.arrays import Floats, Integers
 from formats.diagnosis_records import VertexResidual, Where, WhereBin
 
-RING_DOWN = 0.3  # s of hanger at rest, after which the motion counts as ring-down
-BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, np.inf))  # Hz
+# s of hanger at rest, after which the motion counts as ring-down; our choice: a hand that turns round rests for less.
+# Half and double were not tried.
+RING_DOWN = 0.3
+# Hz; our choice: an octave about the first swing of 0.45 m of cloth, 0.9 Hz (`fit.cloth.support`), and what is beside
+# it.
+BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, np.inf))
 DIRECTION_NAMES = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
 
 

@@ -49,10 +49,11 @@ from formats.plain_text import shortened
 from formats.swatch import FEWEST_MARKERS
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
-NEEDED_FRAMES = 100  # section 2 used 500; an average over fewer frames is unreliable
+# Section 2 used 500. Our choice: 100 frames are 3.3 s at 30 Hz, three swings. Half and double were not tried.
+NEEDED_FRAMES = 100
 RISES_BY = 1e-3  # m; our choice: lower points count as one
 NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of positions
-MOST_NOISE = 0.5  # of the measured curvature
+MOST_NOISE = 0.5  # of the measured curvature; our choice: beyond, most of it may be noise
 
 
 class SwatchError:

@@ -42,15 +42,20 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats, Integers
 
 KEPT_NOISE = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
-FROM_ROW = 1e-3  # m: error of a held edge that is taken from its row at rest, some 30 frames with 3 mm
+# m: error of a held edge that is taken from its row at rest. Some 30 frames with 3 mm of white noise leave 0.55 mm, and
+# slow noise doubles that (four times the scores, above).
+FROM_ROW = 1e-3
 FEWEST_STRETCH_POINTS = 2  # for one stretch
 NUMBERS_A_FRAME = 4  # of a frame: three of the middle, one of the stretch
 MOVING_CERTAIN, RESTING_CERTAIN = (
     60.0,
     25.0,
 )  # squared deviations that no noise makes: of the varying part, and of the constant one
-MOVING_NOISE = 1.15  # of its count: the largest sum of squares that noise makes of the varying part
-MOST_REMOVED = 0.5  # of the edge's error beyond noise: the smallest share that a detectable effect removes
+# Of its count: the largest sum of squares that noise makes of the varying part. Slow noise adds a tenth (above). Our
+# choice: a take may also state its noise 2 % too small. Half and double of the 0.15 were not tried.
+MOVING_NOISE = 1.15
+# Of the edge's error beyond noise: the share that an effect must remove to be seen there. Our choice: most of it.
+MOST_REMOVED = 0.5
 LEAST_BY_LAW = 0.05  # of the edge's error without either of two effects: the share that a sound law may leave
 
 

@@ -26,10 +26,16 @@ import numpy as np
 
 from formats.arrays import Floats
 
-INDEPENDENT = 60.0  # numbers of a residual vector that count as independent: neighbours in time are correlated
-RANGE, RANGE_SD = 1.0, 0.7  # prior of a range, shares of the box, and of its logarithm
-NUGGET, NUGGET_SD = 1e-3, 2.0  # the same, of the variance that is not correlated
-RANGES, NUGGETS = (0.3, 10.0), (1e-6, 0.3)  # bounds of both
+# Numbers of a residual vector that count as independent: neighbours in time are correlated. Our choice: it weighs the
+# simulations against the two priors below, and nothing else depends on it. Half and double were not tried.
+INDEPENDENT = 60.0
+# Prior of a range, shares of the box, and of its logarithm. Our choice: two deviations reach from a quarter of the box
+# to four boxes, over which a parameter hardly acts. Half and double were not tried.
+RANGE, RANGE_SD = 1.0, 0.7
+# The same, of the variance that is not correlated; our choice: two deviations reach from 2e-5 to 5 %, so that the
+# simulations decide. Half and double were not tried.
+NUGGET, NUGGET_SD = 1e-3, 2.0
+RANGES, NUGGETS = (0.3, 10.0), (1e-6, 0.3)  # bounds of both; our choice: 1.7 to 3.5 deviations from the middle
 
 
 class Emulator:

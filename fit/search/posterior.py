@@ -25,8 +25,9 @@ from formats.arrays import Floats
 
 WALKERS, SWEEPS = 64, 300  # walkers, and moves of each; our choice: 12,800 draws remain
 FORGOTTEN_SWEEPS = 100  # first steps of `SWEEPS`; our choice: a third, in which walkers leave their starts
-BOX_JITTER = 1e-3  # share of the box, e above
-FIRST_JITTER = 3e-3  # about the starts of the walkers
+# Share of the box, e above; our choice: it keeps walkers off one plane, and widens a deviation of 1 % by 0.5 %.
+BOX_JITTER = 1e-3
+FIRST_JITTER = 3e-3  # share of the box, about the starts of the walkers; our choice: walkers that coincide cannot move
 # Moves: every fifth takes the whole difference; our choice: rarer, and walkers stay longer in a minimum.
 WHOLE_EVERY = 5
 

@@ -21,7 +21,7 @@ import formats as formats_package
 WITHOUT_PART = (
     "fit/api", "fit/batch", "fit/blind", "fit/export", "fit/report", "fit/cli.py", "fit/folders.py",
     "formats/cli.py", "formats/command.py", "formats/command_groups.py", "formats/help_pages.py", "formats/importers",
-    "formats/interrupts.py", "formats/telling.py", "formats/terminal.py",
+    "formats/interrupts.py", "formats/start.py", "formats/telling.py", "formats/terminal.py",
 )  # fmt: skip
 FITTING_LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")
 

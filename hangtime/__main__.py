@@ -1,5 +1,5 @@
 """Run the `hangtime` command: `python -m hangtime`."""
 
-from formats.command import main
+from formats.start import main
 
 main()

@@ -79,14 +79,28 @@ def test_a_notebook_without_jinja2_shows_a_take_as_text(monkeypatch):
 
 
 def test_the_package_holds_names_only():
-    """Its statements are imports, a docstring and `__all__`."""
-    for node in ast.parse(Path(hangtime.__file__).read_text()).body:
-        assert isinstance(node, ast.ImportFrom | ast.Expr | ast.Assign)
+    """Its statements are imports, a docstring, `__all__`, and the search for a name where it is first used."""
+    body = ast.parse(Path(hangtime.__file__).read_text()).body
+    assert [node.name for node in body if isinstance(node, ast.FunctionDef)] == ["__getattr__", "__dir__"]
+    for node in body:
+        assert isinstance(node, ast.ImportFrom | ast.Expr | ast.Assign | ast.If | ast.FunctionDef)
     assert sorted(hangtime.__all__) == [name for name in sorted(hangtime.__all__) if hasattr(hangtime, name)]
+    assert dir(hangtime) == sorted(hangtime.__all__)
+    with pytest.raises(AttributeError, match="has no attribute 'fits'"):
+        hangtime.fits  # noqa: B018
 
 
-def test_importing_it_loads_neither_taichi_nor_scipy():
-    """It starts as quickly as a script that only reads takes."""
-    code = "import sys, hangtime; print(sorted({'taichi', 'scipy'} & set(sys.modules)))"
+def test_a_type_checker_and_python_import_the_same_names():
+    body = ast.parse(Path(hangtime.__file__).read_text()).body
+    (checked,) = (node for node in body if isinstance(node, ast.If))
+    assert {one.module: tuple(name.name for name in one.names) for one in checked.body} == hangtime._MODULES
+
+
+@pytest.mark.parametrize(
+    ("words", "libraries"), [("", {"numpy", "msgspec"}), ("hangtime.fit, hangtime.Take", {"taichi", "scipy"})]
+)
+def test_importing_it_loads_no_library_and_its_names_neither_taichi_nor_scipy(words, libraries):
+    """Its command starts as quickly as any, and it starts as quickly as a script that only reads takes."""
+    code = f"import sys, hangtime\n{words}\nprint(sorted({libraries} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -77,3 +79,30 @@ def test_a_handler_that_a_library_brings_stays():
     with held():
         signal.signal(signal.SIGINT, own)
     assert signal.getsignal(signal.SIGINT) is own
+
+
+INTERRUPTED_AT = """
+import signal, sys
+
+def interrupt(event, details):
+    if event == "import" and details[0] == {module!r}:
+        signal.raise_signal(signal.SIGINT)
+
+sys.addaudithook(interrupt)
+from formats.start import main
+{before}
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["formats.interrupts", "typer", "formats.terminal"])
+def test_an_interruption_while_the_command_is_imported_ends_it_in_one_line(module):
+    code = INTERRUPTED_AT.format(module=module, before="")
+    done = subprocess.run([sys.executable, "-c", code, "takes"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted.\n")
+
+
+def test_an_interruption_while_the_command_is_imported_ends_it_where_nobody_reads():
+    code = INTERRUPTED_AT.format(module="typer", before="import os; os.close(2)")
+    done = subprocess.run([sys.executable, "-c", code, "takes"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")

@@ -9,6 +9,7 @@ from firmware_host.errors import SensorUnavailableError
 
 ADVICE = "give FILE.oni, openni2:, synthetic:MOTION or live:FILE.oni"
 PLAYED = "live:"
+SYNTHETIC = "synthetic:"
 CORD = "?cord="  # option of `live:`: a file whose content "silent" or "unplugged" simulates a fault
 
 LIVE = ("openni2:", "openni2")
@@ -28,7 +29,7 @@ def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.
     """
-    if uri.startswith("synthetic:"):
+    if uri.startswith(SYNTHETIC):
         from firmware_host.synthetic.sensor import SyntheticSensor
 
         return SyntheticSensor.from_uri(uri)

@@ -9,6 +9,7 @@ import typer
 
 from formats.anyway import Anyway
 from formats.telling import tell_entry, tell_fault
+from formats.terminal import say
 
 
 def add_commands(sensor: typer.Typer) -> None:
@@ -38,16 +39,18 @@ def doctor(
     from firmware_host.doctor.checks import Examination, Verdict
     from firmware_host.doctor.doctor import all_checks, examine
     from firmware_host.errors import RecordingError
+    from firmware_host.opening import SYNTHETIC
     from formats.descriptions import load_rig
 
     if recording is not None and ":" not in recording and not Path(recording).is_file():
         raise RecordingError("there is no such recording", where=recording, advice="give a path to an .oni file")
+    chosen = None if rig is None else load_rig(rig, anyway=anyway)
+    if recording is not None and recording.startswith(SYNTHETIC):
+        say("A synthetic world's cloth is simulated first, then 5 s of its frames are rendered, within a minute or so")
     checks = all_checks(is_recording=recording is not None)
     width = max(len(check.name) for check in checks)
     is_well = True
-    with Examination(
-        source=recording, rig=None if rig is None else load_rig(rig, anyway=anyway), place=device
-    ) as examination:
+    with Examination(source=recording, rig=chosen, place=device) as examination:
         for check, finding in examine(checks, examination):
             is_well = is_well and finding.verdict is Verdict.OK
             mark = {Verdict.OK: "ok: ", Verdict.PROBLEM: "", Verdict.SKIPPED: "skipped: "}[finding.verdict]

@@ -10,9 +10,10 @@ from firmware_host import openni2_library
 from firmware_host.depth_sensor import MOST_FRAMES
 from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem, skipped
 from firmware_host.errors import SensorUnavailableError
-from firmware_host.opening import open_sensor
+from firmware_host.opening import SYNTHETIC, open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from firmware_host.usb_control.devices import UsbDevice
+from formats.terminal import ProgressLine
 
 LIVE_SENSOR = "openni2:"
 WATCHED_SECONDS = 5.0  # s of frames that are checked
@@ -57,8 +58,13 @@ def rate_and_drops(examination: Examination) -> Finding:
             sensor.read()
         sample = examination.sample = StreamSample(info=sample.info)
     most = MOST_FRAMES * WATCHED_SECONDS * sample.info.fps
+    line = ProgressLine("synthetic frames") if sample.info.uri.startswith(SYNTHETIC) else None  # a minute, else 5 s
     while sample.duration < WATCHED_SECONDS and len(sample.times) < most and (frame := sensor.read()) is not None:
         sample.add(frame)
+        if line is not None:
+            line.show(min(sample.duration / WATCHED_SECONDS, 1.0), f"{len(sample.times)} rendered")
+    if line is not None:
+        line.end()
     return judge_rate(sample)
 
 

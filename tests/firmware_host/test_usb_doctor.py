@@ -19,8 +19,9 @@ from firmware_host.doctor.checks import Check, Examination, StreamSample, Verdic
 from firmware_host.doctor.doctor import examine
 from firmware_host.errors import RecordingError, SensorUnavailableError
 from firmware_host.oni_writer import OniWriter
+from firmware_host.synthetic.sensor import SyntheticSensor
 from formats.command import app, gather_commands
-from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
+from tests.firmware_host.scenes import PERIOD_US, SMALL, flat_world, picture, write_recording
 
 pytest.importorskip("usb.core")
 from firmware_host.usb_control import devices
@@ -305,3 +306,16 @@ def test_without_libusb_the_doctors_first_line_says_how_to_get_it(
     result = command.invoke(app, ["sensor", "doctor"])
     assert result.exit_code == 1
     assert result.output.startswith("device           the USB library is not installed; apt-get install libusb-1.0-0\n")
+
+
+def test_the_doctor_of_a_synthetic_world_says_first_what_it_simulates_and_how_far_it_is(
+    command: CliRunner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stream_checks, "open_sensor", lambda uri: SyntheticSensor(flat_world(11), uri))
+    result = command.invoke(app, ["sensor", "doctor", "synthetic:flat"])
+    lines = result.stderr.splitlines()
+    assert lines[0] == (
+        "A synthetic world's cloth is simulated first, then 5 s of its frames are rendered, within a minute or so"
+    )
+    assert lines[1:] == ["synthetic frames: 1 %, 2 rendered"]  # the next line at 11 %
+    assert result.stdout.startswith("streams     ok: synthetic sensor")

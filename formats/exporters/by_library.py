@@ -18,12 +18,11 @@ MORE_THAN_A_BLOCK = bytes(
 )  # more than is left in the last block of a full disk (4 KiB, 64 KiB at most: `man 5 ext4`)
 
 
-def bytes_by_library(write: Callable[[Path], object], name: str, *, least: int = 1) -> bytes:
+def bytes_by_library(write: Callable[[Path], object], name: str) -> bytes:
     """Return the bytes of a file that a library writes into a temporary folder.
 
     - `write`: writes to the path it is given; an exception means that the file is incomplete
     - `name`: name of the file
-    - `least`: minimum size of the whole file [bytes], for a library that reports no error
 
     Raises:
         OutputError: the system refuses the file.
@@ -43,7 +42,7 @@ def bytes_by_library(write: Callable[[Path], object], name: str, *, least: int =
             except (OSError, RuntimeError):
                 _ask_the_system(path)
                 raise
-            if not path.exists() or path.stat().st_size < least:
+            if not path.exists() or not path.stat().st_size:
                 _ask_the_system(path)
                 raise OutputError("the library left it unfinished", where=path, advice="choose another --to")
             return path.read_bytes()

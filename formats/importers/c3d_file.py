@@ -6,6 +6,7 @@ the point was not seen. The frame's analogue values follow and are skipped. `c3d
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.missing_values import (
     are_incomplete,
+    are_lowest,
     are_zeros,
     as_seen,
     remove_missing_value_codes,
     warning_of_incomplete,
+    warning_of_lowest,
     warning_of_zeros,
 )
 from formats.importers.number_cells import CELL_SHOWN
@@ -74,10 +77,10 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
     scale, doubt = _scale(units, points, unit, path, others)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)
-    positions, lacking, zeros, infinite = _places(path, header, len(time), scale)
-    infinite[:, others] = False
-    _refuse_infinity(infinite, labels, path)
-    positions[:, others], lacking[:, others], zeros[:, others] = np.nan, False, False
+    positions, gaps = _places(path, header, len(time), scale)
+    positions[:, others] = np.nan
+    gaps.forget(others)
+    _refuse_infinity(gaps.infinite, labels, path)
 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
@@ -87,18 +90,21 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         warnings.append(_warning_of_length(path, header, frames))
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
         warnings.append(_warning_of_names(points, without_path))
-    warnings.append(remove_missing_value_codes(positions, scale, frame_of))
+    warnings += [
+        warning_of_lowest(gaps.lowest, frame_of),
+        remove_missing_value_codes(positions, scale, frame_of),
+    ]
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
     kind = FLOAT if layout.is_float else SHORT
     warnings.append(remove_blocks(positions, blocks, kind, layout.width, others))
     warnings += [
-        warning_of_incomplete(lacking, time, labels, frame_of),
+        warning_of_incomplete(gaps.lacking, time, labels, frame_of),
         remove_jumps(time, positions, labels, frame_of),
     ]
-    warnings.append(warning_of_zeros(zeros, positions, labels, frame_of))
+    warnings.append(warning_of_zeros(gaps.zeros, positions, labels, frame_of))
     return MarkerTracks(
         tuple(labels), time, positions, header.rate, "; ".join(filter(None, warnings)), has_times=False,
-        without_path=without_path, zeros=zeros.sum(0),
+        without_path=without_path, zeros=gaps.zeros.sum(0),
     )  # fmt: skip
 
 
@@ -141,34 +147,55 @@ def _refuse_infinity(infinite: Booleans, labels: list[str], path: Path) -> None:
         )  # fmt: skip
 
 
-def _places(path: Path, header: Header, frames: int, scale: Floats) -> tuple[Floats, Booleans, Booleans, Booleans]:
-    """Return the points' positions [m], (frames, points, 3), NaN where not seen.
+@dataclass(frozen=True)
+class _Gaps:
+    """Why positions count as not seen, or are refused, without a flag of the file; each (frames, points).
 
-    Also return whether one or two coordinates are missing, whether all three are zero, and whether one is infinite, all
-    (frames, points). The file is read in pieces of `PIECE` bytes.
+    - `lacking`: one or two coordinates are missing; `zeros`: all three are zero
+    - `lowest`: all three are the lowest integer; `infinite`: one is infinite
+    """
+
+    lacking: Booleans
+    zeros: Booleans
+    lowest: Booleans
+    infinite: Booleans
+
+    def forget(self, points: Integers) -> None:
+        """Forget the gaps of unused points."""
+        for found in (self.lacking, self.zeros, self.lowest, self.infinite):
+            found[:, points] = False
+
+
+def _places(path: Path, header: Header, frames: int, scale: Floats) -> tuple[Floats, _Gaps]:
+    """Return the points' positions [m], (frames, points, 3), NaN where not seen, and their gaps.
+
+    The file is read in pieces of `PIECE` bytes.
 
     scale: metres of each point's unit, (points,)
     """
     layout = header.layout
     positions = np.empty((frames, layout.points, 3))
-    lacking, zeros, infinite = np.empty((3, frames, layout.points), bool)
+    gaps = _Gaps(*np.zeros((4, frames, layout.points), bool))
     at_once = max(PIECE // layout.width, 1)
     kind = FLOAT if layout.is_float else SHORT
+    unit = scale if layout.is_float else scale * abs(header.scale)
     with path.open("rb") as file:
         file.seek(layout.data_at)
         for first in range(0, frames, at_once):
-            piece = positions[first : first + at_once]
-            raw = file.read(len(piece) * layout.width)
-            rows = numbers_of(raw, kind, header.processor).reshape(len(piece), -1)[:, : 4 * layout.points]
-            rows = rows.reshape(len(piece), -1, 4)
-            unit = scale if layout.is_float else scale * abs(header.scale)
+            some = slice(first, min(first + at_once, frames))
+            raw = file.read((some.stop - first) * layout.width)
+            rows = numbers_of(raw, kind, header.processor).reshape(some.stop - first, -1)[:, : 4 * layout.points]
+            rows = rows.reshape(some.stop - first, -1, 4)
+            flagged = rows[..., 3] < 0
+            if not layout.is_float:
+                gaps.lowest[some] = are_lowest(rows[..., :3]) & ~flagged
             with np.errstate(invalid="ignore", over="ignore"):  # a damaged number is a gap
                 where = rows[..., :3] * unit[:, None]
-                piece[:] = as_seen(where, rows[..., 3] < 0)
-            lacking[first : first + at_once] = are_incomplete(where) & ~(rows[..., 3] < 0)
-            zeros[first : first + at_once] = are_zeros(where, rows[..., 3] < 0)
-            infinite[first : first + at_once] = np.isinf(rows[..., :3]).any(2) & ~(rows[..., 3] < 0)
-    return positions, lacking, zeros, infinite
+                positions[some] = as_seen(where, flagged | gaps.lowest[some])
+            gaps.lacking[some] = are_incomplete(where) & ~flagged
+            gaps.zeros[some] = are_zeros(where, flagged)
+            gaps.infinite[some] = np.isinf(rows[..., :3]).any(2) & ~flagged
+    return positions, gaps
 
 
 def _rate(parameters: Parameters, header: Header) -> float:

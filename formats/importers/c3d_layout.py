@@ -170,7 +170,7 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
         if held < layout.frames:
             who = "its header states" if layout.frames == words.frames else "its parameters state"
             raise cut_off(max(held, 0), layout.frames, who, path)
-        if layout.frames < held < copied and not agrees and not _is_word_of(copied, layout.frames):
+        if held < copied and not agrees and not _is_word_of(copied, layout.frames):
             raise cut_off(held, copied, f"its parameter {COUNTED} states", path)
     if malformed:
         raise TakeError(

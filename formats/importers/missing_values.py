@@ -20,13 +20,16 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formats.arrays import Booleans, Floats
 from formats.importers.number_cells import CELL_SHOWN
 from formats.plain_text import MOST_LISTED, counted, first_few
 
+LOWEST_INTEGER = -(1 << 15)  # of 16 bits
 FARTHER_THAN_OTHERS = 2.0  # a code that lies far out: times the largest other coordinate
 NINES = re.compile(r"-?9{3,}(\.9+)?")
 BEYOND_ALL = 1e6  # in the file's unit: no position is 1000 m away
@@ -86,6 +89,30 @@ def warning_of_zeros(zeros: Booleans, positions: Floats, labels: Sequence[str], 
     )
 
 
+def are_lowest(integers: NDArray[Any]) -> Booleans:
+    """Return whether all three coordinates are the lowest integer of 16 bits, (frames, markers); as they were read."""
+    return np.asarray((integers == LOWEST_INTEGER).all(2))
+
+
+def warning_of_lowest(lowest: Booleans, where: Callable[[int], str]) -> str:
+    """Return a warning of coordinates that are the lowest integer and count as not seen, '' without any.
+
+    - `lowest`: whether all three coordinates are, (frames, markers)
+    - `where`: returns the name of a frame's number in the file
+    """
+    if not lowest.any():
+        return ""
+    return _told(str(LOWEST_INTEGER), int(lowest.sum()), where(int(np.argmax(lowest.any(1)))))
+
+
+def _told(code: str, count: int, first: str) -> str:
+    """Return the warning of one code; `first`: where it stands first."""
+    return (
+        f"{code} is all three coordinates of a marker {counted(count, 'time')}, first in {first}, and is read as a "
+        "missing-value code"
+    )
+
+
 def are_incomplete(positions: Floats) -> Booleans:
     """Return whether one or two of a marker's three coordinates are missing, (frames, markers), before `as_seen`."""
     found = np.isfinite(positions)
@@ -136,8 +163,7 @@ def remove_missing_value_codes(positions: Floats, metres: Floats, name: Callable
     found = [words[k] for k in numbers[frames, markers].tolist()]
     positions[frames, markers] = np.nan
     return "; ".join(
-        f"{code} is all three coordinates of a marker {counted(count, 'time')}, first in "
-        f"{name(int(frames[found.index(code)]))}, and is read as a missing-value code"
+        _told(code, count, name(int(frames[found.index(code)])))
         for code, count in Counter(found).most_common(MOST_CODES)
     )
 

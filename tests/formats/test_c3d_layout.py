@@ -85,6 +85,19 @@ def test_frames_beyond_the_header_are_all_read_or_the_file_is_refused(tmp_path, 
         read(tmp_path, raw[:-512])
 
 
+def test_a_file_of_as_many_frames_as_one_of_three_contradicting_counts_is_not_cut(tmp_path):
+    """The header states 100 frames, LONG_FRAMES 65,636, of which 100 is the word, and FRAMES its 70,016."""
+    more = [("LONG_FRAMES", struct.pack("<f", 65_636), 4, [], 1)]
+    raw = bytearray(made(places=np.tile(PLACES[:, :1], (1167, 1, 1))[:70_016], frames_said=100, more=more))
+    changed = raw.replace(
+        b"\x06\x01FRAMES\x07\0\x02\0\x64\0\0", b"\x06\x01FRAMES\x09\0\x04\0" + struct.pack("<f", 70_016) + b"\0"
+    )
+    assert changed != raw
+    found = read(tmp_path, bytes(changed))
+    assert len(found.time) == 65_636
+    assert found.warning.endswith("the file states 65636 frames and has room for 70016; the first 65636 were read")
+
+
 @pytest.mark.parametrize("cut", [512, 4096])
 @pytest.mark.parametrize(("edits", "traits", "told"), CONTRADICTIONS)
 def test_a_file_that_is_cut_is_refused_whatever_it_states(tmp_path, edits, traits, told, cut):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 
 from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import Wanted
 from formats.importers.missing_values import remove_missing_value_codes
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_broken_numbers import CUT, FRAMES, imported, places, vicon
@@ -134,3 +137,32 @@ def test_a_single_number_beyond_all_positions_is_a_code_of_either_sign(tmp_path)
     for sign in ("-3.697314e28", "3.697314e28"):
         found = imported(tmp_path, with_sign(sign, frames=1))
         assert found.warning == SIGN.format(f"{float(sign):.7g}", "1 time", LINE)
+
+
+@pytest.mark.parametrize("order", ["intel", "sgi"])
+def test_the_lowest_integer_in_all_three_coordinates_of_a_c3d_file_is_a_gap(tmp_path, order):
+    """Once, or with one or two coordinates that differ from it, and whatever the scale makes of it."""
+    where = places().reshape(-1, 2, 3)
+    where[CUT, 1] = where[CUT + 2, 0] = -3276.8
+    where[CUT + 1, 1] = [-3276.8, -3276.8, -3276.7]
+    raw = c3d_bytes(where, ["a", "b"], scale=0.1, processor=order)
+    (tmp_path / "m.c3d").write_bytes(raw)
+    found = read_marker_tracks(tmp_path / "m.c3d")
+    assert SIGN.format("-32768", "2 times", f"frame {CUT + 1}") in found.warning
+    assert np.argwhere(np.isnan(found.positions[: CUT + 3]).all(2)).tolist()[:1] == [[CUT, 1]]
+    assert np.isnan(found.positions[CUT + 2, 0]).all()
+    only_b = read_marker_tracks(tmp_path / "m.c3d", wanted=Wanted(names=("b",)))
+    assert SIGN.format("-32768", "1 time", f"frame {CUT + 1}") in only_b.warning
+
+
+def test_the_lowest_integer_is_no_code_where_the_numbers_are_floats_or_the_file_flags_the_gap(tmp_path):
+    where = places().reshape(-1, 2, 3)
+    where[CUT, 1] = np.nan
+    raw = c3d_bytes(where, ["a", "b"], scale=0.1)
+    assert raw.count(struct.pack("<hhhh", 0, 0, 0, -1)) == 1
+    raw = raw.replace(struct.pack("<hhhh", 0, 0, 0, -1), struct.pack("<hhhh", -32768, -32768, -32768, -1))
+    (tmp_path / "m.c3d").write_bytes(raw)
+    found = read_marker_tracks(tmp_path / "m.c3d")
+    assert (found.warning, np.argwhere(np.isnan(found.positions).all(2)).tolist()) == ("", [[CUT, 1]])
+    (tmp_path / "f.c3d").write_bytes(c3d_bytes(np.full((3, 1, 3), -32768.0), ["a"]))
+    assert np.isfinite(read_marker_tracks(tmp_path / "f.c3d").positions).all()

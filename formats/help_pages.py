@@ -116,7 +116,7 @@ def finish(root: Any) -> None:
         for parameter, heading in zip(command.params, headings, strict=True):
             _worded(parameter)
             _leave_to_the_reader(parameter)
-            _refuse_underscores(parameter)
+            _refuse_odd_texts(parameter)
             is_enough = headings.count(heading) >= FEWEST.get(heading, 1)
             if heading and is_enough and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
@@ -187,22 +187,38 @@ def _leave_to_the_reader(parameter: Any) -> None:
         checked.readable = False
 
 
-def _refuse_underscores(parameter: Any) -> None:
-    """Let a parameter refuse numbers with underscores: to Python 1_0 is ten, and its typist may have meant 1.0."""
+def _refuse_odd_texts(parameter: Any) -> None:
+    """Let a parameter refuse an empty text that is not its default, and a number refuse underscores.
+
+    An empty text often comes from a variable of the shell that is not set. As a path it would be the current folder.
+    To Python 1_0 is ten, and its typist may have meant 1.0.
+    """
     described = getattr(parameter, "type_descriptor", None)  # as in `_worded`
     kind = getattr(parameter.type, "name", "").split(" ")[0] if described is None else described.annotation
-    if kind not in NUMERIC:
-        return
     process = parameter.process_value
 
     def checked(ctx: Any, value: Any) -> Any:
+        source = ctx.get_parameter_source(parameter.name)
+        is_typed = source is not None and source.name == "COMMANDLINE" and parameter.default != ""
         for given in value if isinstance(value, list | tuple) else [value]:
-            if isinstance(given, str) and "_" in given:
+            message = ""
+            if given == "" and is_typed:
+                message = f"the text is empty; {_instead_of_empty(parameter)}"
+            elif isinstance(given, str) and "_" in given and kind in NUMERIC:
                 message = f"{given!r} is no {NUMERIC[kind]}; write it without an underscore"
+            if message:
                 raise typer.BadParameter(message, ctx=ctx, param=parameter)
         return process(ctx, value)
 
     parameter.process_value = checked
+
+
+def _instead_of_empty(parameter: Any) -> str:
+    """Return the next step for a user who gave an empty text."""
+    word = parameter.metavar or "with a value"
+    if parameter.param_type_name == "argument":
+        return f"give {word.strip('[].')}, or set the variable that stands for it"
+    return f"give {parameter.opts[0]} {word}{'' if parameter.required else ', or leave it out'}"
 
 
 def _panel_of(part: Any, otherwise: str) -> str:

@@ -36,3 +36,33 @@ def test_a_value_that_an_option_does_not_take_is_named_with_what_was_meant(tmp_p
     assert said in told, told
     assert "Input should" not in told
     assert "Value error" not in told
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["takes", "list", ""], "'DIR': the text is empty; give DIR, or set the variable that stands for it"),
+        (["import", "a.csv", ""], "'FILE': the text is empty; give FILE, or set the variable"),
+        (["import", "a.csv", "--out", ""], "'--out': the text is empty; give --out DIR, or leave it out"),
+        (["takes", "export", "a", "--to", "csv", "--out="], "'--out': the text is empty; give --out PATH"),
+        (["takes", "export", "a", "--to", "", "--out", "x"], "'--to': the text is empty; give --to with a value"),
+        (["takes", "prune", "--spool", ""], "'--spool': the text is empty; give --spool DIR, or leave it out"),
+        (["markers", "print", "--ids", "", "x.svg"], "'--ids': the text is empty; give --ids ID,ID, or leave it out"),
+        (["swatch", "a.toml", "--mass", ""], "'--mass': the text is empty; give --mass KG"),
+        (["fit", "a", "--held-out", ""], "'--held-out': the text is empty; give --held-out"),
+        (["status", "--socket", ""], "the text is empty; give --socket PATH, or leave it out"),
+    ],
+)
+def test_an_empty_text_is_refused_before_it_becomes_the_current_folder(tmp_path, words, said):
+    done = hangtime_here(*words, folder=tmp_path)
+    told = " ".join(done.stderr.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in told, told
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_text_that_is_the_default_and_an_empty_variable_of_the_environment_are_left(tmp_path, monkeypatch):
+    monkeypatch.setenv("HANGTIME_SOCKET", "")
+    assert "no recorder listens here" in hangtime_here("status", folder=tmp_path).stderr
+    done = hangtime_here("import", "a.csv", "--subject", "", "--garment", "g.toml", folder=tmp_path)
+    assert "g.toml" in done.stderr

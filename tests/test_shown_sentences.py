@@ -58,6 +58,22 @@ def test_no_sentence_that_the_program_shows_is_long_or_has_a_clause_as_its_subje
     assert found == []
 
 
+def test_the_appliances_process_has_the_name_recorder_in_messages_and_pages() -> None:
+    """`hangtime daemon` stays the command's name."""
+    texts = [
+        (path, text) for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))
+        for _, text in strings(tree_of(path)) if " " in text
+    ]  # fmt: skip
+    pages = [
+        page for kind in ("tutorial", "how-to", "reference", "explanation") for page in ROOT.glob(f"docs/{kind}/*")
+    ]
+    texts += [(page, page.read_text()) for page in [*pages, ROOT / "README.md"]]
+    names = re.compile(r"hangtime daemon|daemon-reload")
+    found = [path.relative_to(ROOT) for path, text in texts if re.search(r"\bdaemons?\b", names.sub("", text))]
+    assert len(texts) > 1000
+    assert found == []
+
+
 def test_a_long_message_a_clause_and_a_long_note_of_a_template_are_found() -> None:
     many = " ".join(["word"] * 23)
     source = (

@@ -16,7 +16,7 @@ from formats.telling import tell, tell_fault
 
 CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
 SOCKET = Annotated[
-    Path, typer.Option("--socket", metavar="PATH", envvar="HANGTIME_SOCKET", help="Where the daemon listens.")
+    Path, typer.Option("--socket", metavar="PATH", envvar="HANGTIME_SOCKET", help="Where the recorder listens.")
 ]
 DEFAULT_CONFIG, DEFAULT_SOCKET = Path("/etc/hangtime/appliance.toml"), Path("/run/hangtime/control.sock")
 
@@ -98,7 +98,7 @@ def _in_one_line(answer: dict[str, Any]) -> str:
 
 
 def _do(socket: Path, do: str) -> None:
-    """Ask the daemon to do something.
+    """Ask the recorder to do something.
 
     Raises:
         ControlError: it does not.

@@ -88,7 +88,7 @@ class ControlPart(Part, frozen=True, kw_only=True):
     socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = Path(
         "/run/hangtime/control.sock"
     )
-    group: Annotated[str, Meta(description="the group that may use the socket; empty: the daemon's own")] = ""
+    group: Annotated[str, Meta(description="the group that may use the socket; empty: the recorder's own")] = ""
 
 
 class SpoolPart(Part, frozen=True, kw_only=True):

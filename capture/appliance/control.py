@@ -1,7 +1,8 @@
-"""The Unix socket through which `hangtime start|stop|status|watch|preview` send requests to the daemon.
+"""The Unix socket through which `hangtime start|stop|status|watch|preview` send requests to the recorder.
 
 A request is one line of JSON, `{"do": "status"}`, and so is the answer. `watch` sends a line at every change until the
-client disconnects. Members of the socket's group may connect. The server never blocks: the daemon polls it each frame.
+client disconnects. Members of the socket's group may connect. The server never blocks. The recorder polls it each
+frame.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from typing import Any
 from capture.errors import AnotherDaemonError, ControlError
 
 LONGEST_QUESTION = 4096  # bytes
-MOST_ASKERS = 16  # clients at once; one more, and the daemon disconnects the client that has been silent for longest
+MOST_ASKERS = 16  # clients at once; one more, and the recorder disconnects the client that has been silent for longest
 MOST_CALLERS = 128  # connections that the kernel queues until the next poll; our choice: beyond askers and watchers
-MOST_WATCHERS = 64  # watchers at once; one more, and the daemon disconnects the oldest
-ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a recording daemon answers within one frame
+MOST_WATCHERS = 64  # watchers at once; one more, and the recorder disconnects the oldest
+ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a busy one answers within one frame
 ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once
 LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
-MODE = 0o660  # of the socket: its user and its group may speak to the daemon, nobody else
+MODE = 0o660  # of the socket: its user and its group may speak to the recorder, nobody else
 UNIT = "hangtime-capture"
 SEE_UNIT = f"see `systemctl status {UNIT}`"
 
@@ -38,10 +39,10 @@ class ControlServer:
     """The server side of the control socket."""
 
     def __init__(self, path: Path, group: str = "") -> None:
-        """Listen at a path; replace a stale socket that a dead daemon left there.
+        """Listen at a path; replace a stale socket that a dead recorder left there.
 
         Raises:
-            ControlError: the path cannot be used, another daemon listens there, or there is no such group.
+            ControlError: the path cannot be used, another recorder listens there, or there is no such group.
         """
         _check_length(path)
         self._path = path
@@ -143,16 +144,16 @@ class ControlServer:
 
 
 def ask(path: Path, do: str) -> dict[str, Any]:
-    """Send a request to the daemon and return its answer.
+    """Send a request to the recorder and return its answer.
 
     Raises:
-        ControlError: no daemon listens there, this user may not connect, or the daemon does not answer.
+        ControlError: no recorder listens there, this user may not connect, or the recorder does not answer.
     """
     return next(listen(path, do))
 
 
 def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
-    """Send a request and yield the daemon's answers; only "watch" has more than one.
+    """Send a request and yield the recorder's answers; only "watch" has more than one.
 
     Raises:
         ControlError: as `ask`.
@@ -168,12 +169,12 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                 line = b""
             except TimeoutError:
                 raise ControlError(
-                    f"the daemon has not answered for {ANSWER_PATIENCE:g} s", where=path,
+                    f"the recorder has not answered for {ANSWER_PATIENCE:g} s", where=path,
                     advice=SEE_UNIT,
                 ) from None  # fmt: skip
             if not line:
                 if count == 0 or do == "watch":
-                    raise ControlError("the daemon hung up", where=path, advice=SEE_UNIT)
+                    raise ControlError("the recorder hung up", where=path, advice=SEE_UNIT)
                 return
             count += 1
             yield _decoded(line, path)
@@ -207,7 +208,7 @@ def _decoded(line: bytes, path: Path) -> dict[str, Any]:
     try:
         answer: dict[str, Any] = json.loads(line)
     except ValueError:
-        raise ControlError("the daemon ended in mid-answer", where=path, advice=SEE_UNIT) from None
+        raise ControlError("the recorder ended in mid-answer", where=path, advice=SEE_UNIT) from None
     return answer
 
 
@@ -246,12 +247,12 @@ def _connected(path: Path) -> socket.socket:
     except OSError as error:
         connection.close()
         if isinstance(error, PermissionError):
-            what, advice = "this user may not speak to the daemon", "join the group of the socket and log in again"
+            what, advice = "this user may not speak to the recorder", "join the group of the socket and log in again"
         elif isinstance(error, BlockingIOError):
-            what, advice = f"the daemon has accepted no connection for {ANSWER_PATIENCE:g} s", SEE_UNIT
+            what, advice = f"the recorder has accepted no connection for {ANSWER_PATIENCE:g} s", SEE_UNIT
         else:
             what, advice = (
-                "no daemon listens here",
+                "no recorder listens here",
                 f"start it: `systemctl start {UNIT}`, or `hangtime daemon`; docs/how-to/appliance.md installs it",
             )
         raise ControlError(what, where=path, advice=advice) from error
@@ -291,5 +292,5 @@ def _remove_left_over(path: Path) -> None:
         except BlockingIOError:
             pass  # a process listens, and is too busy to answer
     raise AnotherDaemonError(
-        "another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
+        "another recorder listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
     )

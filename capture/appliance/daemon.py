@@ -353,7 +353,7 @@ class Appliance:
             return {"ok": True} | self.status()
         if do == "preview":
             return {"ok": True} | self._preview.answer()
-        return _no(f"the daemon does not know {do!r}", "update Hangtime on both sides")
+        return _no(f"the recorder does not know {do!r}", "update Hangtime on both sides")
 
     def status(self) -> dict[str, Any]:
         """Return what `hangtime status --json` prints."""

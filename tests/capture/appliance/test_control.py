@@ -94,7 +94,7 @@ def test_a_daemon_too_busy_to_answer_does_not_count_as_dead(path):
         while not waiting or not waiting[-1].connect_ex(str(path)):
             waiting.append(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK))
             assert len(waiting) < 5
-        with pytest.raises(ControlError, match="another daemon listens here"):
+        with pytest.raises(ControlError, match="another recorder listens here"):
             ControlServer(path)
         assert path.is_socket()
     for one in waiting:
@@ -146,7 +146,7 @@ def test_an_answer_that_arrives_slowly_times_out_like_a_silent_one(path, monkeyp
         thread.start()
         answers = listen(path, do)
         assert [next(answers) for _ in range(lines)] == [{"news": 1}] * lines
-        with pytest.raises(ControlError, match=r"the daemon has not answered for 0\.4 s"):
+        with pytest.raises(ControlError, match=r"the recorder has not answered for 0\.4 s"):
             next(answers)
         is_over.set()
         thread.join()
@@ -184,7 +184,7 @@ def test_whoever_finds_the_line_full_waits_and_gets_no_error_that_no_daemon_is_t
     waiting = [socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) for _ in range(300)]
     refused = [one.connect_ex(str(path)) == errno.EAGAIN for one in waiting]
     assert refused.index(True) > MOST_CALLERS
-    with pytest.raises(ControlError, match=r"the daemon has accepted no connection for 0\.3 s"):
+    with pytest.raises(ControlError, match=r"the recorder has accepted no connection for 0\.3 s"):
         ask(path, "status")
     monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", STILL)
     told = []

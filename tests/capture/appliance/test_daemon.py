@@ -95,7 +95,7 @@ def test_the_commands_speak_with_it_and_it_imports_nothing_heavy_and_listens_to_
     }
     gone = run("status")
     assert gone.returncode == 2
-    assert "no daemon listens here; start it: `systemctl start hangtime-capture`" in gone.stderr
+    assert "no recorder listens here; start it: `systemctl start hangtime-capture`" in gone.stderr
 
 
 def sockets_of_network(pid):
@@ -114,7 +114,7 @@ def test_only_the_group_may_use_the_socket(appliance):
     appliance.start()
     appliance.wait_for("ready", "armed")
     assert stat.S_IMODE(appliance.socket.stat().st_mode) == 0o660
-    with pytest.raises(ControlError, match="another daemon listens here"):
+    with pytest.raises(ControlError, match="another recorder listens here"):
         ControlServer(appliance.socket)
 
 
@@ -247,5 +247,5 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(appliance):
         env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=LONGEST,
     )  # fmt: skip
     assert second.returncode == 2
-    assert "another daemon listens here; stop it first" in second.stderr
+    assert "another recorder listens here; stop it first" in second.stderr
     assert appliance.ask("status")["state"] == "armed"

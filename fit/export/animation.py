@@ -14,7 +14,7 @@ from fit.errors import FitError
 from fit.export import caches
 from fit.export.about import remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
-from fit.export.moving import Moving, check_engine, motion_of
+from fit.export.moving import SIMULATED_OF_MESH, Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING
 from fit.export.video import CODECS, DEFAULT_SIZE, film
@@ -145,7 +145,9 @@ def animate(
 def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, overwrite: bool) -> Animated:
     suffix = path.suffix.lower()
     is_film = suffix in FILMS
-    moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED_SHARE if is_film else 1.0))
+    moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED_SHARE if is_film else SIMULATED_OF_MESH))
+    if not is_film:
+        show(SIMULATED_OF_MESH, "writing")
     moving = dataclasses.replace(moving, remarks=(*remarks_on_take(scene.result, scene.take), *moving.remarks))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":

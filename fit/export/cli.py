@@ -87,36 +87,54 @@ def export_command(
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
+    Interrupt it with Ctrl-C at any time: nothing is left behind.
 
     Example: `hangtime export results --to usd-physics`
     """
     from fit.export.about import remarks_on_take
-    from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, default_path, export
+    from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, contents, default_path, write_contents
     from fit.export.usd_physics import THICKNESS
     from fit.folders import read_fit
     from formats.archive import read_take
     from formats.outputs import check_is_no_input
     from formats.plain_text import plain
-    from formats.terminal import say
+    from formats.terminal import ProgressLine, say
 
     _refuse_unused(
         "--thickness", thickness, f"{to.value} holds none", "--to usd-physics", is_used=to.value in WITH_THICKNESS
     )
     result, file = read_fit(fit_file)
+    progress = ProgressLine(f"export to {to.value}")
+    begun = []
+
+    def show(share: float, words: str) -> None:
+        begun.append(share)
+        progress.show(share, words)
+
     order = Order(
         result=result, take=read_take(take) if take is not None else None,
-        thickness=THICKNESS if thickness is None else thickness, spacing=spacing,
+        thickness=THICKNESS if thickness is None else thickness, spacing=spacing, show=show,
     )  # fmt: skip
     for remark in remarks_on_take(result, order.take):
         say(remark)
     if to is ExportKind.TABLE and out is None:
-        made = EXPORT_KINDS[to.value].make(order)
-        sheet = next(iter(made.values())).decode()
+        sheet = next(iter(EXPORT_KINDS[to.value].make(order).values())).decode()
         tell(sheet.removesuffix("\n"), table=sheet)
         return
     path = out or default_path(file, to.value)
     check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
-    for written in export(order, to.value, path, overwrite=overwrite):
+    try:
+        made = contents(order, to.value, path, overwrite=overwrite)
+    except KeyboardInterrupt:
+        if begun:
+            progress.end()
+        say("Interrupted; nothing is kept.")
+        raise typer.Exit(130) from None
+    if begun:  # only a motion takes long
+        progress.show(1.0, "done")
+        progress.end()
+    write_contents(made, overwrite=overwrite)
+    for written in made:
         tell_entry("files", plain(written), file=str(written))
 
 

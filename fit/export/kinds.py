@@ -5,8 +5,10 @@ A kind contains the fit alone, its fabric, or its motion under a take's hanger.
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,29 +18,35 @@ from fit.export import caches, presets, tables
 from fit.export.alembic import alembic
 from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
-from fit.export.moving import Moving, moving_cloth
+from fit.export.moving import SIMULATED_OF_MESH, Moving, moving_cloth
 from fit.export.parquet import parquet
 from fit.export.sheet import EXPORTED_SIDE, SWATCH_SPACING, Sheet, check_strip, garment_sheet, strip
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.fit_records import FitResult
+from formats.interrupts import held
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
 # Programs choose the format by the suffix alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
 BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2"}
+Show = Callable[[float, str], None]
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """Request of an export; `take` provides garment and motion, for kinds that contain them."""
+    """Request of an export; `take` provides garment and motion, for kinds that contain them.
+
+    show: receives the finished share and words, of kinds that contain a motion
+    """
 
     result: FitResult
     take: Take | None = None
     thickness: float = THICKNESS  # m
     spacing: float | None = None  # m
+    show: Show = lambda share, text: None
 
     @property
     def fabric(self) -> Fabric:
@@ -65,7 +73,13 @@ class Order:
             raise FitError(
                 "a fit alone holds no motion", where="--take", advice="name a take whose hanger the garment follows"
             )
-        return moving_cloth(self.result, self.take, self.spacing)
+        self.show(0.0, "simulating")
+        moving = moving_cloth(
+            self.result, self.take, self.spacing,
+            progress=lambda share: self.show(SIMULATED_OF_MESH * share, "simulating"),
+        )  # fmt: skip
+        self.show(SIMULATED_OF_MESH, "writing")
+        return moving
 
     @property
     def sheet(self) -> Sheet:
@@ -148,9 +162,34 @@ EXPORT_KINDS: dict[str, Kind] = {
 def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> list[Path]:
     """Write a fit as a kind of file; return every written file, the one at `path` first.
 
+    Ctrl-C leaves all of the files or none.
+
     Raises:
         FitError: an unknown kind, a fit without the content of this kind, or a take that is missing or not of the fit.
         OutputError: a file is there already, or cannot be written.
+    """
+    made = contents(order, kind, path, overwrite=overwrite)
+    write_contents(made, overwrite=overwrite)
+    return list(made)
+
+
+def write_contents(made: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
+    """Write the files of an export, into one folder; an interruption waits until the last is written.
+
+    Raises:
+        OutputError: a file is there already, or cannot be written.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    with held() if is_main else contextlib.nullcontext(), output_folder(next(iter(made)).parent):
+        for file, raw in made.items():
+            write_bytes(file, raw, overwrite=overwrite)
+
+
+def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> dict[Path, bytes]:
+    """Return every file of an export with its content, the one at `path` first; nothing is written.
+
+    Raises:
+        FitError, OutputError: as `export`.
     """
     if kind not in EXPORT_KINDS:
         raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(EXPORT_KINDS)}")
@@ -181,11 +220,7 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
         for file in names.values():
             refuse_to_replace(file)
     made = chosen.make(order)
-    files = {names[suffix]: raw for suffix, raw in made.items()}
-    with output_folder(path.parent):
-        for file, raw in files.items():
-            write_bytes(file, raw, overwrite=overwrite)
-    return list(files)
+    return {names[suffix]: raw for suffix, raw in made.items()}
 
 
 def _check_used(order: Order, kind: str) -> None:

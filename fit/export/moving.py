@@ -22,6 +22,7 @@ from formats.fit_records import FitResult
 from formats.take import Take
 
 (CONTACT,) = find_effects(["self_contact"])
+SIMULATED_OF_MESH = 0.9  # of the time of a moving mesh; our choice: approximate share of its simulation
 MOST_UNEVEN = 0.02  # of the mean frame interval: deviation up to which a clock counts as even
 
 
@@ -78,14 +79,18 @@ class Moving:
         )  # fmt: skip
 
 
-def moving_cloth(result: FitResult, take: Take, spacing: float | None = None) -> Moving:
+def moving_cloth(
+    result: FitResult, take: Take, spacing: float | None = None, *, progress: Progress | None = None
+) -> Moving:
     """Simulate a take's garment with a fit, driven by the take's hanger, from the settled first shape on.
+
+    progress: receives the finished share
 
     Raises:
         FitError: the fit is of another engine, or the take cannot be simulated.
         BlowUpError: the simulation did not stay finite.
     """
-    return motion_of(result, prepare(take), spacing)
+    return motion_of(result, prepare(take), spacing, progress=progress)
 
 
 def motion_of(

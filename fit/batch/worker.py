@@ -17,6 +17,7 @@ from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_n
 from fit.batch.kept import has_fit, keep, left_alone
 from fit.batch.store import Store, open_store, store_is_full
 from fit.errors import BatchError, FitError, UnreachableError
+from fit.kernel_cache.place import at_work
 from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError, NewerFormatError
 from formats.system_causes import FULL
@@ -71,6 +72,11 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     """
     # One job, one core: jobs scale over takes. Must be set before Taichi starts.
     os.environ.setdefault("HANGTIME_THREADS", "1")
+    with at_work():
+        return _run(job, errand, results)
+
+
+def _run(job: Task, errand: Errand, results: Store) -> Outcome:
     started = time.monotonic()
 
     def ended(state: str, sentence: str = "") -> Outcome:

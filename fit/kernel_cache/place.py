@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +49,28 @@ def mended_cache(ti: Any) -> dict[str, str]:
     return {"offline_cache_file_path": folder}
 
 
+class _Work:
+    is_counted = False  # whether this process simulates within `at_work` alone
+    running = 0
+
+
+@contextlib.contextmanager
+def at_work() -> Iterator[None]:
+    """Context of every simulation of a worker, whose other threads then never simulate.
+
+    So a worker notes its kernels at its end, in spite of the threads in which it talks to its scheduler.
+    """
+    _Work.is_counted = True
+    _Work.running += 1
+    try:
+        yield
+    finally:
+        _Work.running -= 1
+
+
 def _note_own_kernels(ti: Any, folder: Path, since: float) -> None:
     """Note the kernels of this process at its end; with other threads, which may simulate, the next process does."""
-    if threading.active_count() > 1:
+    if _Work.running or (not _Work.is_counted and threading.active_count() > 1):
         return
     ti.reset()  # it writes the kernels
     with contextlib.suppress(OSError):

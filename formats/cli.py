@@ -14,6 +14,8 @@ from formats.takes_cli import add_takes_commands, end_with, refuse_the_same_name
 from formats.telling import tell, tell_entry, tell_fault
 
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
+    from collections.abc import Mapping
+
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
@@ -39,7 +41,8 @@ def import_recordings(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt) or swung-cloth recordings (.npz)."
+            metavar="FILE",
+            help="Motion capture (.c3d, .trc, .csv, .tsv, .txt), or swung cloth or exported takes (.npz).",
         ),
     ],
     garment: Annotated[
@@ -86,6 +89,7 @@ def import_recordings(
     from formats.descriptions_beside import check_room_beside, settle
     from formats.errors import HangtimeError, TakeError
     from formats.importers.marker_files import FILE_ENDINGS
+    from formats.importers.own_arrays import holds_a_take, import_own_arrays
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, output_folder, refuse_to_replace
@@ -106,7 +110,10 @@ def import_recordings(
     for path in paths:
         if path.suffix.lower() == ".npz":
             given = {"--frames": frames, "--unit": unit, "--decimal": decimal, "--subject": subject or None}
-            _refuse_options_of_markers(path, given)
+            _refuse_options(path, given, f"is for motion capture, and {path.name} is none")
+            if holds_a_take(path):
+                own = {"--garment": garment, "--hanger": hanger}
+                _refuse_options(path, own, f"is for other recordings, and {path.name} holds a whole take")
         elif path.suffix.lower() in FILE_ENDINGS:
             if described is None:
                 raise TakeError(
@@ -132,6 +139,8 @@ def import_recordings(
                 refuse_to_replace(target, overwrite=overwrite, instead=ANOTHER_FOLDER)
                 if path.suffix.lower() in FILE_ENDINGS and described is not None:
                     take = import_marker_take(path, described, options)
+                elif holds_a_take(path):
+                    take = import_own_arrays(path)
                 else:
                     take = import_swung_cloth(path, described, hanger=hanger, anyway=anyway)
                 is_whole &= _write_imported(take, target, overwrite=overwrite)
@@ -145,16 +154,13 @@ def import_recordings(
         raise typer.Exit(2)
 
 
-def _refuse_options_of_markers(path: Path, given: dict[str, int | str | None]) -> None:
-    """Refuse options that a recording of swung cloth would ignore, since the take would not be the requested one."""
+def _refuse_options(path: Path, given: Mapping[str, object], what: str) -> None:
+    """Refuse options that the import of a file would ignore, since the take would not be the requested one."""
     from formats.errors import TakeError
 
     for name, value in given.items():
         if value is not None:
-            raise TakeError(
-                f"is for motion capture, and {path.name} is none", where=name,
-                advice=f"leave out {name}, or import that file by itself",
-            )  # fmt: skip
+            raise TakeError(what, where=name, advice=f"leave out {name}, or import that file by itself")
 
 
 def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
@@ -185,7 +191,7 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
         )  # fmt: skip
     except OSError as error:
         raise unwritable(target, error) from error
-    length = float(take.time[-1])
+    length = float(take.time[-1] - take.time[0])
     front = take.notes.get("front")
     words = f"{plain(target)}: {len(take.time)} frames, {length:.1f} s" + (
         f", its front looks along {front}" * bool(front)

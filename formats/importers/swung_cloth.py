@@ -52,7 +52,8 @@ ON_TOP = 1e-3  # of the side, tolerance within which a position is in the held r
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 STATED_HELD_SD = 0.002  # m; our choice: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = (
-    "give marker paths (.c3d, .trc, .csv, .tsv, .txt) or a swung-cloth .npz, see docs/reference/file-formats.md"
+    "give marker paths (.c3d, .trc, .csv, .tsv, .txt), a swung-cloth .npz or one of `takes export`, see "
+    "docs/reference/file-formats.md"
 )
 
 OTHER_DOORS = {

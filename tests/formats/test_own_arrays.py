@@ -1,0 +1,151 @@
+"""An exported NPZ file becomes the same take again; a changed one is refused in one sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formats.archive import read_take, write_take
+from formats.exporters.arrays import ARRAYS, write_npz
+from tests.fit.here import hangtime_here
+from tests.formats.test_archive import a_take
+from tests.formats.test_export import whole_take
+
+AGAIN = "export the take again with `hangtime takes export --to npz`"
+
+
+def bare_take():
+    """A take of a version without pitch, hidden points, quality or scans."""
+    return replace(
+        whole_take(), pitch=None, pitch_sd=None, points_hidden=None, quality=None, scans=(), missing=(),
+        is_complete=True,
+    )  # fmt: skip
+
+
+def exported(folder, take=None, **changed):
+    """Write a.npz, with some arrays changed, or left out where None."""
+    write_npz(folder / "a.npz", take or a_take(frames=12))
+    if changed:
+        with np.load(folder / "a.npz") as arrays:
+            kept = {name: value for name, value in ({**arrays} | changed).items() if value is not None}
+        np.savez(folder / "a.npz", **kept)
+
+
+def about(**changed):
+    """The text `about` of a take, with some fields changed."""
+    with np.load("a.npz") as arrays:
+        return np.array(json.dumps(json.loads(str(arrays["about"])) | changed))
+
+
+@pytest.mark.parametrize("make", [whole_take, bare_take])
+def test_a_take_comes_back_exactly_from_its_export(tmp_path, make):
+    gone = make()
+    gone.points_valid[3:5, 1] = False
+    gone.points[3:5, 1] = np.nan
+    missing = ((float(gone.time[4]), float(gone.time[5])),) if gone.missing else ()
+    write_take(tmp_path / "swing.mcap", replace(gone, missing=missing))
+    done = hangtime_here("takes", "export", "swing.mcap", "--to", "npz", "--out", "npz", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    done = hangtime_here("import", "npz/swing.npz", "--out", "back", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    before, after = read_take(tmp_path / "swing.mcap"), read_take(tmp_path / "back/swing.mcap")
+    for name in ARRAYS:
+        one, other = getattr(before, name), getattr(after, name)
+        assert (one is None) == (other is None), name
+        if one is not None:
+            assert one.dtype == other.dtype, name
+            np.testing.assert_array_equal(one, other, err_msg=name)
+    for one, other in zip(before.scans, after.scans, strict=True):
+        assert one.time == other.time
+        np.testing.assert_array_equal(one.grid, other.grid)
+        np.testing.assert_array_equal(one.contour, other.contour)
+    for name in ("take_id", "created", "rig", "garment", "source", "notes", "is_complete", "missing"):
+        assert getattr(before, name) == getattr(after, name), name
+    assert np.isnan(after.points[3:5, 1]).all()
+    length = before.time[-1] - before.time[0]
+    assert done.stdout.startswith(f"back/swing.mcap: 12 frames, {length:.1f} s")
+
+
+CHANGES = [
+    ({"points": None}, "has no array 'points'"),
+    ({"time": np.zeros(12)}, "a.npz, frame 1: time goes from 0.000000 s to 0.000000 s"),
+    ({"time": np.full(12, np.nan)}, "frame 0: time goes from -inf s to nan s"),
+    ({"time": np.array("never")}, "time is an array of <U5, not of "),
+    ({"points": np.zeros((12, 5, 3))}, "frame 0: points have shape (5, 3), not (4, 3)"),
+    ({"points": np.full((12, 4, 3), 1e9)}, "lies 1e+09 m away"),
+    ({"held_valid": np.zeros((3, 2), bool)}, "held_valid has shape (3, 2) for 12 frames"),
+    ({"state": np.full(12, -1)}, "state is -1, not between 0 and 65535"),
+    ({"points_valid": np.full((12, 4), 2.5)}, "points_valid is an array of float64, not of "),
+    ({"scan0_time": np.array(0.5)}, "has no array 'scan0_grid'"),
+    ({"scan0_time": np.array("x"), "scan0_grid": np.zeros((2, 2, 3)), "scan0_contour": np.zeros((4, 3))},
+     "scan 0 is no number with arrays of numbers"),
+    ({"about": np.array("[1]")}, "its array 'about' is no text that describes a take"),
+    ({"about": np.array("{")}, "its array 'about' is no text that describes a take"),
+    ({"about": np.array("[" * 100_000)}, "its array 'about' is no text that describes a take"),
+    ({"about": np.zeros(3)}, "its array 'about' is no text that describes a take"),
+    ({"about": np.array("{}")}, "its rig is invalid: "),
+    ({"about": np.array(["x"], object)}, "is an .npz archive that is damaged or holds objects"),
+    ({"about": np.array("x" * (1 << 22))}, "its arrays have 16.8 MB"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changed", "said"), CHANGES)
+def test_an_export_that_was_changed_is_refused_in_one_sentence(tmp_path, changed, said):
+    exported(tmp_path, **changed)
+    done = hangtime_here("import", "a.npz", "--out", "back", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("hangtime: a.npz")
+    assert said in line
+    assert line.endswith((AGAIN, "import shorter recordings"))
+    assert not (tmp_path / "back").exists()
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"missing_s": [["a", "b"]]}, "its missing_s must be pairs of seconds"),
+        ({"missing_s": 3}, "its missing_s must be pairs of seconds"),
+        ({"take_id": 3}, "its header is invalid: take_id"),
+        ({"garment": {"format": "hangtime-garment/1"}}, "its garment is invalid: "),
+        ({"notes": {"a": 3}}, "its header is invalid: "),
+    ],
+)
+def test_a_description_that_was_changed_is_refused_by_its_field(tmp_path, monkeypatch, fields, said):
+    monkeypatch.chdir(tmp_path)
+    exported(tmp_path)
+    exported(tmp_path, about=about(**fields))
+    done = hangtime_here("import", "a.npz", "--out", "back", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"hangtime: a.npz: {said}")
+    assert done.stderr.endswith(f"; {AGAIN}\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            ["--garment", "g.toml"],
+            "--garment: is for other recordings, and a.npz holds a whole take; leave out --garment",
+        ),
+        (["--hanger", "h.npz"], "--hanger: is for other recordings, and a.npz holds a whole take; leave out --hanger"),
+        (["--unit", "mm"], "--unit: is for motion capture, and a.npz is none; leave out --unit"),
+    ],
+)
+def test_an_option_that_an_export_does_not_need_is_refused(tmp_path, options, said):
+    exported(tmp_path)
+    hangtime_here("swatch", "g.toml", "--mass", "0.05", folder=tmp_path)
+    done = hangtime_here("import", "a.npz", *options, "--out", "back", folder=tmp_path)
+    assert done.stderr.startswith(f"hangtime: {said}")
+    assert not (tmp_path / "back").exists()
+
+
+def test_a_pipe_is_no_export(tmp_path):
+    os.mkfifo(tmp_path / "a.npz")
+    done = hangtime_here("import", "a.npz", folder=tmp_path)
+    assert done.returncode == 2
+    assert "a.npz" in done.stderr

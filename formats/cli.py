@@ -1,4 +1,4 @@
-"""`hangtime takes`, `hangtime import` and `hangtime swatch`."""
+"""`hangtime takes`, with `labels`, `hangtime import` and `hangtime swatch`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ class DecimalSign(StrEnum):
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    add_takes_commands(group_of(app, "takes"))
+    takes = group_of(app, "takes")
+    add_takes_commands(takes)
+    takes.command("labels", short_help="List the markers of a motion capture file.")(list_labels)
     app.command("import", rich_help_panel=TAKES, short_help="Turn other people's recordings into takes.")(
         import_recordings
     )
@@ -118,7 +120,8 @@ def import_recordings(
             if described is None:
                 raise TakeError(
                     "motion capture needs to know the garment", where=path,
-                    advice="give --garment FILE; `hangtime swatch` writes one",
+                    advice="give --garment FILE; `hangtime swatch` writes one, and `hangtime takes labels` names the "
+                    "markers",
                 )  # fmt: skip
             if hanger is not None:
                 raise TakeError(
@@ -213,6 +216,53 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
     for doubt in left.values():
         tell_fault(str(doubt))
     return not left
+
+
+def list_labels(
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt).")
+    ],
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of lengths where the file states none: m, cm, mm, in.")
+    ] = None,
+    decimal: Annotated[
+        DecimalSign | None,
+        typer.Option("--decimal", show_default="as the file shows", help="Decimal separator of a text file."),
+    ] = None,
+) -> None:  # fmt: skip
+    """List the markers of a motion capture file before a garment is described: names, how often seen, first position.
+
+    The names are those that the points of garment.toml need. The position is that of the first frame in which the
+    marker was seen, in metres along the file's axes.
+
+    Example: `hangtime takes labels swing.csv`
+    """
+    import numpy as np
+
+    from formats.importers.marker_files import read_marker_tracks
+    from formats.plain_text import counted, plain
+
+    tracks = read_marker_tracks(path, unit, decimal or "")
+    seen = np.asarray(np.isfinite(tracks.positions).all(2))
+    time = tracks.time
+    length = float(time[-1] - time[0]) if len(time) else 0.0
+    tell(
+        f"{plain(path)}: {counted(len(tracks.labels), 'marker')}, {counted(len(time), 'frame')}, {length:.1f} s",
+        file=str(path), frames=len(time), duration_s=length, without_path=list(tracks.without_path),
+        file_doubt=tracks.warning or None,
+    )  # fmt: skip
+    width = max((len(plain(label)) for label in tracks.labels), default=0)
+    for number, label in enumerate(tracks.labels):
+        share = float(seen[:, number].mean())
+        words, first = "never seen", None
+        if share:
+            first = tracks.positions[int(np.argmax(seen[:, number])), number].tolist()
+            words = f"seen {100 * share:3.0f} %, first at {', '.join(f'{one:.3f}' for one in first)} m"
+        tell_entry("markers", f"{plain(label):<{width}}  {words}", name=label, seen=share, first_m=first)
+    for label in tracks.without_path:
+        tell_entry("markers", f"{plain(label):<{width}}  has no path in the file", name=label, seen=0.0, first_m=None)
+    if tracks.warning:
+        tell(f"Warning: {plain(tracks.warning)}")
 
 
 def describe_swatch(

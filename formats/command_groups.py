@@ -11,7 +11,9 @@ PANELS = (
 RECORD, TAKES, FIT, OUT, CHECK, OTHER = PANELS
 HELP = {"takes": "Show, check, recover, export and prune take archives."}
 PANEL_OF = {"takes": TAKES}
-ORDER = {"takes": ("list", "show", "verify", "recover", "export", "prune")}  # of the commands of shared groups
+ORDER = {
+    "takes": ("list", "show", "verify", "recover", "export", "labels", "prune")
+}  # of the commands of shared groups
 
 
 def group_of(app: typer.Typer, name: str, words: str | None = None, panel: str | None = None) -> typer.Typer:

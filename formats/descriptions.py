@@ -151,17 +151,17 @@ def _naming_the_line(path: Path, plain: Tables) -> Iterator[None]:
     try:
         yield
     except DescriptionError as error:
-        place = place_in(path, plain, error.what)
-        raise type(error)(error.what, where=place, advice=error.advice) from error
+        raise type(error)(error.what, where=place_in(path, plain, error.what), advice=error.advice) from error
 
 
 def _converted(path: Path, plain: Tables, kind: type[Description]) -> Description:
     try:
         return msgspec.convert(dict(plain), kind)
     except msgspec.ValidationError as error:
-        raise DescriptionError(
-            wrong_field(error, (kind, *PARTS[kind]), plain), where=path, advice="see docs/reference/file-formats.md"
-        ) from error
+        words, add = wrong_field(error, (kind, *PARTS[kind]), plain), ""
+        if "format" not in plain:
+            add = f'add the line format = "hangtime-{kind.__name__.lower()}/2" at its top, and '
+        raise DescriptionError(words, where=path, advice=f"{add}see docs/reference/file-formats.md") from error
 
 
 PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Hanger, Sensor, Calibration)}

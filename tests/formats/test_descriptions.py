@@ -350,3 +350,17 @@ def test_a_slip_in_the_hangers_part_is_named_too(tmp_path):
     (tmp_path / "rig.toml").write_text('format = "hangtime-rig/1"\nname = "rig"\n[hanger]\nmarker_sizem = 0.05\n')
     with pytest.raises(DescriptionError, match=r"unknown field `marker_sizem`.*; did you mean `marker_size_m`"):
         load_rig(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize("kind", ["garment", "rig"])
+def test_a_description_without_its_format_is_refused_with_the_line_to_add(tmp_path, kind):
+    path = tmp_path / "a.toml"
+    path.write_text('name = "mine"\n')
+    with pytest.raises(DescriptionError) as refused:
+        (load_garment if kind == "garment" else load_rig)(path)
+    add = f'add the line format = "hangtime-{kind}/2" at its top, and see docs/reference/file-formats.md'
+    assert str(refused.value) == f"{path}: the field `format` is missing; {add}"
+    path.write_text(f'format = "hangtime-{kind}/2"\n' + path.read_text())
+    with pytest.raises(DescriptionError) as refused:
+        (load_garment if kind == "garment" else load_rig)(path)
+    assert "add the line" not in str(refused.value)

@@ -230,3 +230,83 @@ def test_corners_have_no_opposite_neighbours():
     mixing = opposite_neighbours(places)
     assert mixing[0, 0] == 1.0
     assert mixing[4] == pytest.approx([0, 0.25, 0, 0.25, 0, 0.25, 0, 0.25, 0])
+
+
+@pytest.mark.parametrize(("across", "neighbours"), [(1.8, 4), (2.2, 2)])
+def test_a_pair_across_is_a_neighbour_up_to_twice_as_far_as_the_nearest_pair(across, neighbours):
+    places = np.array([(across * x, y) for y in (0, 1, 2) for x in (0, 1, 2)])
+    assert np.count_nonzero(opposite_neighbours(places)[4]) == neighbours
+
+
+def test_a_pair_within_45_degrees_of_the_nearest_pair_is_no_pair_across_it():
+    """Pairs at 40 and at 50 degrees to the nearest one, half as far again."""
+    for degrees, neighbours in ((40.0, 2), (50.0, 4)):
+        leaning = 1.5 * np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        places = np.array([(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), leaning, -leaning])
+        assert np.count_nonzero(opposite_neighbours(places)[0]) == neighbours
+
+
+def test_smoothing_beyond_all_of_it_is_taken_back_as_all_of_it():
+    places = [(x, y) for y in (0.0, 0.1, 0.2) for x in (0.0, 0.1, 0.2)]
+    recording = SimpleNamespace(
+        garment=SimpleNamespace(points=[SimpleNamespace(at_m=at) for at in places]), has_curve=np.ones(9, bool)
+    )
+    targets = np.zeros((1, 9, 6))
+    targets[0, 4, 1] = 0.01
+    assert effect("tracker_smoothing").unobserved(targets, recording, np.array([1.4]))[0, 4, 1] == pytest.approx(0.02)
+    assert targets[0, 4, 1] == 0.01  # of the caller
+
+
+def test_points_of_a_lag_go_straight_on_after_the_last_frame():
+    """At 1 m/s and 50 ms, one and a half frames: the last points are 50 mm ahead, of the straight line as well."""
+    ramp = np.zeros((60, 25, 3))
+    ramp[:, :, 0] = (np.arange(60) * FRAME)[:, None]
+    lagging = observed("filter_lag", 0.05, ramp)
+    assert lagging[-1, :, 0] == pytest.approx(ramp[-1, :, 0], abs=1e-6)
+    unseen = ramp.copy()
+    unseen[5, 3] = np.nan
+    assert observed("filter_lag", 0.05, unseen) is unseen
+
+
+def test_stamps_of_publishing_move_no_point_by_more_than_an_interval_either_way():
+    """At 1 m/s: after a pause of 0.5 s with a share of -0.4 the point is one interval ahead, not 0.2 s."""
+    garment, time = sheet(grid=5), np.arange(0, 4, FRAME)
+    time[60:] += 0.5
+    ramp = np.zeros((len(time), 25, 3))
+    ramp[:, :, 0] = time[:, None]
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    ahead = (effect("frame_timing").observe(ramp, recording, np.array([-0.4])) - ramp)[:, 0, 0]
+    assert ahead[60] == pytest.approx(FRAME, abs=1e-6)
+    unseen = np.where(np.arange(25)[:, None] == 3, np.nan, ramp)
+    assert effect("frame_timing").observe(unseen, recording, np.array([0.4])) is unseen
+
+
+def test_a_grid_slides_as_one_that_was_seen_twice_at_least_and_changed_by_a_hundredth():
+    """Lengths between are interpolated; a change of 0.8 % is none, one of 1.2 % is."""
+    grid = SimpleNamespace(down=np.array([0.0, 0.2, 0.4]))
+    recording = SimpleNamespace(time=np.arange(3.0), grid_length=np.array([0.36, np.nan, 0.44]))
+    assert slides(recording, grid) == pytest.approx([-0.1, 0.0, 0.1])
+    recording.grid_length = np.array([np.nan, 0.3, np.nan])
+    assert slides(recording, grid) is None
+    for change, is_still in ((0.008, True), (0.012, False)):
+        recording.grid_length = 0.4 * (1 + np.array([change, -change, change]))
+        assert (slides(recording, grid) is None) == is_still
+
+
+def test_a_border_is_eroded_in_half_widths_and_a_corner_is_seen_within_a_tenth_of_a_width_of_it():
+    """Of 0.4 x 0.8 m: points 45 mm from the corner sit at it, points 51 mm from it do not; 12 % are 48 mm."""
+    outline = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.8), (-0.2, -0.8))
+    places = [(0.2, -0.755), (0.2, -0.749), (0.0, -0.4), (-0.2, -0.27)]
+    recording = SimpleNamespace(
+        garment=SimpleNamespace(outline_m=outline, points=[SimpleNamespace(at_m=at) for at in places])
+    )
+    points = np.array([[[x, 0.0, y] for x, y in places]])
+    border = effect("corner_erosion").observe(points, recording, np.array([0.0, 0.01])) - points
+    assert border == pytest.approx(0.01 * (points.mean(1, keepdims=True) - points) / 0.2)
+    corner = effect("corner_erosion").observe(points, recording, np.array([0.01, 0.0])) - points
+    assert np.linalg.norm(corner, axis=2)[0] == pytest.approx([0.01, 0.0, 0.0, 0.0])
+
+
+def test_a_scaled_depth_of_points_and_of_the_scene_multiply():
+    points = np.tile([0.1, 1.5, -0.3], (40, 25, 1))
+    assert observed("depth_scale", (0.1, 0.2), points)[0, 0] == pytest.approx(1.1 * 1.2 * np.array([0.1, 1.5, -0.3]))

@@ -11,7 +11,7 @@ from fit.recordings.ready import ready
 from tests.fit.gap.test_diagnosis_parts import a_take
 
 
-class ReachedTheMesh(Exception):
+class MeshReachedError(Exception):
     """Raised where the mesh has been judged, behind all that is measured here."""
 
 
@@ -56,12 +56,12 @@ def measured_again(monkeypatch, by, base="first", least="first"):
         monkeypatch.setattr(steps, name, value)
 
     def numerics_gate(*given):
-        raise ReachedTheMesh
+        raise MeshReachedError
 
     monkeypatch.setattr(steps.gate, "convergence_gate", lambda *given: gates)
     monkeypatch.setattr(steps.gate, "numerics_gate", numerics_gate)
     take = a_take()
-    with pytest.raises(ReachedTheMesh):
+    with pytest.raises(MeshReachedError):
         steps.diagnose([take], [], prepared=ready([take], []), by=by)
     assert judged == [(fits[base].errors, fits[base].fitted, 2.0)]
     assert [fits["first"].errors, fits[base].errors][: len(resampled)] == resampled

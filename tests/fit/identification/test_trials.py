@@ -113,7 +113,7 @@ def test_every_step_knows_the_distance_of_the_least_cost_so_far_and_all_simulati
 
 
 def test_samples_are_kept_with_the_best_candidate_so_far(rippled):
-    problem, found, _ = rippled
+    _, found, _ = rippled
     known = np.zeros((0, 2))
     for step in found.path:
         if step.is_sampling:

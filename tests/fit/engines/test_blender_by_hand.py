@@ -140,6 +140,6 @@ def test_cloth_that_is_held_at_its_corners_is_pinned_there_alone():
 @pytest.mark.parametrize("spacing", [0.0, 0.21])
 def test_a_grid_needs_two_faces_along_the_shortest_side(spacing):
     square = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
-    with pytest.raises(FitError, match="does not fit 4 corners, the shortest side 0.400 m"):
+    with pytest.raises(FitError, match=r"does not fit 4 corners, the shortest side 0\.400 m"):
         plain_grid(panel(*square), spacing)
     assert len(plain_grid(panel(*square), 0.2).rest) == 9

@@ -45,7 +45,7 @@ def test_lines_before_the_ready_line_are_skipped_and_a_program_without_one_is_ab
 
 def test_a_program_that_ends_without_a_word_is_named_itself(tmp_path):
     process = ForeignProcess(thing(tmp_path, "print('ready 1', flush=True)\n"))
-    with pytest.raises(FitError, match="^Thing: Thing ended in the middle of a simulation; use a coarser mesh"):
+    with pytest.raises(FitError, match=r"^Thing: Thing ended in the middle of a simulation; use a coarser mesh"):
         process.answer(x=np.zeros(1))
 
 

@@ -189,9 +189,7 @@ def test_a_recording_of_a_new_motion_has_thirty_frames_a_second_and_no_points():
 
 def test_a_swatch_without_a_take_hangs_from_corners_eight_percent_nearer_than_it_is_wide():
     still = hung_swatch(fabric_of(a_fit()))
-    assert still.held(np.zeros(1)).reshape(2, 3) == pytest.approx(
-        np.array([[-0.184, 0, 0], [0.184, 0, 0]]), abs=1e-9
-    )
+    assert still.held(np.zeros(1)).reshape(2, 3) == pytest.approx(np.array([[-0.184, 0, 0], [0.184, 0, 0]]), abs=1e-9)
     assert np.ptp(np.array(still.garment.outline_m), axis=0) == pytest.approx([0.4, 0.4])
     assert len(still.time) == 30
 

@@ -335,3 +335,34 @@ def test_parquet_holds_what_csv_does_with_numbers_as_numbers(tmp_path):
     assert motion.name == "fit.motion.parquet"
     assert {row["point"] for row in moved} >= {"held_left", "centre"}
     assert isinstance(moved[0]["x_m"], float)
+
+
+def test_usd_holds_the_sheet_hung_and_flat_with_its_held_nodes_and_two_sides():
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    from pxr import Usd, UsdGeom
+
+    order = Order(result=a_fit(), take=garments_take("sheet"), spacing=0.15, thickness=5e-4)
+    stage = Usd.Stage.CreateInMemory(".usda")
+    stage.GetRootLayer().ImportFromString(EXPORT_KINDS["usd-physics"].make(order)[".physics.usda"].decode())
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/Garment/cloth"))
+    hung_at = np.array(mesh.GetPointsAttr().Get())
+    assert hung_at == pytest.approx(order.sheet.start, abs=1e-6)
+    assert np.array(mesh.GetExtentAttr().Get()) == pytest.approx(np.stack([hung_at.min(0), hung_at.max(0)]))
+    assert np.array(mesh.GetFaceVertexIndicesAttr().Get()).tolist() == order.sheet.triangles.ravel().tolist()
+    assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
+    assert mesh.GetDoubleSidedAttr().Get() is True
+    read = {a.GetName(): a.Get() for a in mesh.GetPrim().GetAttributes()}
+    flat = np.array(read["physics:restShapePoints"])
+    assert flat[:, [0, 2]] == pytest.approx(order.sheet.rest, abs=1e-6)
+    assert np.array(read["physics:restTriVertexIndices"]).tolist() == order.sheet.triangles.tolist()
+    assert list(read["physics:thicknesses"]) == pytest.approx([5e-4])
+    assert read["physics:thicknesses:elementType"] == "constant"
+    assert list(read["hangtime:heldPoints"]) == order.sheet.held.tolist()
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    material = stage.GetPrimAtPath("/Garment/cloth").GetRelationship("material:binding:physics").GetTargets()[0]
+    shown = {a.GetName(): a for a in stage.GetPrimAtPath(material).GetAttributes()}
+    assert shown["physics:poissonsRatio"].Get() == 0.0
+    assert shown["hangtime:shear"].GetDocumentation() == "shear force per width and radian [N/m]"
+    assert (shown["hangtime:shear:unit"].Get(), shown["hangtime:shear:status"].Get()) == ("N/m", "measured")
+    assert shown["hangtime:shear:isIdentified"].Get() is True
+    assert "The thickness, 0.5 mm, is assumed" in stage.GetRootLayer().documentation

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+import re
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -11,7 +14,7 @@ import pytest
 
 from fit.errors import FitError
 from fit.export.about import caution_lines
-from fit.export.fabric import fabric_of
+from fit.export.fabric import fabric_of, status_of
 from fit.export.tables import parameters_csv, software_table
 from fit.folders import notes_of_diagnosis, read_fit
 from fit.virtual_tests.sheet import sheet_of
@@ -176,3 +179,46 @@ def test_a_fit_is_not_simply_measured_where_a_diagnosis_beside_it_names_an_effec
     rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
     told = next(row["value"] for row in rows if row["name"] == "missing_effects")
     assert told == " ".join(notes)
+
+
+def test_a_quantity_of_several_parameters_is_as_doubtful_as_the_most_doubtful_of_them():
+    known, unknown, without = (SimpleNamespace(is_identified=one) for one in (True, False, None))
+    assert status_of([known, known]) == "measured"
+    assert status_of([known, without]) == status_of([without, known]) == "no interval"
+    assert status_of([known, unknown, without]) == status_of([without, unknown]) == "not identified"
+    assert status_of([known, unknown]) == "not identified"
+
+
+def rows_of(text):
+    """The rows of the sheet for garment programs: name, and what follows."""
+    body = text.split("how sure, and what to do with it\n")[1].split("\n\n")[0]
+    return {re.split(r"\s{2,}", line.strip())[0]: re.split(r"\s{2,}", line.strip())[1:] for line in body.splitlines()}
+
+
+def test_every_row_of_the_table_by_hand():
+    """Warp e^0.35 and weft e^-0.35 of 100 N/m, and e^0.1, e^-0.1 of 1.4e-5 N m; 1 gf is 9.80665 mN."""
+    result = a_fit(effects={"anisotropy.stretch": 0.7, "anisotropy.bending": 0.2, "air_drag": 1.3})
+    rows = rows_of(software_table(result, fabric_of(result)))
+    force = 100 * 0.05 * 0.05 / 9.80665e-3
+    overhang = 2e3 * (1.4e-5 / (9.80665 * 0.2)) ** (1 / 3)
+    expected = {
+        "Weight": (200.0, "g/m2"), "Stretch warp": (100 * math.exp(0.35), "N/m"),
+        "Stretch weft": (100 * math.exp(-0.35), "N/m"), "force at 5 %, warp": (force * math.exp(0.35), "gf"),
+        "force at 5 %, weft": (force * math.exp(-0.35), "gf"), "Shear": (30.0, "N/m"),
+        "KES G": (30 / (9.80665e-3 / 0.01 * 180 / math.pi), "gf/(cm deg)"),
+        "Bending warp": (14 * math.exp(0.1), "µN m"), "Bending weft": (14 * math.exp(-0.1), "µN m"),
+        "overhang at 41.5 deg, warp": (overhang * math.exp(0.1 / 3), "mm"),
+        "overhang at 41.5 deg, weft": (overhang * math.exp(-0.1 / 3), "mm"),
+        "KES B, warp": (1.4e-5 * math.exp(0.1) / 9.80665e-5, "gf cm2/cm"),
+        "KES B, weft": (1.4e-5 * math.exp(-0.1) / 9.80665e-5, "gf cm2/cm"),
+        "Bending damping": (2.0, "ms"), "Air and linear damping": (0.5, "1/s"), "Drag coefficient": (1.3, "1"),
+    }  # fmt: skip
+    assert set(rows) == {*expected, "Thickness"}
+    for name, (value, unit) in expected.items():
+        assert float(rows[name][0]) == pytest.approx(value, rel=5e-3), name
+        assert unit in rows[name], name
+    plain = software_table(a_fit(), fabric_of(a_fit()))
+    assert "Drag coefficient" not in plain
+    assert rows_of(plain)["Bending damping"][1] == "1.6 to 2.5"
+    assert plain.splitlines()[0] == "Fabric for CLO, Marvelous Designer and Browzwear"
+    assert max(map(len, plain.split("\n\n")[-1].splitlines())) <= 100

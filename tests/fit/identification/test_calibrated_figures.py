@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
+from fit.errors import BlowUpError
 from fit.identification import calibrate as calibration
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
@@ -153,3 +156,132 @@ def test_the_history_of_least_squares_is_the_least_distance_so_far_of_every_cand
     assert found.history == [0.05, 0.04, 0.04, 0.03]
     assert found.simulations == 10 + 2 * 2
     assert told == [(1, 2, 0.04), (2, 2, 0.03)]
+
+
+def a_known_fit(monkeypatch, changed=lambda take: take, method="lean", **more):
+    """A fit of one take to an engine that knows the points, with any request."""
+    figure = ErrorFigure(mean_m=1.0, max_m=1.0, per_frame_m=[1.0], time_s=[0.0])
+    rigid = TrivialFigure(name="vertical", parameters={}, train=figure, held_out=figure)
+    monkeypatch.setattr(calibration, "find_engine", lambda name: Noisy)
+    monkeypatch.setattr(calibration, "trivial_figures", lambda model, judge: [rigid])
+    given = {"iterations": 6, "seed": 2, "spacing": 0.1, "search": "annealing", "effects": []} | more
+    request = request_of(find_method(method), given.pop("effects"), **given)
+    return calibrate([changed(a_take("a"))], [], request)
+
+
+class Noisy:
+    """An engine whose points are a millimetre off, and infinite for one candidate in `broken`."""
+
+    version, broken = "1", ()
+
+    def __init__(self, recording, method, effects, resolution):
+        self._points = recording.points + 1e-3 * np.random.default_rng(0).normal(size=recording.points.shape)
+        self._asked = 0
+
+    def points(self, vectors):
+        points = np.repeat(self._points[None], len(vectors), axis=0)
+        for k in range(len(vectors)):
+            self._asked += 1
+            if self._asked in self.broken:
+                points[k] = np.nan
+        return points
+
+
+def test_a_fit_states_what_it_was_asked_and_what_came_of_it(monkeypatch):
+    result = a_known_fit(monkeypatch, method="lean", effects=["hem"], spacing=0.12)
+    assert (result.method, result.engine, result.search, result.seed) == ("lean", "own", "annealing", 2)
+    assert (result.spacing, result.take_ids, result.held_out_ids) == (0.12, ["a"], [])
+    assert (result.garment, result.layers, result.format) == ("sheet", 1, "hangtime-fit/1")
+    assert list(result.effects) == ["hem"]
+    assert result.effects["hem"] == result.parameters[-1].fitted
+    lean = find_method("lean")
+    for shown, asked in zip(result.parameters, lean.parameters, strict=False):
+        assert (shown.name, shown.unit, shown.note) == (asked.name, asked.unit, asked.meaning)
+        assert (shown.initial, shown.minimum, shown.maximum) == (asked.initial, asked.minimum, asked.maximum)
+    weighed = a_take("a").garment.areal_density
+    assert result.material["areal_density"] == pytest.approx(weighed)
+    assert result.error.held_out_after is None
+
+
+def test_annealing_says_that_its_gamma_is_a_choice_in_the_unit_of_its_objective(monkeypatch):
+    (told,) = [note for note in a_known_fit(monkeypatch, gamma=5e4).notes if "gamma" in note]
+    assert told == "gamma = 50000 per metre is our choice; the paper gives none."
+    assert not [note for note in a_known_fit(monkeypatch, search="cma-es").notes if "gamma" in note]
+    assert [note for note in a_known_fit(monkeypatch, search="restarts").notes if "gamma" in note]
+
+
+def test_candidates_that_blew_up_are_counted(monkeypatch):
+    monkeypatch.setattr(Noisy, "broken", (3, 5))
+    assert "2 candidates blew up and were rejected." in a_known_fit(monkeypatch, iterations=12, search="cma-es").notes
+    monkeypatch.setattr(Noisy, "broken", ())
+    assert not [note for note in a_known_fit(monkeypatch, search="cma-es").notes if "blew up" in note]
+
+
+def test_the_layers_of_a_t_shirt_are_noted_unless_the_method_knows_them(monkeypatch):
+    def shirt(take):
+        return dataclasses.replace(take, garment=msgspec.structs.replace(take.garment, kind="t-shirt"))
+
+    for method, is_noted in (("si", True), ("si-sewn", False)):
+        notes = a_known_fit(monkeypatch, shirt, method=method).notes
+        assert any(note.startswith("Sleeves and hems are layers") for note in notes) == is_noted
+    assert not any(note.startswith("Sleeves") for note in a_known_fit(monkeypatch, method="si").notes)
+
+
+def test_another_simulators_numbers_claim_no_material(monkeypatch):
+    result = a_known_fit(monkeypatch, method="kinect-skirt", engine="blender")
+    assert (result.material, result.combinations, result.engine) == ({}, [], "blender")
+    (told,) = [note for note in result.notes if note.startswith("Simulated by")]
+    assert told == "Simulated by blender; its numbers have no SI values, so no combinations are given."
+    own = a_known_fit(monkeypatch, method="kinect-skirt-weighed")
+    assert own.material
+    assert own.combinations
+    assert not any(note.startswith("Simulated by") for note in own.notes)
+
+
+def test_a_first_candidate_that_blows_up_ends_the_search_and_a_later_one_does_not(monkeypatch):
+    monkeypatch.setattr(Noisy, "broken", (1,))
+    with pytest.raises(BlowUpError, match=r"^a: the simulation of the initial parameters blew up; use a coarser mesh"):
+        a_known_fit(monkeypatch)
+
+
+def test_a_saved_search_is_of_all_that_decides_its_path(monkeypatch):
+    model = SimpleNamespace(
+        request=request_of(find_method("lean"), ["hem"], iterations=6, seed=2, spacing=0.12, bounds=["hem=0:0.02"]),
+        engines=[SimpleNamespace(version="5")],
+    )
+    monkeypatch.setattr(calibration, "physics_version", lambda: "p")
+    assert calibration._key(["c"], model) == {
+        "takes": ["c"], "method": "lean", "seed": 2, "search": "annealing", "effects": ["hem"], "spacing": 0.12,
+        "bounds": [["hem", 0.0, 0.02]], "initial": [*find_method("lean").initial, 0.0], "engine": "own",
+        "engine_version": "5", "physics": "p",
+    }  # fmt: skip
+
+
+def test_a_search_is_saved_every_ten_seconds(monkeypatch):
+    """A clock that goes 4 s a candidate: saved after the third batch, the sixth and so on, and at the end."""
+    instants, saves = itertools.count(0.0, 4.0), []
+    monkeypatch.setattr(calibration, "clock", SimpleNamespace(monotonic=lambda: next(instants)))
+    steps = iter(range(1, 8))
+    search = SimpleNamespace(
+        is_finished=False, is_started=True, ask=lambda width: np.zeros((1, 1)), iteration=1, best_distance=1.0,
+        state=lambda: len(saves), best=np.zeros(1), best_history=[1.0], evaluations=7, non_finite=0,
+    )  # fmt: skip
+
+    def tell(candidates, distances):
+        search.is_finished = next(steps) == 7
+
+    search.tell = tell
+    monkeypatch.setattr(calibration, "begin", lambda name, task: search)
+    monkeypatch.setattr(calibration, "free_intervals", lambda *given: None)
+    request = SimpleNamespace(parameters=[SimpleNamespace(initial=1.0, interval=1.0)], space=None, seed=0, width=1,
+                              settings=SimpleNamespace(iterations=7), search="annealing")  # fmt: skip
+    recording = SimpleNamespace(duration=3.0, take_id="a")
+    model = SimpleNamespace(recordings=[recording] * 2, distances=lambda vectors: np.ones(1), points=None)
+    saved = SimpleNamespace(read=lambda: None, save=saves.append)
+    told = []
+    found = calibration._ask_and_tell(model, request, saved, lambda *given: told.append((len(saves), given)))
+    # The clock is read after each batch, and once more where it is set anew.
+    assert [count for count, _ in told] == [0, 0, 0, 1, 1, 1, 2]
+    assert len(saves) == 3
+    assert told[0][1] == (1, 7, 1.0)
+    assert found.simulations == 7 * 2

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fit.errors import BlowUpError
-from fit.identification.trials import ObservedSettings, Run
+from fit.identification.trials import FIRST_SETTINGS, LAST_SETTINGS, ObservedSettings, Run
 from fit.runtime import one_thread_of_algebra
 from fit.search import sampling
-from fit.search.least_squares import BoundedSpace
+from fit.search.least_squares import BoundedSpace, LeastSquaresSettings
 from fit.search.steps import Step
 
 SPACE = BoundedSpace(minimum=np.array([1.0, 0.1]), maximum=np.array([5.0, 10.0]), is_log=np.array([False, True]))
@@ -199,3 +199,17 @@ def test_the_largest_number_of_steps_is_that_of_all_trials_scans_and_the_last_de
     assert ObservedSettings(samples=80, trials=3).steps == 3 * (1 + 32 + 1 + 3 * 3) + 1
     assert ObservedSettings(samples=80, trials=1, pulls=(3.0, 0.0)).steps == 1 + 32 + 2 + 3 * 3 + 1
     assert ObservedSettings(pulls=(3.0, 0.0)).steps == 8
+
+
+def test_first_descents_stop_early_and_the_last_one_renews_its_slopes_once_and_is_finer():
+    """Wide differences do not tell two thousandths of a cost; the last ones are two fifths as wide."""
+    assert (
+        LeastSquaresSettings(is_chord=True, renewals=0, step=0.05, cost_tolerance=2e-3, step_tolerance=1e-3)
+        == FIRST_SETTINGS
+    )
+    assert (
+        LeastSquaresSettings(
+            is_chord=True, renewals=1, step=0.02, cost_tolerance=1e-4, step_tolerance=1e-3, max_iterations=8
+        )
+        == LAST_SETTINGS
+    )

@@ -110,7 +110,7 @@ def test_errors_of_motions_are_of_held_out_takes_alone_where_there_are_any():
 def parts_of(page):
     """The bars of a chart: kind, beginning and width [%] of each part."""
     found = re.findall(
-        r'class="(?:[a-z]+ )?(?:is-)?([a-z]+)[^"]*" style="left:\s*([\d.]+)%;\s*width:\s*([\d.]+)%', str(page)
+        r'class="(?:[a-z]+ )?(?:is-)?([a-z]+)[^"]*" style="left:\s*([\d.]+)%?;\s*width:\s*([\d.]+)%', str(page)
     )
     return [(kind, float(begin), float(width)) for kind, begin, width in found]
 

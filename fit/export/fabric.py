@@ -17,7 +17,6 @@ import numpy as np
 from fit.cloth import material as mat
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
-from fit.methods import find_method
 from fit.virtual_tests.fitted_rows import FittedRows, Read
 from formats.fit_records import Combination, FitParameter, FitResult
 
@@ -119,7 +118,8 @@ def fabric_of(result: FitResult) -> Fabric:
     """Return the fabric of a fit.
 
     Raises:
-        FitError: the fit has no SI values: another engine's, one that fitted the weight, or an older version's.
+        FitError: the fit has no SI values: another engine's, one that fitted the weight, or an older version's. Or its
+        method is unknown.
     """
     if reason := why_no_fabric(result):
         kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
@@ -154,11 +154,7 @@ WITHOUT_FABRIC = ("csv", "parquet", "blender", "usd", "gltf", "pc2", "abc")
 
 
 def why_no_fabric(result: FitResult) -> str:
-    """Return the reason why a fit has no fabric in SI units, or nothing if it has one.
-
-    Raises:
-        FitError: the method is unknown.
-    """
+    """Return the reason why a fit has no fabric in SI units, or nothing if it has one."""
     if result.engine != OWN_ENGINE:
         return f"the fit is of {result.engine}'s cloth, whose numbers have no SI values"
     names = {p.name for p in result.parameters}
@@ -169,7 +165,6 @@ def why_no_fabric(result: FitResult) -> str:
         )
     if not set(mat.MATERIAL_NAMES) <= result.material.keys():
         return "the fit does not hold its material; it is from an older version"
-    find_method(result.method)
     return ""
 
 

@@ -222,3 +222,8 @@ def test_every_row_of_the_table_by_hand():
     assert rows_of(plain)["Bending damping"][1] == "1.6 to 2.5"
     assert plain.splitlines()[0] == "Fabric for CLO, Marvelous Designer and Browzwear"
     assert max(map(len, plain.split("\n\n")[-1].splitlines())) <= 100
+
+
+def test_a_fit_of_an_unknown_method_has_no_fabric():
+    with pytest.raises(FitError, match="there is no method named 'guess'"):
+        fabric_of(msgspec.structs.replace(a_fit(), method="guess"))

@@ -213,3 +213,14 @@ def test_first_descents_stop_early_and_the_last_one_renews_its_slopes_once_and_i
         )
         == LAST_SETTINGS
     )
+
+
+def test_a_later_trial_of_which_nothing_can_be_simulated_is_no_reason_to_refuse_the_fit():
+    """All but the start's surroundings blows up, and there the residuals stay above the noise."""
+    problem = Formula(noise=3.0, is_broken=lambda v: np.abs(SPACE.to_unit(v) - SPACE.to_unit(START)).max(1) > 0.06)
+    found = problem.run()
+    assert kinds(found).count("S") == 3
+    assert kinds(found).endswith("Sdd")
+    assert [np.isfinite(step.cost) for step in found.path[-3:]] == [True, False, True]
+    assert np.abs(SPACE.to_unit(found.vector) - SPACE.to_unit(START)).max() <= 0.06
+    assert found.ends[-1][0] == min(cost for cost, _ in found.ends)

@@ -201,3 +201,24 @@ def test_a_motion_lasts_two_seconds_to_a_minute(seconds, is_refused):
         return
     with pytest.raises(FitError, match="2 to 60 s"):
         check_motion("mixed", seconds)
+
+
+def test_letters_are_a_forty_fifth_of_the_pictures_height_and_ten_pixels_at_least():
+    """Three times their size stays free above the cloth, from 200 pixels of height on."""
+    for high, letter, title in ((900, 20.0, 60), (300, 10.0, 30), (200, 10.0, 30), (199, 10.0, 0)):
+        stage = Stage(square(0.0), (320, high))
+        assert (stage._letter, stage._title) == (pytest.approx(letter), title)
+
+
+def test_the_cloth_is_drawn_as_large_as_84_percent_of_the_smaller_side_allow():
+    """Of its own extent and its floor; the camera is 3.2 times that far."""
+    stage = Stage(square(0.0), (160, 120))
+    corners = square(0.0).places[0].astype(float)
+    low, high = corners.min(0), corners.max(0)
+    low[2] = stage._floor_at
+    assert stage._middle == pytest.approx(0.5 * (low + high))
+    assert stage._distance == pytest.approx(3.2 * np.linalg.norm(high - low))
+    shadow = corners * [1, 1, 0] + [0, 0, stage._floor_at]
+    every = stage._project(np.concatenate([corners, shadow]), np.zeros(3), stage._scale, (0.0, 0.0))[:, :2]
+    assert np.abs(every / [80, 60]).max() == pytest.approx(0.84)
+    assert stage._light == pytest.approx(np.array([0.45, -0.75, 0.6]) / np.linalg.norm([0.45, -0.75, 0.6]))

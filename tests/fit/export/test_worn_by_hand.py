@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import ClassVar
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ IDENTITY = SimpleNamespace(apply=lambda places: places)
 class Still:
     """A simulator of four nodes that stay where they are; it records what it was asked."""
 
-    made: dict = {}
+    made: ClassVar[dict] = {}
     shapes = np.repeat(np.column_stack([REST[:, 0], 0 * REST[:, 0], REST[:, 1]])[None], 60, 0)[None]
 
     def __init__(self, recording, effects, **more):
@@ -84,8 +86,6 @@ def test_a_skirt_of_the_fabric_has_its_weight_and_its_stiffness_in_both_layers(s
 
 def test_a_sheet_that_is_both_layers_shares_what_it_bears_among_them(still):
     """Half of the weight, the stretch, shear and bending stiffness; times stay."""
-    import msgspec
-
     both = msgspec.structs.replace(plain_skirt(0.2), layers=2)
     worn(a_fit(layers=2), both, FigureOrder(), 2.0)
     (row,) = Still.made["row"]

@@ -111,6 +111,16 @@ def test_a_foot_meets_the_ground_with_its_heel_lies_flat_and_leaves_it_with_its_
     assert motion.joints["left_ankle"][2000:, 0] == pytest.approx(0.8 * 0.05 * HEIGHT, abs=5e-3)
 
 
+def test_a_knee_is_ahead_of_the_straight_line_from_hip_to_ankle_and_turns_with_the_pelvis(motion):
+    """The figure walks towards -y. Half-way through its swing a leg is bent by more than 10 cm."""
+    k, _ = at_phase(motion, 0.75)
+    hip, knee, ankle = (motion.joints[f"left_{joint}"][k] for joint in ("hip", "knee", "ankle"))
+    along = (ankle - hip) / np.linalg.norm(ankle - hip)
+    out = (knee - hip) - ((knee - hip) @ along) * along
+    assert out[1] < -0.1
+    assert out / np.linalg.norm(out) @ motion.pelvis[k, 0] == pytest.approx(0.0, abs=0.05)
+
+
 def test_a_foot_in_its_swing_clears_the_ground_by_three_centimetres_more_than_its_turn_lifts_it(motion):
     """Half-way through its swing, at 0.81, a cubic between the ground's places and speeds is 14 cm high."""
     k, _ = at_phase(motion, 0.81)

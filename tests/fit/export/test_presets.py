@@ -103,3 +103,43 @@ def test_mujocos_sheet_by_hand():
     assert sum(b.find("joint") is None for b in bodies) == 7
     numbers = {n.get("name"): n.get("data").split() for n in root.findall("custom/numeric")}
     assert [float(v) for v in numbers["hangtime_velocity_damping"]] == pytest.approx([0.5, 0.4, 0.625])
+
+
+def test_mujocos_step_follows_the_fastest_wave_across_the_finest_side_and_is_two_milliseconds_at_most():
+    """sqrt(4 x 100 / 0.2) / 0.05 and sqrt(16 x 1.4e-5 / 0.2) / 0.05^2 per second, four steps a period: 0.559 ms."""
+    root = ElementTree.fromstring(text_of("mujoco", a_fit(), spacing=0.05))
+    fastest = np.hypot(np.sqrt(4 * 100 / 0.2) / 0.05, np.sqrt(16 * 1.4e-5 / 0.2) / 0.05**2)
+    assert float(root.find("option").get("timestep")) == pytest.approx(1 / (2 * fastest), rel=5e-3)
+    stiff = a_fit(values={"bending_stiffness": 1e-2})
+    root = ElementTree.fromstring(text_of("mujoco", stiff, spacing=0.05))
+    fastest = np.hypot(np.sqrt(4 * 100 / 0.2) / 0.05, np.sqrt(16 * 1e-2 / 0.2) / 0.05**2)
+    assert float(root.find("option").get("timestep")) == pytest.approx(1 / (2 * fastest), rel=5e-3)
+    soft = a_fit(values={"stretch_stiffness": 1.0})
+    root = ElementTree.fromstring(text_of("mujoco", soft, spacing=0.05))
+    assert float(root.find("option").get("timestep")) == 2e-3
+
+
+def test_mujocos_flex_joins_the_bodies_of_its_nodes_and_knows_its_damping_and_what_is_unknown():
+    fit = a_fit(unknown=("shear_stiffness",))
+    root = ElementTree.fromstring(text_of("mujoco", fit, spacing=0.05))
+    sheet = strip(0.3, 0.3, 0.05)
+    bodies = {body.get("name"): body for body in root.findall("worldbody/body")}
+    places = np.array([bodies[f"n{k}"].get("pos").split() for k in range(len(sheet.rest))], float)
+    assert places == pytest.approx(sheet.start, abs=1e-6)
+    free = [k for k in range(len(sheet.rest)) if bodies[f"n{k}"].find("joint") is not None]
+    assert sorted({*range(len(sheet.rest))} - {*free}) == sorted(sheet.held.tolist())
+    assert {joint.get("axis") for joint in bodies[f"n{free[0]}"].findall("joint")} == {"1 0 0", "0 1 0", "0 0 1"}
+    flex = root.find("deformable/flex")
+    assert flex.get("body").split() == [f"n{k}" for k in range(len(sheet.rest))]
+    assert [int(k) for k in flex.get("element").split()] == sheet.triangles.ravel().tolist()
+    elastic = flex.find("elasticity").attrib
+    assert float(flex.get("radius")) == pytest.approx(float(elastic["thickness"]) / 2, rel=1e-5)
+    assert (elastic["poisson"], elastic["elastic2d"]) == ("0", "both")
+    damping = {n.get("name"): n.get("data").split() for n in root.findall("custom/numeric")}
+    assert float(elastic["damping"]) == pytest.approx(float(damping["hangtime_stretch_damping_time"][0]), rel=1e-5)
+    assert root.find("option").get("gravity") == "0 0 -9.80665"
+    texts = {one.get("name"): one.get("data") for one in root.findall("custom/text")}
+    assert texts["hangtime_not_identified"] == "shear"
+    assert json.loads(texts["hangtime_provenance"])["takes"] == ["swing-01"]
+    whole = ElementTree.fromstring(text_of("mujoco", a_fit(), spacing=0.05))
+    assert {o.get("name"): o.get("data") for o in whole.findall("custom/text")}["hangtime_not_identified"] == "none"

@@ -14,6 +14,7 @@ from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
 from fit.report.cli import add_commands as add_report_commands
 from fit.report.cli import fabric_command
+from fit.search import PRINTED_ITERATIONS
 from formats.anyway import Anyway
 from formats.command_groups import FIT
 from formats.plain_text import plain
@@ -117,7 +118,7 @@ def fit_command(
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares "
             "searches ignore it.",
         ),
-    ] = 350,  # the paper's, `fit.search.annealing`
+    ] = PRINTED_ITERATIONS,
     gamma: Annotated[
         float | None,
         typer.Option(

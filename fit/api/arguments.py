@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypedDict, TypeVar, get_type_hints
 
 from fit.errors import FitError
+from fit.search import PRINTED_ITERATIONS
 from formats.errors import HangtimeError, of_system
 
 # Options of the command line and the equivalent arguments, if their names differ in more than hyphens.
@@ -41,8 +42,8 @@ class PlanOptions(TypedDict, total=False):
 
 
 PLAN_DEFAULTS: Mapping[str, object] = {
-    "method": "si", "effects": (), "bounds": (), "search": "", "iterations": 350, "gamma": None, "spacing": None,
-    "seed": 0, "fabric": None, "engine": "own",
+    "method": "si", "effects": (), "bounds": (), "search": "", "iterations": PRINTED_ITERATIONS,
+    "gamma": None, "spacing": None, "seed": 0, "fabric": None, "engine": "own",
 }  # fmt: skip
 """The defaults of `fit.identification.request.Plan`, which is not imported before a call needs it."""
 OF_THE_FIT: Mapping[str, object] = dict.fromkeys(PLAN_DEFAULTS, ...)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fit.errors import BatchError, UnreachableError
+from fit.search import PRINTED_ITERATIONS
 from formats.anyway import Anyway
 from formats.command_groups import FIT
 from formats.plain_text import counted, plain
@@ -123,7 +124,7 @@ def batch_command(
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares searches "
             "ignore it.",
         ),
-    ] = 350,  # the paper's, `fit.search.annealing`
+    ] = PRINTED_ITERATIONS,
     gamma: Annotated[
         float | None,
         typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="the method's own"),

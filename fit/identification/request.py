@@ -14,6 +14,7 @@ from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import FitError
 from fit.methods import Parameter, Parameterisation, find_method
 from fit.methods.fabrics import find_fabric
+from fit.search import PRINTED_ITERATIONS
 from fit.search.annealing import AnnealingSettings
 from fit.search.choice import OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
@@ -81,7 +82,7 @@ class Plan:
     effects: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()  # NAME=LOW:HIGH
     search: str = ""  # the method's own where empty; annealing for another engine's cloth
-    iterations: int = 350  # of the annealing, as its paper has it (`fit.search.annealing`)
+    iterations: int = PRINTED_ITERATIONS
     gamma: float | None = None  # the method's own where None
     spacing: float | None = None  # m; the method's own where None
     seed: int = 0

@@ -39,7 +39,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fit.errors import FitError
-from fit.search import bounds
+from fit.search import PRINTED_ITERATIONS, bounds
 from fit.search.speculation import Branch, grow
 from formats.arrays import Floats
 
@@ -50,7 +50,8 @@ OUTCOMES_KEPT = 64  # last proposals that estimate the next acceptance probabili
 class AnnealingSettings:
     """The factors of equations 2 to 5, and what the paper leaves open."""
 
-    iterations: int = 350  # the paper's, like the next five
+    iterations: int = PRINTED_ITERATIONS
+    # The paper's, like the next four.
     start_temperature: float = 1000.0  # T_0
     alpha: float = 0.003  # 1, equation 3
     beta: float = 1.0  # 1, equation 3

@@ -236,9 +236,10 @@ def test_an_outage_lasts_from_its_first_word_to_its_last_and_five_minutes_of_sil
 
 def test_ctrl_c_while_the_workers_start_waits_closes_the_cluster_and_meets_none_of_them(monkeypatch):
     """A thread of a cluster that begins has SIGINT blocked, and what the thread starts inherits that."""
-    seen, closed = [], []
+    seen, closed, begun = [], [], {}
 
     def begin(**options):
+        begun.update(options)
         thread = threading.Thread(target=lambda: seen.append(signal.pthread_sigmask(signal.SIG_BLOCK, ())))
         thread.start()
         os.kill(os.getpid(), signal.SIGINT)
@@ -252,8 +253,11 @@ def test_ctrl_c_while_the_workers_start_waits_closes_the_cluster_and_meets_none_
     monkeypatch.setitem(
         sys.modules, "distributed", SimpleNamespace(LocalCluster=begin, Client=connected, Security=security)
     )
-    with pytest.raises(KeyboardInterrupt), connect(Workers(count=1)):
+    with pytest.raises(KeyboardInterrupt), connect(Workers(count=3, dashboard_port=9)):
         pytest.fail("the interruption is raised before work is handed out")
+    own = {"n_workers": 3, "threads_per_worker": 1, "processes": True}
+    reach = {"host": "127.0.0.1", "protocol": "tls://", "dashboard_address": "127.0.0.1:9"}
+    assert begun.items() >= {**own, **reach}.items()
     assert closed == ["client", "cluster"]
     assert signal.SIGINT in seen[0]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

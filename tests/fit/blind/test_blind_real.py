@@ -241,6 +241,21 @@ def test_a_set_of_real_takes_is_sealed_and_scored_by_what_the_plant_changes(fold
     assert "is of real takes, which are scored by pairs of answers" in refused.stderr
 
 
+def test_the_labels_of_a_set_of_real_takes_state_what_was_asked_for(folder, tmp_path):
+    plants = real_plants(["time_offset", "gravity_tilt"])
+    counted = []
+    numbers = {"single": 1, "null": 1, "pair": 0, "unknown": 0}
+    manifest = make_real_set(tmp_path / "set", folder, numbers, plants, 3, progress=lambda *done: counted.append(done))
+    labels = open_labels(tmp_path / "set")
+    assert (labels.numbers, labels.plants, labels.seed) == (numbers, ("time_offset", "gravity_tilt"), 3)
+    assert (labels.generator, labels.side, labels.truths, len(labels.real)) == ("real", 0.0, (), 2)
+    assert labels.cases == manifest.cases == tuple(sorted(truth.id for truth in labels.real))
+    assert counted == [(0, 2), (1, 2), (2, 2)]
+    for other in ({"single": 2, "null": 1, "pair": 0, "unknown": 0}, {"single": 1, "null": 2, "pair": 0, "unknown": 0}):
+        with pytest.raises(FitError, match="the folder holds another set of cases"):
+            make_real_set(tmp_path / "set", folder, other, plants, 3)
+
+
 def a_truth(one):
     return RealTruth(id="b", kind="single", planted=(one,), takes=(), reference="a", turn=(0.0, 0.0))
 

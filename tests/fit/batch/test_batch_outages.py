@@ -199,6 +199,28 @@ def test_a_finished_fit_waits_for_a_bucket_that_is_gone_as_long_as_patience_last
         worker.write_patiently(GoneTwice(tmp_path), "fits/b.json", b"{}", patience=0.0)
 
 
+class Gone(Folder):
+    """A folder that is never reached."""
+
+    def write(self, name, content):
+        raise UnreachableError("cannot be written", where=name, advice="make room")
+
+
+@pytest.mark.parametrize(("patience", "limit"), [(0.0, 0.0), (60.0, 65.0)])
+def test_a_worker_gives_up_five_seconds_after_the_batch_did(tmp_path, monkeypatch, patience, limit):
+    """The batch hears of the outage up to five seconds later; a try takes two seconds here."""
+    clock = SimpleNamespace(now=1000.0)
+
+    def sleep(seconds):
+        assert seconds == 2.0
+        clock.now += seconds
+
+    monkeypatch.setattr(worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+    with pytest.raises(UnreachableError):
+        worker.write_patiently(Gone(tmp_path), "fits/a.json", b"{}", patience=patience)
+    assert limit <= clock.now - 1000.0 < limit + 2.0
+
+
 def keeps_late(job):
     """Finish a fit whose folder is not reached at first."""
     results = open_store(job.results_url)
@@ -272,10 +294,12 @@ def test_a_scheduler_is_tried_again_where_dasks_own_thread_did_not_begin_in_time
             raise error
         return SimpleNamespace(cluster=None, close=lambda timeout: None)
 
+    slept = []
     monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=client))
-    monkeypatch.setattr(cluster, "RETRY", 0.0)
+    monkeypatch.setattr(cluster, "time", SimpleNamespace(monotonic=time.monotonic, sleep=slept.append))
     with connect(Workers(scheduler="tcp://127.0.0.1:9")):
         assert not list(tries)
+    assert slept == [2.0]
 
 
 def test_a_batch_shows_the_stage_and_share_of_the_garment_at_work():

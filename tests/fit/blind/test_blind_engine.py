@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -171,6 +173,13 @@ def test_the_bound_of_the_step_holds_for_a_rod_of_triangles():
     sheet = make_sheet(0.1, 0.1, 0.025)
     bound = membrane_rate(sheet, 1.0, 0.0, 0.0)
     assert (2 / 0.025) ** 2 < bound < 40 * (2 / 0.025) ** 2
+
+
+def test_the_bound_of_a_single_triangle_is_its_stiffest_shape():
+    """Legs of 1 m: strains along x have slopes -1 and 1, a square of 2, and each corner a third of the mass."""
+    triangle = SimpleNamespace(area=np.array([0.5]), inverse=np.eye(2).reshape(1, 4))
+    assert membrane_rate(triangle, 2.0, 0.0, 0.0) == pytest.approx(3 * 2 * 2.0)
+    assert membrane_rate(triangle, 0.0, 0.0, 2.0) == pytest.approx(3 * 4 * 2.0)
 
 
 def test_impossible_sheets_are_refused():

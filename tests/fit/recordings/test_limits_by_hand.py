@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from fit.errors import FitError, MismatchError
+from fit.errors import FitError, ImpossiblePathError, MismatchError
 from fit.recordings.camera import (
     NARROWEST_ROW,
     Camera,
@@ -21,6 +21,7 @@ from fit.recordings.camera import (
     steadied,
     straightened,
 )
+from fit.recordings.hanger_path import check_path
 from fit.recordings.held_edge import HeldEdge
 from fit.recordings.intact import FRAME_FIELDS, naming_damage
 from fit.recordings.ready import ready
@@ -30,7 +31,7 @@ from tests.fit.recordings.silhouettes import path as hanger_of
 from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
 from tests.fit.recordings.test_estimates_by_hand import a_scan, ends_of
 from tests.fit.recordings.test_held_edge import edge
-from tests.fit.recordings.test_timing_by_hand import A_TIMING
+from tests.fit.recordings.test_timing_by_hand import A_TIMING, scan_of
 from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.formats.damage import a_report
 
@@ -122,6 +123,31 @@ def test_points_of_another_clock_are_refused_with_figures_that_differ():
     assert "(best: 0 %)" in why_foreign(dataclasses.replace(A_TIMING, explained=-2.0))
     ahead = why_foreign(dataclasses.replace(A_TIMING, explained=0.93, latency=-0.49))
     assert "most of the held row's motion, 93 %, at a shift of -0.49 s, and none beyond" in ahead
+
+
+@pytest.mark.parametrize(("spread", "has_share"), [(0.09, False), (0.11, True)])
+def test_intervals_uneven_by_a_tenth_have_a_share(spread, has_share):
+    """Every second interval is the median, and the others are longer and shorter by d: a deviation of d / sqrt(2)."""
+    steps = 0.1 * (1 + spread * np.sqrt(2) * np.tile([0.0, 1.0, 0.0, -1.0], 20))
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    path = a_scan().path
+    row = path(time - 0.1)[:, :3] + [0.2, 0.0, 0.0]
+    assert (find_timing(time, row, path, is_per_frame=False).share_interval is not None) == has_share
+
+
+def test_outliers_are_measured_by_the_median_distance_and_not_by_their_own():
+    """Distances of 0.1 six times, of 0.35 and of 1.2 twice: the mean of 0.37 would keep 0.35."""
+    time = np.arange(10) * 0.1
+    scan = scan_of(time, np.array([*3 * (0.1, -0.1), 0.35, -0.35, 1.2, -1.2]))
+    assert scan.without_outliers(0.0, 0.0).used.tolist() == [*6 * [True], *4 * [False]]
+
+
+def test_a_jump_is_told_with_the_fastest_speed_and_the_instant_before_it():
+    times = np.arange(60) / 30
+    path = np.zeros((60, 6))
+    path[30:, 1] = 1.0
+    with pytest.raises(ImpossiblePathError, match=r"the hanger jumps at 0\.97 s \(30 m/s\)"):
+        check_path("a", times, path)
 
 
 def test_frames_in_order_are_four_milliseconds_apart_and_those_between_go():

@@ -18,6 +18,7 @@ from fit.blind.engine import (
     resample,
 )
 from fit.blind.foreign.workers.outside_forces import OutsideForces
+from fit.blind.sheet import place_on
 
 DURATION, SETTLE = 0.1, 0.02  # s
 NUDGE = 1e-6  # m, of a central difference
@@ -145,12 +146,15 @@ def in_numpy(engine, ends):
 def test_every_force_and_every_step_is_as_documented():
     """All effects at once, 21 samples of a sheet of 3 x 3 nodes and more; a central difference leaves nanometres."""
     engine, ends = Engine(EVERYTHING, side=0.1), ends_of(41)
-    middle = np.array([[0.03, -0.07]])
-    found = engine.run(ends[None], DURATION, middle, settle=SETTLE, shapes=True)
+    places = np.array([[0.03, -0.07], [-0.08, -0.19]])
+    found = engine.run(ends[None], DURATION, places, settle=SETTLE, shapes=True)
     expected = in_numpy(engine, ends)
     moved = np.abs(expected[..., :3] - expected[0, :, :3]).max()
     assert moved > 0.05
     assert found.shapes[0, ..., :3] == pytest.approx(expected[..., :3], abs=1e-7)
     assert found.shapes[0, ..., 3:] == pytest.approx(expected[..., 3:], abs=1e-5)
-    assert found.points.shape == (1, 21, 1, 3)
+    corners, weights = place_on(engine.sheet, places)
+    between = (weights[..., None] * expected[:, corners, :3]).sum(2)
+    assert found.points[0] == pytest.approx(between, abs=1e-7)
+    assert (weights[0] > 0.01).all()
     assert len(kernel.NUMBER_NAMES) == len(engine.numbers())

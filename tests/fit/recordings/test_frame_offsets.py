@@ -59,6 +59,17 @@ def test_offsets_are_found_in_each_of_20_recordings_with_and_without_a_scale():
         assert all(found_of(one, seed, scale) is not None for seed, one in enumerate(off))
 
 
+def test_a_row_that_is_lost_in_one_frame_is_not_moved_and_moves_no_other():
+    """Half a metre off while the hanger moves: more than five deviations of any frame."""
+    true = LATE * speed() * np.random.default_rng(100).standard_normal(len(TIME))
+    lost = int(np.argmax(speed()))
+    plain, found = found_of(true, 0), found_of(np.where(np.arange(len(TIME)) == lost, 0.5, true), 0)
+    assert not found.moved[lost].any()
+    others = np.arange(len(TIME)) != lost
+    assert found.moved[others] == pytest.approx(plain.moved[others], abs=2e-3)
+    assert found.rms == pytest.approx(plain.rms, rel=0.1)
+
+
 def test_noise_alone_is_no_offset():
     """It passes in 7 of 300 recordings, 2 %; more than 4 of 60 would come once in a hundred times."""
     assert sum(found_of(np.zeros(len(TIME)), seed) is not None for seed in range(60)) <= 4

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from fit.recordings.grids import grid_of, length_seen, placed, skew_degrees
+from fit.recordings.grids import _ways, grid_of, length_seen, placed, skew_degrees
 from tests.fit.recordings.silhouettes import silhouette_sheet
 from tests.fit.scenes import sheet
 
@@ -97,3 +97,16 @@ def test_columns_that_are_hardly_seen_are_not_placed():
     assert found[grid.at[:, 4:]] == pytest.approx(points[0, grid.at[:, 4:]], abs=1e-9)
     points[:] = np.nan
     assert np.isnan(placed(points, ends(), grid)).all()
+
+
+def test_the_way_down_a_column_is_its_polyline_and_its_first_point_is_projected_on_the_whole_way():
+    """From the edge's end the first point is 0.1 m off along z; the way from first to last is (0, 0.3, -0.1)."""
+    column = np.array([[0.0, 0.0, -0.1], [0.0, 0.1, -0.2], [0.0, 0.3, -0.2]])
+    laid = np.stack([column, column + [0.2, 0.0, 0.0]], 1)
+    across, down = _ways(laid, np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
+    first = 0.1 * 0.1 / np.hypot(0.3, 0.1)
+    ways = [first, first + np.hypot(0.1, 0.1), first + np.hypot(0.1, 0.1) + 0.2]
+    assert across == pytest.approx(np.tile([0.0, 0.2], (3, 1)))
+    assert down == pytest.approx(np.tile(ways, (2, 1)).T)
+    laid[1, 1] = np.nan
+    assert np.isnan(_ways(laid, np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))[1][:, 1]).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 from fit.blind import making
 from fit.blind.boundary import real_ends
 from fit.blind.cases import _garment, _take, draw_truth, plan
-from fit.blind.engine import SAMPLES_A_SECOND
+from fit.blind.engine import SAMPLES_A_SECOND, Cloth
+from fit.blind.foreign.engines import find_generator
 from fit.blind.hands import HELD_OUT, TRAINING, move
 from fit.blind.making import make_real_set, make_set
-from fit.blind.plants import PLANTS, Planted
+from fit.blind.plants import PLANTS, UNKNOWNS, Planted, with_plants
 from fit.blind.real import _turn, plan_real, real_plants
 from fit.blind.sensing import smoothing_matrix
 from fit.errors import FitError
@@ -83,6 +85,58 @@ def test_sensors_of_real_cases_turn_by_five_and_two_degrees_at_most_to_either_si
     for drawn, most in zip(turns.T, (0.08, 0.03), strict=True):
         assert 0.95 * most < drawn.max() <= most
         assert 0.95 * most < -drawn.min() <= most
+
+
+FIELDS = {
+    "bending_hysteresis": {"friction": 3.0}, "hem": {"hem": 3.0}, "strain_stiffening": {"stiffening": 3.0},
+    "anisotropy": {"stretch_ratio": 4.0, "bending_ratio": 5.0}, "rest_curvature": {"curl": (4.0, 5.0)},
+    "bending_viscosity": {"bend_viscosity": 3.0}, "stretch_viscosity": {"stretch_time": 3.0},
+    "mass_distribution": {"mass_slope": (4.0, 5.0)}, "air_drag": {"drag": 3.0}, "added_mass": {"added_mass": 3.0},
+    "air_lift": {"lift": 3.0}, "gravity_tilt": {"gravity_tilt": (4.0, 5.0)}, "wake_memory": {"wake": 3.0},
+    "hidden_magnet": {"magnet": 3.0}, "corner_pendulum": {"bob": pytest.approx(3.0 * 0.3**2 * 0.2), "corner": 1},
+    "loose_thread": {"thread": 3.0, "corner": 1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("plant", [plant for plant in PLANTS + UNKNOWNS if plant.id != "draught"], ids=lambda p: p.id)
+def test_an_effect_sets_its_own_fields_of_the_cloth_and_no_others(plant):
+    """An amplitude of 3, in components of 4 and 5."""
+    parts = {"": 3.0} if plant.components == ("",) else dict(zip(plant.components, (4.0, 5.0, 6.0), strict=False))
+    cloth = Cloth(width=0.3, height=0.3)
+    changed = with_plants(cloth, (Planted(id=plant.id, amplitude=3.0, unit=plant.unit, components=parts),))
+    expected = FIELDS.get(plant.id, {})
+    if plant.id == "hem":  # the weighed mass stays
+        expected = {**expected, "density": pytest.approx(0.2 - 3.0 / 0.3)}
+    assert {field: value for field, value in vars(changed).items() if value != getattr(cloth, field)} == {
+        field: value for field, value in expected.items() if value != getattr(cloth, field)
+    }
+
+
+def test_a_draught_has_its_direction_and_a_gust_of_its_own_and_corners_are_on_either_side():
+    cloth = Cloth(width=0.3, height=0.3)
+    wind = Planted(id="draught", amplitude=0.5, unit="m/s", components={"x": 0.3, "y": -0.4}, seed=5250)
+    windy = with_plants(cloth, (wind,))
+    assert windy.wind == (0.3, -0.4, 0.0)
+    assert windy.gust_phase == pytest.approx(np.pi / 2)
+    thread = Planted(id="loose_thread", amplitude=0.5, unit="N/m", components={"": -0.5})
+    left = with_plants(cloth, (thread,))
+    assert (left.corner, left.thread) == (-1, 0.5)
+
+
+def test_the_page_on_the_blind_check_states_the_programs_sizes():
+    """Amplitudes are drawn up to three typical sizes, or to the limit of apparel and sensors below that."""
+    page = (Path(__file__).parents[3] / "docs/reference/blind-check.md").read_text()
+    rows = [[cell.strip() for cell in line.split("|")[1:5]] for line in page.splitlines() if line.startswith("| `")]
+    stated = {name.strip("`"): (unit.replace("²", "^2"), typical, most) for name, unit, typical, most in
+              (row for row in rows if len(row) == 4)}  # fmt: skip
+    for plant in PLANTS:
+        unit, typical, most = stated[plant.id]
+        assert unit == plant.unit.replace("²", "^2")
+        assert float(typical) == plant.typical, plant.id
+        assert float(most) == pytest.approx(min(3 * plant.typical, plant.most)), plant.id
+    assert "equilateral triangles, 16 mm" in page
+    assert "squares of 20 mm" in page
+    assert [find_generator(name).side for name in ("own", "mujoco", "newton")] == [0.016, 0.02, 0.02]
 
 
 # --- the boundary and the tracker -----------------------------------------------------------------

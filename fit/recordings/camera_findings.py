@@ -110,8 +110,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
     found = [foreign] if foreign is not None else []
     sound = [(r, t) for r, t in timed if t.is_of_hanger]
     mended = [(r, t) for r, t in sound if r.camera.is_retimed]
-    figure, interval = _together([(t.latency, t.latency_interval) for _, t in mended]) if mended else (0.0, (0.0, 0.0))
-    if mended and is_sure(interval):
+    figure, interval = _together([(t.latency, t.latency_interval) for _, t in mended])
+    if is_sure(interval):
         found.append(CameraFinding(
             name="latency", take_ids=[r.take_id for r, _ in mended], figure=figure, interval=interval, unit="s",
             sentence=(
@@ -119,8 +119,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
                 f"{_listed([r for r, _ in mended])}, as the held row shows against the hanger's path. Taken out."),
         ))  # fmt: skip
     shares = [(r, t.share, t.share_interval) for r, t in mended if t.share_interval is not None]
-    figure, interval = _together([(share, span) for _, share, span in shares]) if shares else (0.0, (0.0, 0.0))
-    if shares and is_sure(interval):
+    figure, interval = _together([(share, span) for _, share, span in shares])
+    if is_sure(interval):
         found.append(CameraFinding(
             name="publish_time", take_ids=[r.take_id for r, _, _ in shares], figure=figure, interval=interval,
             unit="1", sentence=(
@@ -219,8 +219,8 @@ def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return the erosion of the borders, and its dependence on pose, if certain."""
     shown = [(r, r.camera.outline) for r in recordings if r.camera.outline is not None]
     found = []
-    bottom, bottom_span = _together([(o.bottom, o.bottom_interval) for _, o in shown]) if shown else (0.0, (0.0, 0.0))
-    side, side_span = _together([(o.side, o.side_interval) for _, o in shown]) if shown else (0.0, (0.0, 0.0))
+    bottom, bottom_span = _together([(o.bottom, o.bottom_interval) for _, o in shown])
+    side, side_span = _together([(o.side, o.side_interval) for _, o in shown])
     figure = (bottom + 2 * side) / 3
     half = float(np.hypot(bottom_span[1] - bottom, 2 * (side_span[1] - side))) / 3
     if figure > LEAST_BORDER and is_sure((figure - half, figure + half)):
@@ -254,7 +254,7 @@ def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
     shown = [(r, t.scale, t.scale_interval) for r, t in timed]
     known = [(r, scale, span) for r, scale, span in shown if span is not None]
-    figure, span = _together([(scale, interval) for _, scale, interval in known]) if known else (0.0, (0.0, 0.0))
+    figure, span = _together([(scale, interval) for _, scale, interval in known])
     if abs(figure) < LEAST_SCALE or not is_sure(span):
         return []
     return [CameraFinding(
@@ -269,7 +269,7 @@ def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
 def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return the finding on the lean of cloth at rest."""
     shown = [(r, lean.angle, lean.interval) for r in recordings if (lean := r.camera.lean) is not None]
-    figure, span = _together([(angle, interval) for _, angle, interval in shown]) if shown else (0.0, (0.0, 0.0))
+    figure, span = _together([(angle, interval) for _, angle, interval in shown])
     if abs(figure) < LEAST_LEAN_TOLD or not is_sure(span):
         return []
     degrees = [float(np.degrees(value)) for value in (figure, *span)]
@@ -282,10 +282,14 @@ def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 
 def _together(values: Sequence[tuple[float, Interval]]) -> tuple[float, Interval]:
-    """Return the mean of values with 90 % intervals, and its interval; less certain values than the median count
-    less."""
+    """Return the mean of values with 90 % intervals, and its interval; 0 without values.
+
+    Less certain values than the median count less.
+    """
     from scipy.special import stdtrit
 
+    if not values:
+        return 0.0, (0.0, 0.0)
     figures = np.array([value for value, _ in values])
     half = np.array([(high - low) / 2 for _, (low, high) in values])
     weight = 1.0 / np.maximum(half**2 + float(np.median(half)) ** 2, 1e-30)

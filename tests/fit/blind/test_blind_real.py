@@ -233,6 +233,7 @@ def test_a_set_of_real_takes_is_sealed_and_scored_by_what_the_plant_changes(fold
     assert (score.right_size.k, score.right_size.n) == (8, 8)
     assert score.error == pytest.approx(0.0, abs=0.2)
     assert score.newly_named.k == 0
+    assert score.format == "hangtime-blind-real-score/1"
     said = hangtime_blind("score", tmp_path / "set", tmp_path / "answers").stdout
     assert "8 planted cases, opening 2 of this seal" in said
     assert "untouched takes" in said

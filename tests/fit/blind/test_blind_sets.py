@@ -272,6 +272,9 @@ def test_a_program_that_does_not_exist_is_a_failure_not_an_end(a_set, tmp_path):
     assert run_set(a_set, tmp_path / "answers", command=["/nowhere/at/all"]) == 5
     score = summarise(tuple(judge(t, tmp_path / "answers") for t in open_labels(a_set).truths))
     assert {v for row in score.verdicts.values() for v in row} == {"inconclusive"}
+    told = next((tmp_path / "answers").glob("*/failure.txt")).read_text()
+    assert told.startswith("exit code 127\n")
+    assert "/nowhere/at/all" in told
 
 
 def test_a_case_that_takes_too_long_is_a_failure(a_set, tmp_path):
@@ -279,7 +282,7 @@ def test_a_case_that_takes_too_long_is_a_failure(a_set, tmp_path):
     program.write_text("import time; time.sleep(60)")
     assert run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], limit=0.2) == 5
     case = read_manifest(a_set).cases[0]
-    assert "took longer than 0.2 s" in (tmp_path / "answers" / case / "failure.txt").read_text()
+    assert (tmp_path / "answers" / case / "failure.txt").read_text() == "exit code 124\ntook longer than 0.2 s"
 
 
 def test_the_command_line_makes_scores_and_reports(tmp_path):

@@ -285,6 +285,7 @@ def test_what_was_left_or_has_no_figure_is_not_in_the_clause():
 
 def test_figures_of_takes_go_together_by_their_certainty():
     """One keeps its interval; of two that are as certain the larger of both kinds of spread counts."""
+    assert _together([]) == (0.0, (0.0, 0.0))
     assert _together([(2.0, (1.0, 3.0))]) == (2.0, (1.0, 3.0))
     mean, (low, high) = _together([(2.0, (1.0, 3.0)), (2.0, (1.0, 3.0))])
     assert (mean, low, high) == pytest.approx((2.0, 2 - np.sqrt(0.5), 2 + np.sqrt(0.5)))

@@ -102,7 +102,7 @@ def test_columns_that_are_hardly_seen_are_not_placed():
 def test_the_way_down_a_column_is_its_polyline_and_its_first_point_is_projected_on_the_whole_way():
     """From the edge's end the first point is 0.1 m off along z; the way from first to last is (0, 0.3, -0.1)."""
     column = np.array([[0.0, 0.0, -0.1], [0.0, 0.1, -0.2], [0.0, 0.3, -0.2]])
-    laid = np.stack([column, column + [0.2, 0.0, 0.0]], 1)
+    laid = np.stack([column, column + np.array([0.2, 0.0, 0.0])], 1)
     across, down = _ways(laid, np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
     first = 0.1 * 0.1 / np.hypot(0.3, 0.1)
     ways = [first, first + np.hypot(0.1, 0.1), first + np.hypot(0.1, 0.1) + 0.2]

@@ -175,3 +175,12 @@ def test_a_long_take_is_compared_in_parts_and_its_copy_is_known(monkeypatch):
 def test_takes_without_a_common_point_are_no_copies():
     take = recorded()
     assert not copies(take, with_lost(take, 1.0, 0))
+
+
+def test_a_point_is_seen_where_it_is_valid_and_all_of_its_position_is_known():
+    take = recorded()
+    points, valid = take.points.copy(), take.points_valid.copy()
+    points[3, 2, 1], valid[4, 2] = np.nan, False
+    track = Track(dataclasses.replace(take, points=points, points_valid=valid))
+    assert np.flatnonzero(~track.seen[:, 2]).tolist() == [3, 4]
+    assert track.counts[2] == len(take.time) - 2

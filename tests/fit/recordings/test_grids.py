@@ -37,6 +37,17 @@ def test_five_points_and_a_grid_with_a_hole_are_none():
     assert grid_of(replace(garment, points=garment.points[:-1])) is None
 
 
+@pytest.mark.parametrize(("columns", "rows", "is_grid"), [(4, 4, True), (3, 6, False), (6, 3, False), (4, 5, True)])
+def test_a_grid_has_four_rows_and_columns(columns, rows, is_grid):
+    garment = silhouette_sheet()
+    across, down = np.linspace(-0.15, 0.15, columns), np.linspace(0.0, -0.3, rows)
+    points = tuple(replace(garment.points[0], name=f"{x}{y}", at_m=(x, y)) for y in down for x in across)
+    found = grid_of(replace(garment, points=points))
+    assert (found is not None) == is_grid
+    if is_grid:
+        assert (found.at.shape, found.across) == ((rows, columns), pytest.approx(across + 0.15))
+
+
 def test_the_skew_of_a_sheared_grid_is_its_angle():
     garment = silhouette_sheet()
     points = flat(garment, 3)

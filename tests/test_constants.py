@@ -43,7 +43,7 @@ def value_of(node: ast.expr) -> object:
 
 
 def test_no_two_modules_of_a_room_define_one_constant() -> None:
-    """Whoever reads the name in one of them would have to know which is meant."""
+    """A reader of the name in one module could not tell which value is meant."""
     for name, places in constants().items():
         rooms_of = [path.parent for path, _ in places]
         assert len(rooms_of) == len(set(rooms_of)), (name, [name_of(path) for path, _ in places])
@@ -90,7 +90,7 @@ def is_number(value: object) -> bool:
 
 @pytest.mark.parametrize("packages", TOGETHER)
 def test_a_number_has_one_value_along_the_order_of_imports(packages: tuple[str, ...]) -> None:
-    """Whoever reads both packages would have to know which is meant."""
+    """A reader of both packages could not tell which value is meant."""
     values: dict[str, set[str]] = {}
     for name, places in constants().items():
         for path, value in places:

@@ -16,7 +16,7 @@ whole = functools.cache(command.whole)  # to put a command together takes hundre
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended, and what it said."""
+    """The exit code of a command, and its output."""
 
     returncode: int
     stdout: str

@@ -12,7 +12,7 @@ from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED
 
 @pytest.fixture(scope="session")
 def made_set(tmp_path_factory):
-    """A set of hem and time offset, alone and together, which nobody has opened."""
+    """A sealed set of hem and time offset, alone and together."""
     folder = tmp_path_factory.mktemp("made") / "set"
     make_set(folder, NUMBERS, PLANTED, 5, side=COARSE)
     return folder

@@ -152,7 +152,7 @@ def test_faults_of_the_boundary_move_the_ends(one, left, right):
 
 
 def test_a_compliant_rod_lags_by_c_times_a_in_slow_motion():
-    """A steady 1 m/s^2 along y bends a rod of 7e-4 s^2 by 0.7 mm backwards; vertical motion does not bend it."""
+    """A steady 1 m/s^2 along y deflects a compliance of 7e-4 s^2 by 0.7 mm backwards; vertical motion does not."""
     ends = still_bar(801)
     time = np.arange(801) / SAMPLES_A_SECOND
     # the jerk is switched on over 2 s so that the rod does not ring

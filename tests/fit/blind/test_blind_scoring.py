@@ -145,7 +145,7 @@ def test_any_cause_that_is_named_surely_and_is_not_there_counts(a_set, tmp_path,
 
 
 def test_alternatives_of_several_count_as_one_cause(a_set, tmp_path):
-    """Hem and a late clock are planted: an alternative of either will do, two alternatives of one cause will not."""
+    """Hem and time offset are planted: an alternative of either counts, two alternatives of one cause do not."""
     one, other = (p.id for p in truth_of(a_set, "pair").planted)
     three = [finding(one), finding(other), finding("draught")]
 
@@ -274,7 +274,7 @@ def test_wilsons_interval_of_3_in_60_and_of_none():
 
 
 def test_a_brier_score_of_certainty_and_of_doubt():
-    """Sure and right 0; sure and wrong 2; 0.8 for the truth and 0.2 for the rest 0.04 + 0.04."""
+    """Probability one and right 0; probability one and wrong 2; 0.8 for the truth and 0.2 for the rest 0.04 + 0.04."""
     assert brier({"hem": 1.0}, "hem") == 0.0
     assert brier({"hem": 1.0}, "draught") == 2.0
     assert brier({"hem": 0.8}, "hem") == pytest.approx(0.08)

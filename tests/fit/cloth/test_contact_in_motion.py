@@ -106,7 +106,7 @@ def test_front_and_back_of_a_swung_skirt_do_not_pass_through_each_other():
 
 
 def test_layers_that_hit_each_other_create_no_energy():
-    """A sheet falls over a rod without friction or damping: kinetic and potential energy never exceed the first."""
+    """A sheet falls over a cylinder without friction or damping: the energy never exceeds the initial energy."""
     rod = capsule((-0.5, 0.0, -0.03), (0.5, 0.0, -0.03), 0.02)
     rate = 240
     simulator, rollouts = dropped(

@@ -1,4 +1,4 @@
-"""Laws of effects at sizes and instants that tell their parts from each other, by hand."""
+"""Laws of effects, computed by hand at amplitudes and instants that separate the parts of each law."""
 
 from __future__ import annotations
 

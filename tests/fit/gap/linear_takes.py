@@ -31,7 +31,8 @@ def swung(frames):
 class LinearTakes(Observer):
     """An observer of two takes whose residual is linear in base parameters and amplitudes.
 
-    Each effect moves the lowest shapes of the sheet in its own rhythm; a lag does what a late clock does, nearly.
+    Each effect moves the lowest modes of the sheet at its own frequency; `filter_lag` is nearly collinear with
+    `time_offset`.
     """
 
     def __init__(self, seed=0):

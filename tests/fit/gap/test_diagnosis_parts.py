@@ -82,7 +82,7 @@ def test_screening_ranks_the_planted_effect_first():
     [("clip_slack", -0.004, 0.4), ("clip_slack", 0.014, 0.45), ("hanger_compliance", 1.7e-3, 0.25)],
 )
 def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, amplitude, far):
-    """Taut cloth resists and slack cloth does not; a rod of 3.9 Hz rings otherwise than one of 6 Hz.
+    """Taut cloth resists and slack cloth does not; a hanger of 3.9 Hz oscillates differently from one of 6 Hz.
 
     Under eight seeds of `scripts/test --jitter`, 0.9 to 1.3 of 14 mm of slack were found. Of 4 mm, eleven found 0.4
     to 0.7, and one as much tautness: cloth that is hardly slack folds one way or another by rounding alone.
@@ -286,7 +286,7 @@ def test_five_of_six_base_fits_end_no_worse_than_where_the_truth_is():
 
 @pytest.mark.slow
 def test_a_refit_in_the_wrong_valley_finds_the_right_one_and_takes_its_effect_across():
-    """From 200 and 140 N/m a fit with a late clock ends with more than twice the true shear stiffness."""
+    """From 200 and 140 N/m a fit with a time offset ends with more than twice the true shear stiffness."""
     late = a_take(effect="time_offset", amplitude=0.02)
     observer = Observer([prepare(late)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     effect = "time_offset"

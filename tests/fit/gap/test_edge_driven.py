@@ -81,7 +81,7 @@ def test_cloth_that_two_clips_hold_has_no_edge_to_be_driven_by():
 
 
 def a_swung_take(name, astray, hz):
-    """A take of our own cloth whose hanger is said to be elsewhere than it was."""
+    """A take simulated by our own cloth, whose hanger's recorded path differs from the true path."""
     garment = sheet(grid=5)
     row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
     true = swing(TIME, amplitude=0.05, hz=hz, stop=2.0)

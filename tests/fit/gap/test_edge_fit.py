@@ -148,7 +148,7 @@ def test_the_size_of_an_effect_beside_it_that_moves_no_edge_stays():
 def test_a_size_that_the_edge_decided_is_decided_with_what_else_moves_the_edge():
     """Slack of 2.5 typical sizes at 4 deviations each: 1/4 of one; a scale of the points at 3 each, 1/3, is nothing.
 
-    What lengthens the edge as slack does cannot be told from it.
+    An effect that lengthens the edge as `clip_slack` does is collinear with it.
     """
     observer, hem, scale = an_observer(), "hem", "depth_scale"
     decided = disputed(observer, stretched(observer, 10.0), fitted_to(observer, 8.0, slope=-4.0), 7.0)
@@ -282,7 +282,7 @@ def test_the_edge_determines_a_component_that_it_knows_to_a_typical_size(slope, 
 
 
 def known_slack(observer):
-    """Slack of half a typical size that the edge decided."""
+    """A `clip_slack` of half a typical size, identified by the held edge."""
     sd = np.full(len(observer.off), np.inf)
     sd[observer.columns[SLACK]] = KINDS[SLACK].typical / 4
     amplitudes = observer.off.copy()

@@ -125,7 +125,7 @@ def test_a_twin_that_the_held_edge_contradicts_is_not_listed(squares, twins):
 
 @pytest.mark.parametrize(("name", "verdict"), [("depth_scale", "effect"), ("time_offset", "several")])
 def test_error_that_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, verdict):
-    """Of 18850 a late clock or a depth scale leaves 300, 1.6 %; an offset closes them, and 3 mm^2 of 119."""
+    """Of 18850 a time offset or depth scale leaves 300, 1.6 %; an attachment offset closes these and 3 mm^2 of 119."""
     evidence = evidence_of({name: 6.0}, joint=[((name, "attachment_offset"), 5.8)])
     (first,), ((both, p_value),) = evidence.singles, evidence.joint
     evidence = dataclasses.replace(
@@ -198,7 +198,7 @@ def test_an_effect_that_leaves_the_edge_off_is_not_named_instead_of_one_that_the
 
 
 def test_nothing_is_added_to_an_effect_that_the_edge_shows_which_closes_nothing_beside_it():
-    """Slack clips put the edge right and leave 8.1 mm, drag 8.0, both 7.9: beside the slack drag is not needed."""
+    """Slack clips explain the edge and leave 8.1 mm, drag 8.0, both 7.9: beside slack clips drag is not needed."""
     evidence = told(8.1, other={"air_drag": 8.0})
     for left, named in ((7.9, ["clip_slack"]), (5.5, ["air_drag", "clip_slack"])):
         both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)
@@ -219,7 +219,7 @@ def test_an_effect_that_the_held_edge_shows_is_named_beside_another_though_the_c
 
 @pytest.mark.parametrize(("after", "verdict"), [((900, 2.0), "effect"), ((900, 90.0), "inconclusive")])
 def test_chaotic_cloth_does_not_hide_the_evidence_of_the_held_edge(after, verdict):
-    """Drag closes more of the gap, which in takes that nobody can predict says nothing."""
+    """Drag closes more of the gap, which is no evidence in unpredictable takes."""
     evidence = told(11.0, after=after, other={"air_drag": 6.0})
     evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])
     found = decide(evidence)

@@ -191,7 +191,7 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
 def test_two_effects_of_which_neither_passes_alone_are_tried_together(monkeypatch):
     """Alone a drifting clock closes half of the gap and cloth hung 12 mm off two fifths: too little, if 60 % are asked.
 
-    Without the second one, the gap would be said to be unknown.
+    Without the second effect, the verdict would be `unknown`.
     """
     monkeypatch.setattr("fit.gap.verdict.SMALLEST_CLOSURE", 0.6)
     training, judging = of_a_drifting_clock_and_an_offset()

@@ -126,7 +126,7 @@ def test_the_family_of_a_further_effect_is_what_was_tested(world, monkeypatch):
 
 
 def test_sizes_that_the_held_edge_disputes_are_fitted_again_and_the_others_are_kept(world, monkeypatch):
-    """The edge has the lag at twice its size, surely, and says nothing of drag."""
+    """The held edge identifies `filter_lag` at twice its fitted size, and does not identify drag."""
     world.missed = world.missed - 1.5 * world.rows["air_drag"][0] - 0.5 * world.rows["filter_lag"][0]
     search, _ = rounds_of(world)
     search.first_round(("air_drag", "filter_lag"), has_gap=True)
@@ -193,7 +193,7 @@ def test_weighing_refits_what_may_win_and_judges_each_fit_once(world):
 
 
 def test_weighing_goes_on_from_a_better_base_fit_and_keeps_each_fit_under_its_own_name(world, monkeypatch):
-    """The base fit that was given ended a third of each stiffness away; begun again beside the drag it comes nearer."""
+    """The given base fit ended a third of each stiffness away; a new fit beside the drag comes nearer."""
     world.missed = world.missed - world.rows["air_drag"][0]
     best = world.base()
     vector = 1.3 * best.vector

@@ -85,7 +85,7 @@ def test_an_outline_may_begin_anywhere():
 
 
 def test_an_imagined_recording_has_garment_hanger_and_sensor_of_the_given_one():
-    """Flicked from 0.5 to 0.75 s, it stops hardest at 0.7 s, and a slip follows by three hundredths of a second."""
+    """A flick lasts from 0.5 to 0.75 s. Its deceleration peaks at 0.7 s; a slip follows three hundredths later."""
     recording = prepare(a_take())
     count = recording.points.shape[1]
     like = dataclasses.replace(

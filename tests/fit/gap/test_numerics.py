@@ -26,7 +26,7 @@ CONVERGED = Resolution(spacing=0.02)
 def test_a_finer_mesh_is_finer_and_says_how_far_the_coarse_one_is_off(spacing):
     """A square of 0.4 m has one element of 0.15 m or more, which 1.5 times as many would leave as one, and two of 0.08.
 
-    What is told is no less than what separates the mesh from one that has converged, and not far more.
+    The estimate is at least the distance between the mesh and a converged one, and not much more.
     """
     time = np.arange(0, 3, 1 / 30)
     garment = sheet(width=0.4, height=0.4, grid=5)

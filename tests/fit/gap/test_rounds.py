@@ -21,7 +21,7 @@ from tests.fit.gap.verdict_scene import EFFECTS, KINDS, NO_EDGE, errors, hypothe
 
 @pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
 def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(monkeypatch, mm, named):
-    """Beside a lift 5.5 mm are left with a late clock; the drifting one looks like it alone, drag does not."""
+    """Beside a lift a time offset leaves 5.5 mm. Only the clock drift resembles the time offset; drag does not."""
     search = object.__new__(Rounds)
     search.screened, search.beside = like(time_offset=1.0, clock_drift=0.95, air_lift=0.1, air_drag=0.2), {}
     search.singles = {"air_lift": hypothesis(("air_lift",), 9.0)}
@@ -36,7 +36,7 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
     search.observer = SimpleNamespace(**EFFECTS)
     pair = search._better_of_twins(hypothesis(("time_offset", "air_lift"), 5.5), 0.001, 5.0)
     assert asked == [(("air_lift",), ("clock_drift",))]
-    # Beside the lift drag looks like the late clock, and the drifting one does not.
+    # Beside the lift, drag resembles the time offset, and the clock drift does not.
     search.beside = {"air_lift": like(time_offset=1.0, clock_drift=0.2, air_lift=0.1, air_drag=0.95)}
     assert search._twins("time_offset", "air_lift") == ("air_drag",)
     assert pair.effects == named
@@ -87,7 +87,7 @@ def with_cost(one, cost):
 # The bent rod saves 50 of the cost, 2.5 times what the offset saves, or 25, less than half as much again.
 @pytest.mark.parametrize(("cost", "starts"), [(50.0, 2), (75.0, 1)])
 def test_further_effects_are_tried_beside_the_best_fit_too(monkeypatch, cost, starts):
-    """Alone the rod closes little of the held-out motion, and is not the next best effect there either."""
+    """Alone the hanger compliance closes little of the held-out gap, and is not the next best effect there either."""
     search = a_search((12.0, 100.0), {
         "attachment_offset": (9.0, 80.0), "hem": (11.0, 99.0), "hanger_compliance": (11.5, cost)
     })  # fmt: skip
@@ -147,7 +147,7 @@ def test_of_a_fit_and_its_ends_across_the_valleys_the_cheapest_counts(monkeypatc
 
 
 def test_an_error_of_the_held_edge_is_explained_first():
-    """Of 850 beyond its noise the clock, late or drifting, leaves none or 20, a lag 100, and drag all."""
+    """Of 850 beyond its noise a time offset leaves none, a clock drift 20, a filter lag 100, and drag all."""
     search = a_search((12.0, 100.0), {})
     before = with_edge(hypothesis(("hem",), 6.0), 2000)
     drag, late, drifting, lag = (
@@ -288,7 +288,7 @@ def test_an_effect_that_explains_nothing_beside_later_ones_is_dropped(monkeypatc
 
 
 def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
-    """Fitted freely alone slack clips cost less than with the edge's size: that is no better fit."""
+    """A free fit of slack clips alone has a lower cost than one with the edge's size, and is no better fit."""
     search = a_search((12.0, 100.0), {"clip_slack": (8.0, 30.0)})
     (slack,) = search.singles
     by_edge = dataclasses.replace(

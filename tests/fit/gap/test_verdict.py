@@ -76,7 +76,7 @@ def test_twins_of_one_of_two_effects_share_its_probability():
 
 
 def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
-    """Without its rotation of the hanger a base fit makes limp cloth of stiff one, which no simulation can follow."""
+    """Without the rotation of the hanger a base fit ends at too soft a cloth, whose motion is unpredictable."""
     search = object.__new__(Rounds)
     search.observer = None
     base, single = hypothesis((), 12.0), hypothesis(("hanger_rotation",), 6.0)
@@ -236,7 +236,7 @@ def test_effects_that_together_leave_much_are_less_probable_too():
 
 
 def test_a_twin_that_leaves_more_takes_nothing_from_the_probability_of_the_better_one():
-    """Beside the drag a late clock leaves 5.5 mm and a lag, which closes nine tenths as much, 5.9."""
+    """Beside the drag a time offset leaves 5.5 mm, and a filter lag, which closes nine tenths as much, 5.9."""
     worse = hypothesis(("air_drag", "filter_lag"), 5.9, seed=9)
     evidence = evidence_of({"air_drag": 9.5}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[worse])
     together = evidence.joint[0][0]

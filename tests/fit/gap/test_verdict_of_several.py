@@ -17,7 +17,7 @@ from fit.methods import SI
 from tests.fit.gap.verdict_scene import BLOCKS, errors, evidence_of, hypothesis
 
 
-# Drag alone leaves 9 mm, with a late clock 5.5: 50.8 mm^2 less; 5.9 mm are 46.2 of them, 91 %; 6.5 mm 76 %.
+# Drag alone leaves 9 mm, with a time offset 5.5: 50.8 mm^2 less; 5.9 mm are 46.2 of them, 91 %; 6.5 mm 76 %.
 @pytest.mark.parametrize(("mm", "instead"), [(5.9, {"time_offset": ["filter_lag"]}), (6.5, {})])
 def test_of_several_effects_it_is_said_which_have_a_twin(mm, instead):
     pair = hypothesis(("air_drag", "filter_lag"), mm)
@@ -30,7 +30,7 @@ def test_of_several_effects_it_is_said_which_have_a_twin(mm, instead):
 
 
 def test_where_both_of_two_effects_have_twins_the_one_that_shares_neither_is_passed_over():
-    """Named are drag and a lag; beside a late clock in the lag's place, uneven mass and the clock were tried too."""
+    """Drag and a filter lag are named. With a time offset in the lag's place, uneven mass was tried too."""
     instead = [hypothesis(("air_drag", "time_offset"), 5.6), hypothesis(("time_offset", "mass_distribution"), 5.6)]
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "filter_lag"), 5.5)], instead=instead)
     assert decide(evidence).alternatives == {"filter_lag": ["time_offset"]}
@@ -171,7 +171,7 @@ def test_an_amount_that_one_effect_brings_along_is_no_effect_beside_it(sizes, ve
 
 @pytest.mark.parametrize(("blocks", "verdict"), [(1, "effect"), (6, "several")])
 def test_an_effect_that_acts_for_one_moment_of_the_held_out_motion_is_not_certain(blocks, verdict):
-    """A slip moves one block of twelve, or half of them; the motion fitted to has no say."""
+    """A clip slip moves one block of twelve, or half of them; only held-out blocks count."""
     before, after = errors(9.0), errors(9.0)
     before.sums[:blocks], after.sums[:blocks] = 2 * before.sums[:blocks], 0.0
     slip = hypothesis(("air_lift", "clip_slip"), 9.0)
@@ -202,7 +202,8 @@ def test_a_further_effect_is_larger_than_mesh_and_solver_make_it(typical, verdic
     ("mm", "wobble", "is_twin"), [(5.8, 0.1, True), (6.1, 0.1, False), (6.1, 0.9, True), (6.6, 0.9, False)]
 )
 def test_a_twin_closes_nine_tenths_or_four_fifths_and_is_often_the_better_one(mm, wobble, is_twin):
-    """Of 51 mm^2 that a late clock closes beside drag a lag closes 47, 44 or 37; half-seconds vary by 10 or 90 %."""
+    """Of 51 mm^2 that a time offset closes beside drag, a filter lag closes 47, 44 or 37. Half-seconds vary by 10 or
+    90 %."""
     lag = hypothesis(("air_drag", "filter_lag"), mm)
     lag = dataclasses.replace(lag, errors=errors(mm, wobble=wobble, seed=3))
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[lag])

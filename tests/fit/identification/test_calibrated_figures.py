@@ -63,7 +63,7 @@ def a_take(name):
 
 
 def fitted_by(search):
-    """A fit of a few iterations, what the search was begun with, and the candidates that it asked for."""
+    """A fit of a few iterations, the arguments of its search, and the candidates that the search requested."""
     figure = ErrorFigure(mean_m=1.0, max_m=1.0, per_frame_m=[1.0], time_s=[0.0])
     rigid = TrivialFigure(name="vertical", parameters={}, train=figure, held_out=figure)
     begun, counts = [], []

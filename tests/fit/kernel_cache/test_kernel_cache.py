@@ -155,7 +155,7 @@ def test_kernels_of_one_size_that_are_exchanged_are_compiled_again(tmp_path):
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "link that leads to itself"])
 def test_what_is_no_file_under_a_kernels_name_is_put_aside(cache, kind):
-    """Taichi alone waits for ever at the end, or writes a traceback."""
+    """Taichi alone never ends, or writes a traceback."""
     folder, run = cache
     (kernel,) = folder.glob("*.tic")
     kernel.unlink()

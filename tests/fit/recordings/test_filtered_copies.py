@@ -123,7 +123,7 @@ def lively(rate, seed=0, noise=1e-3, hz=2.2, flutter=0.03):
 
 @pytest.mark.parametrize("rate", [20, 30])
 def test_a_copy_in_other_axes_whose_beginning_is_cut_off_is_known(rate):
-    """Its smoothed positions are read between those of the other, where lively motion is not straight."""
+    """Its smoothed positions are interpolated between those of the other, where quick motion is curved."""
     take = lively(rate, hz=0.9)
     assert left(take, part(turned(take), slice(41, None))) < 0.1
     assert left(take, part(turned(take), slice(rate * 10 // 3, None))) < 0.1

@@ -132,7 +132,7 @@ def test_a_point_is_a_quarter_further_from_a_held_end_than_on_the_cloth_and_a_li
 
 
 def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
-    """The hanger swings at another rate and farther than the row that it is said to hold."""
+    """The hanger swings at another rate and farther than the row that it holds by the take."""
     time = uneven()
     take = swung(silhouette_sheet(), time, time)
     fine = np.linspace(time[0], time[-1], 4000)

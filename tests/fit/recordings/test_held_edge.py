@@ -13,7 +13,7 @@ ACROSS = np.linspace(-0.2, 0.2, 5)
 
 
 def edge(slip=0.0, at=3.0, noise=0.002, across=ACROSS, seed=0):
-    """A held edge that sways, whose right end drops by `slip` [m] at some time, seen with noise; jerked at 1 s."""
+    """A noisy held edge that swings, with a jerk at 1 s; its right end drops by `slip` [m] at some time."""
     time = np.arange(0, 6, FRAME)
     path = swing(time, amplitude=0.05, hz=0.7, start=0.5)
     path[:, 1] += 0.03 * np.clip((time - 1.0) / 0.1, 0, 1)

@@ -1,4 +1,4 @@
-"""What the report tells of made-up records, word by word and figure by figure."""
+"""Words and figures of the report on constructed records, against texts written by hand."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from fit.search.correlation import independent
 
 
 def autoregression(rho, shape, seed=0):
-    """r_t = rho r_t-1 + e_t, begun in its stationary spread, (series, frames)."""
+    """r_t = rho r_t-1 + e_t from its stationary distribution, (series, frames)."""
     random = np.random.default_rng(seed)
     rows = random.normal(size=shape)
     for t in range(1, shape[1]):

@@ -24,7 +24,7 @@ def ran(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def installed_into(system: Path) -> str:
-    """Install all files into a folder; return what was said."""
+    """Install all files into a folder; return the output."""
     done = ran("--files-only", "--root", system)
     assert done.returncode == 0, done.stderr
     return done.stdout

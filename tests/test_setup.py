@@ -94,7 +94,7 @@ def test_a_set_up_that_was_killed_is_named_or_forgotten(checkout):
 @pytest.mark.parametrize("script", ["setup", "demo"])
 @pytest.mark.parametrize("checkout", ["flock"], indirect=True)
 def test_a_checkout_of_somebody_else_is_named_in_one_line_and_nothing_is_removed(checkout, script):
-    """Nobody runs the script where a superuser tests, who may write everywhere; others meet a read-only folder."""
+    """As superuser the script runs as user `nobody`; other users get a read-only folder."""
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place) / "hangtime"
         shutil.copytree(checkout, copy, symlinks=True)

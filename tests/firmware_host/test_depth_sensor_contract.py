@@ -58,7 +58,7 @@ def test_frames_are_a_thirtieth_of_a_second_apart(open_it: Opener) -> None:
 
 
 def test_a_frame_bears_the_time_of_the_hosts_clock_while_it_was_read(open_it: Opener) -> None:
-    """A monotonic clock; whether it goes on while the computer sleeps is each sensor's own affair."""
+    """A monotonic clock; the contract does not state whether it continues while the computer sleeps."""
 
     def clocks() -> np.ndarray:
         return np.array([time.clock_gettime(clock) for clock in (time.CLOCK_MONOTONIC, time.CLOCK_BOOTTIME)])

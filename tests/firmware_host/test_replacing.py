@@ -73,7 +73,7 @@ def test_what_makes_recordings_refuses_before_it_works(tmp_path):
     ],
 )
 def test_the_size_of_a_planted_effect_reaches_what_makes_the_recording(tmp_path, monkeypatch, words, sentence):
-    """Told by a number that it refuses: a whole recording takes half a minute."""
+    """Tested with a number that is refused, since a whole recording takes half a minute."""
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["sensor", *words])
     assert sentence in str(done.exception)

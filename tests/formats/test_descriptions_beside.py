@@ -99,7 +99,7 @@ def test_work_that_fails_before_the_take_has_its_name_changes_nothing(tmp_path):
 
 
 def test_work_that_is_interrupted_after_the_take_has_its_name_leaves_what_is_its_own(tmp_path):
-    """Its own is what the archive says. A description of no take, or of another, is nobody's to remove."""
+    """Its own is what the archive says. A description of no take, or of another one, is never removed."""
     take = a_take(20)
     (tmp_path / "rig.toml").write_text(dump_description(OTHER))
     others = {"a.garment.toml.partial": "# mine", "gone.rig.toml.partial": dump_description(OTHER)}
@@ -265,7 +265,7 @@ def a_name_of_another(path):
 
 @pytest.mark.parametrize("make", [a_file, an_empty_file, a_link, a_name_of_another, os.mkfifo, os.mkdir])
 def test_whatever_has_the_first_name_of_a_description_is_put_aside_and_reported(tmp_path, make):
-    """It is nobody's to remove or to write to, and a pipe is not waited for."""
+    """The program neither removes nor writes the other file, and does not wait for a pipe."""
     take, told = a_take(20), []
     make(tmp_path / "a.rig.toml.partial")
     before = os.lstat(tmp_path / "a.rig.toml.partial")

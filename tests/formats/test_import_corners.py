@@ -168,7 +168,7 @@ def test_a_file_that_is_there_is_reported_with_the_same_two_steps_by_every_comma
     ids=["a zero", "half", "recover"],
 )
 def test_an_unfinished_take_of_a_single_byte_is_put_aside_and_named(desk, words, name, left):
-    """The step that the refusal offers is what is done: nobody has to judge which bytes somebody could miss."""
+    """The program does what its refusal offers, and keeps all bytes under another name."""
     raw = (desk / "m.mcap").read_bytes()
     partial, left = desk / f"o/{name}.mcap.partial", raw[: len(raw) // 3] if isinstance(left, str) else left
     partial.write_bytes(left)

@@ -15,7 +15,7 @@ from tests.formats.unprivileged import hangtime_unprivileged
 
 
 def a_block_alone_with_a_flipped_bit(raw):
-    """Its checksum fails, so no reader gives it; whoever knows the format may still get frames out of it."""
+    """Its checksum fails, so no reader returns it; its frames may still be recovered by hand."""
     _, (begin, end, _), *_ = chunks_of(raw)
     left = bytearray(raw[:end])
     left[begin + 200] ^= 1

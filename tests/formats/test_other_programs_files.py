@@ -343,7 +343,7 @@ def test_a_long_c3d_file_costs_little_more_than_its_positions(tmp_path):
 
 
 def test_a_parameter_that_no_marker_path_needs_may_be_wrong(tmp_path):
-    """A group POINT whose rate has no such kind is refused; in a group of another name nobody looks at it."""
+    """A group POINT whose rate has no such kind is refused; a group of another name is not read."""
     raw = c3d_bytes(1e3 * drawn(), LABELS)
     at = raw.index(b"FRAMES") + 8
     path = tmp_path / "a.c3d"

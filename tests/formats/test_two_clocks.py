@@ -292,7 +292,7 @@ def test_a_shift_planted_in_the_path_of_a_real_arm_is_found_and_no_other(shift):
 def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_corner_that_jumps_is_not(tmp_path):
     """The last 12 of 40 pictures are at odds; before, one of both corners jumped in 4 of any 9.
 
-    What a path does not tell in a hole is not compared.
+    The positions in a gap of the path are not compared.
     """
     recorded(tmp_path)
     with np.load(tmp_path / "arm/a.npz") as archive:

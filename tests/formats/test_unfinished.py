@@ -59,7 +59,7 @@ def names(folder):
 
 @pytest.mark.parametrize("overwrite", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_take_that_another_process_is_recording_is_not_touched(recorder, tmp_path, overwrite):
-    """Told to replace or not: the other one ends with all its 150 frames."""
+    """With and without `overwrite`, the other recording ends with all its 150 frames."""
     with pytest.raises(
         OutputError, match=r"t\.mcap\.partial: another recording or import is writing this; give another name"
     ):

@@ -54,7 +54,7 @@ def test_corners_of_a_panel_are_held_and_tips_of_sleeves_are_not(kind):
 
 
 def test_a_corner_may_be_off_by_half_of_what_its_worst_distance_is_beyond_a_fiftieth(tracker):
-    """0.5 m seen as 0.53: 0.03 less 0.01 of slack, by two; a fiftieth is no mismatch at all."""
+    """0.5 m seen as 0.53: 0.03 less a tolerance of 0.01, by two; a fiftieth is no mismatch at all."""
     along = FLAT.copy()
     along[0, 2] = along[2, 0] = 0.53
     assert tracker._mismatch(PLACES, NONE, along) == pytest.approx([0.01, 0.0, 0.01, 0.0])

@@ -47,7 +47,7 @@ def recorded(tmp_path, frames, changes=None, **options):
 
 
 def unseen(good):
-    """A frame without a colour picture, in which nobody looks for the hanger."""
+    """A frame without a colour picture, in which the hanger is not searched."""
     return [(good[0][0], None)]
 
 
@@ -228,7 +228,7 @@ def test_drops_before_a_frame_that_is_left_out_are_reported_with_the_next_one(go
 
 
 def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_was_asked_for(good, tmp_path):
-    """Frame 11 is the last good one; 0.4 s later it is said; --seconds ends it though no frame is placed any more."""
+    """Frame 11 is the last good one. The message comes 0.4 s later. --seconds ends the take without further frames."""
     changes = {number: {"time_s": (12 - number) / 30} for number in range(12, 200)}
     said = []
     report, take = recorded(

@@ -1,4 +1,4 @@
-"""The record of a frame, scans between frames and the counts of a recording, by trackers that see what is told."""
+"""The record of a frame, scans between frames and the counts of a recording, by trackers with prescribed detections."""
 
 from __future__ import annotations
 

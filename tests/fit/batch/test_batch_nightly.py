@@ -262,7 +262,7 @@ def test_the_page_of_a_night_without_results_says_nothing_of_them(rows):
 
 
 def test_801_candidates_of_tempering_leave_draws_enough_for_intervals_of_their_own_and_800_do_not(rows):
-    """Told by the search itself, on a cost that is flat."""
+    """Stated by the search itself, on a constant cost."""
     for budget, is_enough in ((800, False), (801, True)):
         space = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
         search = Tempering(np.full(2, 0.5), space, budget, 0, numbers=10.0)

@@ -94,7 +94,7 @@ def test_workers_that_start_after_the_batch_are_waited_for_without_any_patience(
 
 @pytest.mark.slow
 def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
-    """The minute after the next, with nobody who works; the wait is up to two minutes long."""
+    """The minute after the next, without a worker; the wait is up to two minutes long."""
     port = free_port()
     until = time.strftime("%H:%M", time.localtime(time.time() + 70))
     with running(*scheduler_at(port)):
@@ -121,7 +121,7 @@ def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
 def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before_the_end(
     tmp_path, monkeypatch, minutes, status
 ):
-    """Nobody listens there: no network yet, and not wrong options. The second try is a quarter of an hour later."""
+    """The port is closed, as without a network; the options are right. The second try is a quarter of an hour later."""
     until = () if minutes is None else ("--until", time.strftime("%H:%M", time.localtime(time.time() + 60 * minutes)))
     for name, value in (
         ("ENDPOINT_URL", "http://127.0.0.1:9"), ("ALLOW_HTTP", "true"), ("ACCESS_KEY_ID", "a"),

@@ -108,7 +108,7 @@ def test_addresses_lead_to_folders_and_buckets(tmp_path):
 
 
 def test_a_writer_killed_at_any_moment_leaves_whole_files_only(tmp_path):
-    """Two contents of 4 MB in turns, killed after a few of them: whoever reads sees one or the other."""
+    """Two contents of 4 MB in turns, killed after a few of them: a reader gets one or the other."""
     code = f"""
 from fit.batch.store import open_store
 store = open_store({str(tmp_path)!r})

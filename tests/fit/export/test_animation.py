@@ -272,7 +272,7 @@ def test_the_command_writes_a_gif(tmp_path):
     ],
 )
 def test_options_are_checked_before_the_take_is_read(words, says, tmp_path):
-    """The take is none, which is said where nothing else is wrong."""
+    """The take does not exist, which is reported only where all options are valid."""
     save_fit_result(tmp_path / "fit.json", a_fit())
     order = ["animate", ".", "--take", "none.mcap", "--out", "new/a.gif", *words]
     done = hangtime_here(*order, folder=tmp_path)

@@ -56,7 +56,7 @@ def test_turns_follow_each_other_in_the_order_of_their_channels(tmp_path):
 
 
 def test_a_walk_that_is_written_and_read_is_the_walk_after_its_lead(tmp_path):
-    """Centimetres, y up, another direction: the figure is in metres, z up, and as tall as it is said to be."""
+    """Centimetres, y up, another direction: the figure is in metres, z up, and of the stated height."""
     source = walk(6.0, 1.1, 1.70)
     path = tmp_path / "walk.bvh"
     path.write_text(bvh_of(source))

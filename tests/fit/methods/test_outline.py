@@ -34,7 +34,7 @@ def outline_of(grid=5):
 
 
 def test_only_the_sixteen_points_of_the_edge_count():
-    """A 5 x 5 grid: the nine inner points may be anywhere, and nobody sees depth."""
+    """A 5 x 5 grid: the nine inner points may be anywhere, and depth does not count."""
     objective, points = outline_of()
     moved = points.copy()
     inner = [k for k in range(25) if 0 < k % 5 < 4 and 0 < k // 5 < 4]

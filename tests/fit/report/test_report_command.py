@@ -102,7 +102,7 @@ def a_bomb(file, size):
 
 @pytest.mark.parametrize("kind", ["bomb", "pipe", "holes"])
 def test_hostile_motion_beside_a_report_is_refused_in_one_sentence(kind, folder, tmp_path):
-    """40 MB of zeros in 40 kB, a pipe that nobody writes to, and 300 GB of holes."""
+    """40 MB of zeros in 40 kB, a pipe without a writer, and 300 GB of holes."""
     kept = folder / "report.motion.npz"
     kept.unlink()
     if kind == "bomb":

@@ -23,6 +23,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from benchmarks.clamps import Clamp, clamps
 from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -30,7 +31,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from fit.cloth.contact import Contact, surface_of
 from fit.cloth.crossings import crossings
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import Clamp, clamps
 from fit.recordings.bodies import half_space
 from fit.recordings.recording import prepare
 from formats.garment import Garment

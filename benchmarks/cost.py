@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.clamps import Clamp, clamps, steps_of
 from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -33,7 +34,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.validation_clamped import UPRIGHT, square, still
 from fit.cloth.model import Resolution as Mesh
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import Clamp, clamps
 from fit.recordings.recording import prepare
 from tests.fit.scenes import material, take_of
 
@@ -52,7 +52,7 @@ def runner(elements: int, seconds: float, candidates: int) -> tuple[Callable[[],
     support = clamps(Clamp(lambda p: p[:, 1] > -1e-9, still(UPRIGHT)), start=UPRIGHT)
     simulator = Simulator(recording, resolution=Mesh(spacing=SIDE / (3 * elements)), support=support)
     rows = np.repeat(material(garment), candidates, axis=0)
-    return lambda: simulator.run(rows), len(simulator.mesh.rest), simulator.steps_of(rows)[0]
+    return lambda: simulator.run(rows), len(simulator.mesh.rest), steps_of(simulator, rows)[0]
 
 
 def by_thread() -> dict[str, float]:

@@ -32,6 +32,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
+from benchmarks.clamps import steps_of
 from fit import runtime
 from fit.blind.engine import SAMPLES_A_SECOND, Cloth, Engine, held_fraction, hung, resample
 from fit.blind.foreign.engines import MUJOCO
@@ -94,7 +95,7 @@ def ours() -> Iterator[tuple[str, Run]]:
     for spacing, share in OUR_RUNGS:
         usual = Simulator(recording, resolution=Resolution(spacing=spacing))
         step = share * usual.stable_steps(row, np.zeros((1, 0)))[0]
-        resolution = Resolution(spacing=spacing, step_share=float(step / usual.steps_of(row)[0]))
+        resolution = Resolution(spacing=spacing, step_share=float(step / steps_of(usual, row)[0]))
         simulator = Simulator(recording, resolution=resolution)
         moving = DURATION / (DURATION + simulator.support.settle_time)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.clamps import steps_of
 from formats.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -99,7 +100,7 @@ def by_viscosity(simulator: Simulator, row: Floats) -> None:
                     simulator.run(rows[k])
                     turn[k] = time.process_time() - start
             cost = float(np.median(spent[1:, 1] / spent[1:, 0]))
-            steps = np.divide(*(simulator.steps_of(chosen)[0] for chosen in rows))
+            steps = np.divide(*(steps_of(simulator, chosen)[0] for chosen in rows))
             print(f"{name} of {1e3 * viscosity:g} ms: {cost:5.2f} x the cost of none, {steps:.2f} x as many steps")
 
 
@@ -111,13 +112,13 @@ def by_effect(recording: Recording) -> None:
             row = material(
                 recording.garment, stretch_stiffness=stretch, shear_stiffness=stretch / 10, bending_stiffness=bending
             )
-            plain = simulator.steps_of(row)[0]
+            plain = steps_of(simulator, row)[0]
             found = []
             for effect in find_effects(["stretch_viscosity", "bending_viscosity", "strain_stiffening"]):
                 for amplitude in (effect.typical, effect.high):
                     changed = effect.material(row[0], np.array([amplitude]))[None]
                     found.append(
-                        f"{effect.title} {amplitude:g} {effect.unit} {plain / simulator.steps_of(changed)[0]:.1f} x"
+                        f"{effect.title} {amplitude:g} {effect.unit} {plain / steps_of(simulator, changed)[0]:.1f} x"
                     )
             print(f"{1e3 * spacing:g} mm, {stretch:g} N/m, {bending:g} N m: {'; '.join(found)}")
 

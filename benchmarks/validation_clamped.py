@@ -23,9 +23,10 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
+from benchmarks.clamps import Clamp, clamps
 from fit.cloth.model import Resolution, Rollouts
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import Clamp, Supporting, clamps
+from fit.cloth.support import Supporting
 from fit.effects.air_drag import AirDrag
 from fit.recordings.recording import Curve, prepare
 from formats.arrays import Booleans, Floats

@@ -245,11 +245,6 @@ class ClothModel:
         """Return the time step [s] after this many half octaves."""
         return COARSEST_STEP * self.resolution.step_share / 2.0 ** (half_octaves / 2)
 
-    def steps_of(self, materials: Floats) -> Floats:
-        """Return the time step [s] of each candidate without effects, (candidates,)."""
-        none = np.zeros((len(materials), self.columns[-1].stop if self.columns else 0))
-        return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
-
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> Integers:
         """Return each candidate's stable step, in half octaves below the coarsest step, (candidates,)."""
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / self.stable_steps(materials, amplitudes)))

@@ -1,11 +1,9 @@
-"""Support of the cloth, by a hanger, by moving clamps or none, and its initial shape and settling.
+"""Support of the cloth by a hanger, and its initial shape and settling.
 
 Held nodes follow handles, vectors that move:
     x_h(t) = sum_k s_hk handle_k(t)
-A hanger has two handles, the ends of the held edge, with s = (1 - s_h, s_h). A clamp has three handles, the images of
-the flat cloth's origin and axes. The node at (X, Y) is at origin + X across + Y down. So a clamp keeps a strip of cloth
-flat and at its angle; a single row of nodes is a hinge. A frame whose axes turn against each other shears the cloth in
-it.
+A hanger has two handles, the ends of the held edge, with s = (1 - s_h, s_h). Other supports have other handles, such as
+the clamps of `benchmarks/clamps.py`.
 
 Before the take the cloth settles. It hangs at the hanger's first pose, for a fifth of the time under a pull to the
 points' first positions, then freely. Damping at the rate c < 2 omega stills a swing at omega as e^(-c t / 2). Damping
@@ -25,9 +23,10 @@ and the cloth settles from this start.
 
 Source: J. Duchon, "Splines minimizing rotation-invariant semi-norms in Sobolev spaces" (1977).
 
-Elements inside a clamp do not bend. So the curvature at its rim belongs to the free side's share of the node alone. The
-shares m of both sides give M = m_1 kappa_1 + m_2 kappa_2 + kink with kappa_1 = 0. The energy is then B/2 M^2 / m_2, and
-B/2 M^2 / (m_1 + m_2) for two free sides. With the latter, a clamp would be soft over a twelfth of an element.
+Elements whose nodes are all held do not bend. So the curvature at their rim belongs to the free side's share of the
+node alone. The shares m of both sides give M = m_1 kappa_1 + m_2 kappa_2 + kink with kappa_1 = 0. The energy is then
+B/2 M^2 / m_2, and B/2 M^2 / (m_1 + m_2) for two free sides. With the latter, a clamp would be soft over a twelfth of an
+element.
 """
 
 from __future__ import annotations
@@ -38,9 +37,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fit.cloth.mesh import ClothMesh
-from fit.errors import FitError
 from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
-from formats.arrays import Booleans, Floats, Indices
+from formats.arrays import Floats, Indices
 from formats.nature import GRAVITY
 
 ON_LINE = 1e-3  # m, a marker's accuracy: points nearer to a line do not determine the cloth beside the line
@@ -79,18 +77,6 @@ class Support:
 Supporting = Callable[[ClothMesh], Support]
 
 
-@dataclass(frozen=True)
-class Clamp:
-    """A clamp over part of the cloth.
-
-    - `holds`: positions on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
-    - `frame`: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
-    """
-
-    holds: Callable[[Floats], Booleans]
-    frame: Curve
-
-
 def hanger(recording: Recording) -> Supporting:
     """Return the support of a recording's cloth: the held edge or its two ends, on the tracked path."""
 
@@ -108,54 +94,8 @@ def hanger(recording: Recording) -> Supporting:
     return support
 
 
-def clamps(
-    *chosen: Clamp, start: Floats, gravity: float = GRAVITY, stir: Callable[[Floats], Floats] | None = None
-) -> Supporting:
-    """Return clamps, or no support if none is given.
-
-    - `start` [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest
-    - `stir`: positions on the flat cloth [m], (n, 2) -> initial displacement out of its plane [m], (n,).
-
-    Raises:
-        FitError: raised by the returned function, if a clamp holds no node of the mesh.
-    """
-
-    def support(mesh: ClothMesh) -> Support:
-        masks = [clamp.holds(mesh.rest) for clamp in chosen]
-        for k, mask in enumerate(masks):
-            if not mask.any():
-                raise FitError(
-                    "it holds no node",
-                    where=f"clamp {k + 1} of {len(masks)}",
-                    advice="hold a wider strip, or mesh finer",
-                )
-        nodes = np.concatenate([np.zeros(0, int), *(np.flatnonzero(mask) for mask in masks)])
-        affine = np.column_stack([np.ones(len(mesh.rest)), mesh.rest])
-        shares = np.zeros((len(nodes), 3 * len(chosen)))
-        done = 0
-        for k, mask in enumerate(masks):
-            shares[done : done + mask.sum(), 3 * k : 3 * k + 3] = affine[mask]
-            done += int(mask.sum())
-        places = affine @ np.reshape(start, (3, 3))
-        if stir is not None:
-            normal = np.cross(start[3:6], start[6:])
-            places = places + stir(mesh.rest)[:, None] * normal / np.linalg.norm(normal)
-        return Support(
-            nodes=nodes.astype(np.int32),
-            shares=shares,
-            path=lambda instants: np.column_stack(
-                [np.zeros((len(instants), 0)), *(clamp.frame(instants) for clamp in chosen)]
-            ),
-            start=lambda handles: np.repeat(places[None], len(handles), 0),
-            settle_time=0.0,
-            gravity=gravity,
-        )
-
-    return support
-
-
 def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
-    """Return the mesh with the bends at the rims of clamps counted on their free sides only."""
+    """Return the mesh with the bends at the rims of held elements counted on their free sides only."""
     is_held = np.zeros(len(mesh.rest), bool)
     is_held[support.nodes] = True
     inside = is_held[mesh.cells].all(1)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from benchmarks.clamps import Clamp, clamps
 from fit.cloth import material as mat
 from fit.cloth.effect import amplitudes_of, columns_of
 from fit.cloth.mesh import build_mesh
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import Clamp, clamps
 from fit.effects import LIBRARY
 from fit.effects.air_drag import AirDrag
 from fit.effects.hem import Hem

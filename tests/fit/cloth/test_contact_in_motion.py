@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.clamps import clamps
 from benchmarks.contact import height_of_upper_layer, swung, turned_over
 from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, Contact
 from fit.cloth.crossings import crossings
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import clamps
 from fit.recordings.bodies import capsule, half_space, sphere
 from fit.recordings.recording import prepare
 from tests.fit.scenes import material, sheet, take_of

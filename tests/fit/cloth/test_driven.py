@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.clamps import clamps
 from fit.cloth import launch
 from fit.cloth.contact import Contact
 from fit.cloth.crossings import pierces
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import clamps
 from fit.errors import FitError
 from fit.recordings.bodies import Body, BodyMotion, capsule, placed
 from fit.recordings.recording import prepare

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from benchmarks.clamps import Clamp, clamps
 from firmware_host.synthetic.garments import shirt
 from fit.cloth.bundles import ROW
 from fit.cloth.mesh import ClothMesh, build_mesh
 from fit.cloth.model import Resolution
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
-from fit.cloth.support import Clamp, clamps
 from fit.effects import find_effects
 from fit.engines.plain_grid import plain_grid
 from fit.errors import FitError

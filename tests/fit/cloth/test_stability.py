@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.clamps import steps_of
 from fit.cloth import material as mat
 from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, Contact, contact_rate
 from fit.cloth.effect import amplitudes_of
@@ -134,7 +135,7 @@ def test_contact_adds_what_two_layers_and_a_body_may_add(model):
 def test_a_group_takes_the_longest_step_on_the_ladder_of_half_octaves_that_is_stable(model):
     """1 ms over sqrt(2)^n."""
     rows = np.concatenate([as_rows([mat.Material(stretch_stiffness=k)]) for k in (500.0, 5e3, 5e4)])
-    stable, taken = model.stable_steps(rows, np.zeros((3, 3))), model.steps_of(rows)
+    stable, taken = model.stable_steps(rows, np.zeros((3, 3))), steps_of(model, rows)
     assert (taken <= stable).all()
     assert (taken * np.sqrt(2) > stable).all()
     assert np.log2(1e-3 / taken) * 2 == pytest.approx(np.round(np.log2(1e-3 / taken) * 2), abs=1e-9)

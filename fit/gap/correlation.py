@@ -29,7 +29,8 @@ from formats.arrays import Floats
 # Degrees of freedom in space of a smooth error; chosen on amplitudes fitted to takes without any effect.
 FREE_DIRECTIONS = 9
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
-DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
+# s, of the oscillations tried, each a sixth longer; our choice: from one period at 10 Hz to beyond `LONGEST_LAG`.
+DECAYS = np.geomspace(0.1, 4.0, 24)
 # Instants per block in the sum of the correlation. Our choice: 42 ms apart, four to a period of the squared cosine at
 # the fastest tried frequency. Half would be two, the least there is; twice costs four times the sum.
 SAMPLES_A_BLOCK = 12

@@ -45,7 +45,7 @@ from formats.take import Take
 Progress = Callable[[str, float], None]
 Deciding = Literal["rules", "evidence"]
 
-CELLS_ACROSS = 9  # across the smaller side of the garment
+CELLS_ACROSS = 9  # across the smaller side of the garment; our choice: decision 5 compares 35 and 50 mm
 FINEST, COARSEST = 0.02, 0.06  # m, of the automatically chosen mesh
 
 

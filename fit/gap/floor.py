@@ -40,7 +40,9 @@ from formats.arrays import Floats
 NOISE_REPLICAS = 3
 # Of noise of any colour over white noise; our choice: beyond, a model's error would pass for noise.
 LARGEST_COLOUR_RATIO = 1.5
-FEWEST_NEIGHBOURS = 9  # points with opposite neighbours, below which no estimate is made
+# Points with opposite neighbours, below which no estimate is made. Our choice: the inner points of a grid of 5 by 5, of
+# which a median is taken. Half and double were not tried.
+FEWEST_NEIGHBOURS = 9
 # Ratio of stated to measured noise, or its inverse, from which they contradict. Our choice: its square, 1.56, would
 # decide whether there is a gap (`SIGNIFICANT_GAP`).
 CONTRADICTED = 1.25

@@ -32,7 +32,9 @@ TWIN_COSINE = 0.9  # cosine above which an effect is refitted together with its 
 # Of the best predicted saving; our choice: an effect that saves less would need twenty times that to win.
 LEAST_SAVED = 0.05
 # A constant offset adds little to the cost of hundreds of noisy frames, but may be most of the error in mm.
-MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
+# Effects refitted for the mm^2 that they save (decision 18), and the share of the largest saving. Our choice: limits on
+# the cost, half and double untried.
+MOST_SEEN, SEEN_SHARE = 2, 0.5
 
 
 @dataclass(frozen=True)

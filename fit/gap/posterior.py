@@ -58,7 +58,7 @@ Subset = tuple[str, ...]
 
 SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
 SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
-WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
+WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion; our choice: half and double untried
 UNKNOWN = 1 / 6  # odds of a cause outside the library; our choice: small probabilities of it grow in proportion
 DOZEN = 12  # subsets that are refitted in one round at most; our choice: a limit on the cost
 REFITTED_WITHIN = 2.5  # of log mass below the best, for refits; our choice: an effect without gain is 3.2 behind
@@ -71,7 +71,7 @@ LEAST_KEPT = 0.25
 # Effects that are refitted whatever their mass, if the base model needs an unknown cause; our choice: each costs
 # refits.
 TRIED = 3
-# mm: an effect that moves the points less does not move them; our choice: a thousandth of a marker's noise.
+# mm: an effect that moves the points less does not move them; our choice: far below a marker's 0.2 mm of noise.
 LEAST_MOTION = 1e-3
 
 

@@ -36,7 +36,7 @@ CHANCE = 1 / 24  # odds that one effect is present: about two dozen effects give
 # within half a deviation. At twice, the log evidence of an effect that is found falls by log 2; at half it rises by
 # that.
 SIZES = 2.0
-TOGETHER = 256  # subsets evaluated in one batch, which bounds the memory of their matrices
+TOGETHER = 256  # subsets evaluated in one batch; our choice: their matrices stay small, and no result depends on it
 LOG_ROOT = 0.5 * float(np.log(2 * np.pi))  # of the normal density's constant, sqrt(2 pi)
 
 

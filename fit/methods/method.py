@@ -49,7 +49,7 @@ class Parameterisation:
     gamma: float = 1e5  # 1/m, see fit.search.annealing
     search: str = "least-squares"
     is_in_metres: bool = True  # whether the objective is a mean distance
-    spacing: float = 0.05  # m, of the mesh by default
+    spacing: float = 0.05  # m, of the mesh by default, as `fit.cloth.model.Resolution`
     knows_layers: bool = False
 
     @property

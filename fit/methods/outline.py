@@ -24,9 +24,9 @@ from fit.recordings.held_edge import place_along
 from fit.recordings.recording import Recording
 from formats.arrays import Floats, Integers
 
-FEWEST = 4  # points of an outline
+FEWEST = 4  # points of an outline; our choice: the corners of a panel
 FRONT_AXES = [0, 2]  # axes of the world frame in a view from the front
-AT_ONCE = 2_000_000  # distances computed in one batch
+AT_ONCE = 2_000_000  # distances computed in one batch; our choice: 16 MB an array, and no result depends on it
 
 
 class OutlineDistance:

@@ -131,11 +131,12 @@ def calibrate_command(
     from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
     from formats.descriptions import check_rig, dump_description, load_rig
-    from formats.outputs import check_is_no_input, refuse_to_replace, write_text
+    from formats.outputs import check_is_no_input, check_place, refuse_to_replace, write_text
     from formats.plausible_rig import check_plausible_rig
 
     if out is not None:
         check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
+        check_place(out, "a rig is written as TOML", ".toml")
         if not overwrite:
             refuse_to_replace(out)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
@@ -179,16 +180,17 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
 
 
 def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
-    """Check that a take's name ends in .mcap and is not an input file.
+    """Check that a take's name ends in .mcap, that its folder exists, and that it is not an input file.
 
     Raises:
-        OutputError: it does not end in .mcap, the ending of takes, or an input would be replaced.
+        OutputError: it does not end in .mcap, the ending of takes, its folder is absent, or an input would be replaced.
     """
     from formats.errors import OutputError
-    from formats.outputs import check_is_no_input
+    from formats.outputs import check_is_no_input, check_place
 
     if out.suffix != ".mcap":
         raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
+    check_place(out)
     check_is_no_input(out, inputs)
 
 

@@ -10,6 +10,7 @@ import typer
 
 from formats.anyway import Anyway
 from formats.command_groups import TAKES, group_of
+from formats.export_cli import export_takes
 from formats.takes_cli import add_takes_commands, end_with, refuse_the_same_name, tell_aside
 from formats.telling import tell, tell_entry, tell_fault
 
@@ -32,6 +33,7 @@ def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     takes = group_of(app, "takes")
     add_takes_commands(takes)
+    takes.command("export")(export_takes)
     takes.command("labels", short_help="List the markers of a motion capture file.")(list_labels)
     app.command("import", rich_help_panel=TAKES, short_help="Turn other people's recordings into takes.")(
         import_recordings
@@ -277,8 +279,7 @@ def describe_swatch(
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
-    from formats.errors import OutputError
-    from formats.outputs import check_name, refuse_to_replace, write_text
+    from formats.outputs import check_name, check_place, refuse_to_replace, write_text
     from formats.plain_text import plain
     from formats.plausible import check_plausible_garment
     from formats.swatch import swatch
@@ -286,8 +287,7 @@ def describe_swatch(
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)
-    if path.suffix.lower() != DESCRIBED_AS:
-        raise OutputError("a garment is written as TOML", where=path, advice="give a name that ends in .toml")
+    check_place(path, "a garment is written as TOML", DESCRIBED_AS)
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, path, offers_anyway=True)

@@ -39,6 +39,23 @@ def check_name(path: Path) -> None:
         raise not_utf8(path) from error
 
 
+def check_place(path: Path, kind: str = "", *endings: str) -> None:
+    """Check the ending of an output file and that its folder exists, before the work begins.
+
+    - `kind`: how the file is written, for the error about another ending
+    - `endings`: its possible endings, the usual one first; none for any ending
+
+    Raises:
+        OutputError: the file has another ending, or its folder does not exist.
+    """
+    if endings and path.suffix.lower() not in endings:
+        raise OutputError(kind, where=path, advice=f"give a name that ends in {endings[0]}")
+    try:
+        os.stat(f"{path.parent}/.")  # a file has no such name
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
 def check_length(path: Path, written_as: Iterable[Path]) -> None:
     """Refuse a file name that becomes too long with the suffix of its unfinished file.
 

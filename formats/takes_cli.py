@@ -1,43 +1,31 @@
-"""`hangtime takes`: list, show, verify, recover and export take archives."""
+"""`hangtime takes`: list, show, verify and recover take archives."""
 
 from __future__ import annotations
 
 import os
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from formats.telling import know, tell, tell_entry, tell_fault
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from formats.errors import HangtimeError
     from formats.take import Take
     from formats.take_report import TakeReport
 
-Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
-
-
-class ExportKind(StrEnum):
-    """File formats for the export of takes to other programs."""
-
-    CSV = "csv"
-    C3D = "c3d"
-    NPZ = "npz"
-    PARQUET = "parquet"
-    RRD = "rrd"
+TakeFiles = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
 def add_takes_commands(takes: typer.Typer) -> None:
     """Add the commands to `hangtime takes`."""
     takes.command("list", short_help="List takes with length, motion and garment.")(list_takes)
-    takes.command("show", short_help="Show what a take holds.")(show_take)
+    takes.command("show", short_help="Show what a take holds.")(show_takes)
     takes.command("verify")(verify_takes)
     takes.command("recover", short_help="Make a sound file of what a damaged take holds.")(recover_takes)
-    takes.command("export")(export_takes)
 
 
 def list_takes(
@@ -90,28 +78,66 @@ def list_takes(
         raise typer.Exit(2)
 
 
-def show_take(
-    path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap), or what one left (.partial).")],
+def show_takes(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap), or what one left (.partial).")
+    ],
     plot: Annotated[
         Path | None,
         typer.Option("--plot", "--png", metavar="FILE.png", help="Also draw the paths of up to twelve tracked points."),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
-    """Show the content of a take: length, rate, garment, how often each point was seen and how noisy it is."""
-    from formats.archive import read_with_report
-    from formats.errors import TakeError
-    from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread, unsettled
-    from formats.outputs import refuse_an_input, refuse_to_replace
-    from formats.plain_text import counted, plain
-    from formats.summary import describe, summarise
-    from formats.take_picture import draw_in_letters, draw_png
+    """Show the content of takes: length, rate, garment, how often each point was seen and how noisy it is.
 
-    try:
-        take, report = read_with_report(path)
-    except TakeError as error:
-        know(**_lost(path, error))
-        raise
+    Exit code 2: at least one take cannot be read. The others are shown.
+    """
+    from formats.errors import OutputError, TakeError
+    from formats.outputs import check_place, refuse_an_input, refuse_to_replace
+    from formats.plain_text import plain
+    from formats.take_picture import draw_png
+
+    if plot is not None:
+        if len(paths) > 1:
+            raise OutputError("draws one take", where="--plot", advice="give one take, or leave out --plot")
+        refuse_an_input(plot, paths)
+        check_place(plot, "pictures are written as PNG", ".png")
+        refuse_to_replace(plot, overwrite=overwrite)
+    is_alone, all_read = len(paths) == 1, True
+    for path in paths:
+        try:
+            take, words, facts = _content(path)
+        except TakeError as error:
+            if is_alone:
+                know(**_lost(path, error))
+                raise
+            _tell_lost("takes", path, error)
+            all_read = False
+            continue
+        if not is_alone:
+            tell_entry("takes", f"{plain(path)}\n{words}\n", file=str(path), **facts)
+            continue
+        tell(words, **facts)
+        if plot is not None:
+            draw_png(take, plot, overwrite=overwrite)
+            tell(f"\nPicture: {plain(plot)}", plot=str(plot))
+    if not all_read:
+        raise typer.Exit(2)
+
+
+def _content(path: Path) -> tuple[Take, str, dict[str, Any]]:
+    """Return a take, and its content in words and as facts.
+
+    Raises:
+        TakeError: it cannot be read.
+    """
+    from formats.archive import read_with_report
+    from formats.fault_words import RECOVERS, RECOVERS_EACH, behind, lost_scans, of_another, unread, unsettled
+    from formats.plain_text import counted
+    from formats.summary import describe, summarise
+    from formats.take_picture import draw_in_letters
+
+    take, report = read_with_report(path)
     summary = summarise(take)
     lost = f"\nlost      {lost_scans(report)}" if report.missing_scans else ""
     lost += f"\nnot read  {unread(report)}" if report.unread_blocks else ""
@@ -119,15 +145,10 @@ def show_take(
     lost += f"\nother     {of_another(report)}; {RECOVERS_EACH}" if report.other_takes else ""
     lost += f"\nbehind    {behind(report)}" if report.trailing_bytes else ""
     lost += "".join(f"\nleft      {one}" for one in unsettled(report))
-    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, left=list(report.left))
-    if plot is not None:
-        refuse_an_input(plot, [path])
-        refuse_to_replace(plot, overwrite=overwrite)
-        draw_png(take, plot, overwrite=overwrite)
-        tell(f"\nPicture: {plain(plot)}", plot=str(plot))
+    return take, f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", {**summary, "left": list(report.left)}
 
 
-def verify_takes(paths: Takes) -> None:
+def verify_takes(paths: TakeFiles) -> None:
     """Read takes whole, checksums and all. Exit code 0: all sound; 2: at least one is damaged or incomplete."""
     from msgspec import to_builtins
 
@@ -163,7 +184,7 @@ def verify_takes(paths: Takes) -> None:
 
 
 def recover_takes(
-    paths: Takes,
+    paths: TakeFiles,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder for the sound files.", show_default="beside each take"),
@@ -185,11 +206,11 @@ def recover_takes(
     all_written, is_alone = True, len(paths) == 1
     for path, target in zip(paths, targets, strict=True):
         try:
-            _refuse_a_target(target, paths, overwrite=overwrite)
+            refuse_a_target(target, paths, overwrite=overwrite)
             takes = read_every_take(path)
             free = [target, *(target.with_name(f"{target.stem}-{k}.mcap") for k in range(2, takes.count + 1))]
             for one in free[1:]:
-                _refuse_a_target(one, paths, overwrite=overwrite)
+                refuse_a_target(one, paths, overwrite=overwrite)
         except HangtimeError as error:
             _tell_not_recovered(path, error, is_alone=is_alone)
             all_written = False
@@ -209,7 +230,12 @@ def recover_takes(
         raise typer.Exit(2)
 
 
-def _refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:
+def refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:
+    """Refuse an output file that is an input, or that exists and may not be replaced.
+
+    Raises:
+        OutputError: it is or does.
+    """
     from formats.outputs import refuse_an_input, refuse_to_replace
     from formats.unfinished import ANOTHER_FOLDER
 
@@ -290,96 +316,23 @@ def refuse_the_same_name(paths: Sequence[Path], targets: Sequence[Path], advice:
 
     for target in dict.fromkeys(targets):
         same = [path for path, one in zip(paths, targets, strict=True) if one == target]
-        _refuse_twice(same)
+        refuse_twice(same)
         if len(same) > 1:
             raise OutputError(f"two takes would become {target.name}", where=same[0], advice=advice)
 
 
-def _refuse_twice(paths: Sequence[Path]) -> None:
+def refuse_twice(paths: Sequence[Path]) -> None:
+    """Refuse a file that was given twice, whatever its names.
+
+    Raises:
+        OutputError: one was.
+    """
     from formats.errors import OutputError
 
     files = [os.path.realpath(path) for path in paths]
     for path, file in zip(paths, files, strict=True):
         if files.count(file) > 1:
             raise OutputError("was given twice", where=path, advice="give it once")
-
-
-def export_takes(
-    paths: Takes,
-    to: Annotated[ExportKind, typer.Option("--to", help="File format.")],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="PATH", help="Folder for the files; with parquet, one file of all takes.")
-    ],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
-) -> None:
-    """Write takes for other programs.
-
-    Marker trajectories become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD.
-    Parquet needs the extra `parquet`, RRD the extra `rerun`.
-
-    Exit code 2: at least one take cannot be exported. The others are exported, and the last lines name each lost take.
-    """
-    from msgspec import to_builtins
-
-    from formats.archive import read_take
-    from formats.errors import HangtimeError, TakeError
-    from formats.exporters.arrays import write_npz, write_parquet
-    from formats.exporters.marker_files import write_c3d, write_csv
-    from formats.exporters.rerun_file import write_rrd
-    from formats.fault_words import doubts_of, state_of_take
-    from formats.missing import incomplete_words
-    from formats.outputs import output_folder, refuse_an_input, refuse_to_replace
-    from formats.plain_text import counted, plain
-
-    writers: dict[ExportKind, Callable[..., str | None]] = {
-        ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
-    }  # fmt: skip
-    targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
-    if to is not ExportKind.PARQUET:
-        refuse_the_same_name(paths, targets, "export one of them elsewhere")
-    lost: dict[Path, HangtimeError] = {}
-    if to is ExportKind.PARQUET:
-        _refuse_twice(paths)
-        refuse_an_input(out, paths)
-        refuse_to_replace(out, overwrite=overwrite)
-        read: list[tuple[Path, Take]] = []
-        for path in paths:
-            try:
-                read.append((path, read_take(path)))
-            except TakeError as error:
-                lost[path] = error
-        if read:
-            write_parquet(out, [take for _, take in read], overwrite=overwrite)
-            lacking = {str(path): words for path, take in read if (words := incomplete_words(take))}
-            notes = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-            doubted = {str(path): found for path, take in read if (found := doubts_of(take))}
-            notes += "".join(f"\n{plain(path)}: {doubt}" for path, found in doubted.items() for doubt in found)
-            records = [
-                {"file": str(path), "frames": len(take.time), **to_builtins(state_of_take(take))} for path, take in read
-            ]
-            tell(
-                f"{plain(out)}: {counted(len(read), 'take')}{notes}", files=[str(out)], takes=records,
-                incomplete=lacking, doubts=doubted,
-            )  # fmt: skip
-        end_with(lost, len(paths))
-        return
-    with output_folder(out):
-        for path, target in zip(paths, targets, strict=True):
-            try:
-                _refuse_a_target(target, paths, overwrite=overwrite)
-                take = read_take(path)
-                moved = writers[to](target, take, overwrite=overwrite)
-            except HangtimeError as error:
-                lost[path] = error
-                continue
-            notes = f"; {moved}" if moved else ""
-            notes += f"; the take {words}" if (words := incomplete_words(take)) else ""
-            notes += "".join(f"; {doubt}" for doubt in doubts_of(take))
-            tell_entry(
-                "files", f"{plain(target)}: {len(take.time)} frames{notes}", file=str(target), frames=len(take.time),
-                moved=moved or None, **to_builtins(state_of_take(take)),
-            )  # fmt: skip
-        end_with(lost, len(paths))
 
 
 def end_with(lost: dict[Path, HangtimeError], asked: int) -> None:

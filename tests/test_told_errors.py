@@ -86,7 +86,7 @@ def test_an_import_beside_anothers_garment_says_in_silence_that_it_stays(desk, m
     ("words", "error"),
     [
         ("takes show a.mcap --json --bogus", "No such option: --bogus"), ("takes gone --json", "No such command"),
-        ("takes show a.mcap b.mcap --json", "Got unexpected extra argument"), ("--json", "No such option: --json"),
+        ("takes list a b --json", "Got unexpected extra argument"), ("--json", "No such option: --json"),
     ],
 )  # fmt: skip
 def test_json_of_a_command_line_that_is_wrong_before_its_json_has_the_sentence_of_its_error(desk, words, error):

@@ -6,15 +6,15 @@ import pytest
 import typer
 from typer.main import get_command
 
-from formats import cli, takes_cli
+from formats import cli, export_cli, takes_cli
 from formats.command_groups import FIT, HELP, TAKES, group_of
 
 ADDED = {
     "takes list": ("List takes with length, motion and garment.", takes_cli.list_takes),
-    "takes show": ("Show what a take holds.", takes_cli.show_take),
+    "takes show": ("Show what a take holds.", takes_cli.show_takes),
     "takes verify": ("Read takes whole, checksums and all.", takes_cli.verify_takes),
     "takes recover": ("Make a sound file of what a damaged take holds.", takes_cli.recover_takes),
-    "takes export": ("Write takes for other programs.", takes_cli.export_takes),
+    "takes export": ("Write takes for other programs.", export_cli.export_takes),
     "takes labels": ("List the markers of a motion capture file.", cli.list_labels),
     "import": ("Turn other people's recordings into takes.", cli.import_recordings),
     "swatch": ("Describe a square swatch with markers.", cli.describe_swatch),

@@ -65,7 +65,7 @@ def desk(tmp_path):
             "a.mcap: two takes would become a.csv; export one of them elsewhere",
         ),
         ("import m.csv", "m.csv: motion capture needs to know the garment; give --garment FILE; `hangtime swatch` "
-         "writes one"),
+         "writes one, and `hangtime takes labels` names the markers"),
         ("takes export a.mcap other/../a.mcap --to csv --out here", "a.mcap: was given twice; give it once"),
         ("import m.csv other/../m.csv", "m.csv: was given twice; give it once"),
         ("import m.csv other/m.csv", "m.csv: two takes would become m.mcap; import one of them elsewhere"),

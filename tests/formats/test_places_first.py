@@ -1,0 +1,69 @@
+"""A wrong ending and an absent folder of an output are refused before anything is read; several takes are shown."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from formats.archive import write_take
+from formats.errors import OutputError
+from formats.outputs import check_place
+from tests.fit.here import hangtime_here
+from tests.formats.test_archive import a_take
+
+ABSENT = "gone/x{}: cannot be written (No such file or directory); make its folder first"
+PNG = "pictures are written as PNG; give a name that ends in .png"
+DOORS = [
+    ("takes show damaged.mcap --plot x.jpg", f"x.jpg: {PNG}"),
+    ("takes show damaged.mcap --plot x", f"x: {PNG}"),
+    ("takes show damaged.mcap --plot gone/x.png", ABSENT.format(".png")),
+    ("takes show damaged.mcap --plot damaged.mcap/x.png", "cannot be written (Not a directory)"),
+    ("takes export damaged.mcap --to parquet --out x.csv", "x.csv: one table of all takes is written as Parquet; give"),
+    ("takes export damaged.mcap --to parquet --out gone/x.parquet", ABSENT.format(".parquet")),
+    ("takes export damaged.mcap --to parquet --out gone/x", ABSENT.format("")),
+    ("swatch gone/x.toml --mass 0.05", ABSENT.format(".toml")),
+    ("calibrate --sensor none.oni --rig none.toml --out x.json", "x.json: a rig is written as TOML; give a name that"),
+    ("calibrate --sensor none.oni --rig none.toml --out gone/x.toml", ABSENT.format(".toml")),
+    ("record --sensor none.oni --rig none.toml --garment none.toml --out gone/x.mcap", ABSENT.format(".mcap")),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), DOORS)
+def test_an_output_that_cannot_be_is_refused_before_the_inputs_are_read(tmp_path, words, said):
+    (tmp_path / "damaged.mcap").write_bytes(b"no take")
+    done = hangtime_here(*words.split(), folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["damaged.mcap"]
+
+
+def test_an_ending_may_be_in_capitals_and_any_counts_where_none_is_asked_for(tmp_path):
+    check_place(tmp_path / "A.PNG", "", ".png")
+    check_place(tmp_path / "a.any")
+    with pytest.raises(OutputError, match=r"a\.any: as PNG; give a name that ends in \.png$"):
+        check_place(tmp_path / "a.any", "as PNG", ".png")
+
+
+def test_several_takes_are_shown_and_a_lost_one_keeps_no_other_from_it(tmp_path):
+    for name in ("a", "b"):
+        write_take(tmp_path / f"{name}.mcap", replace(a_take(frames=12), take_id=name))
+    alone = hangtime_here("takes", "show", "a.mcap", folder=tmp_path)
+    done = hangtime_here("takes", "show", "a.mcap", "gone.mcap", "b.mcap", folder=tmp_path)
+    assert done.returncode == 2
+    shown, lost = done.stdout.split("lost: ")
+    assert shown == f"a.mcap\n{alone.stdout}\n"
+    assert lost.startswith("gone.mcap: cannot be read (No such file or directory); check the path\nb.mcap\ntake")
+    told = json.loads(hangtime_here("takes", "show", "a.mcap", "gone.mcap", "--json", folder=tmp_path).stdout)
+    first, second = told["takes"]
+    one = json.loads(hangtime_here("takes", "show", "a.mcap", "--json", folder=tmp_path).stdout)
+    assert first == {"file": "a.mcap", **one}
+    assert (second["file"], second["state"], told["error"]) == ("gone.mcap", "lost", second["error"])
+
+
+def test_a_picture_is_drawn_of_one_take(tmp_path):
+    done = hangtime_here("takes", "show", "a.mcap", "b.mcap", "--plot", "x.png", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "hangtime: --plot: draws one take; give one take, or leave out --plot\n"

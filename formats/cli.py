@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
+FARTHEST_SHOWN = 1e6  # m; our choice: beyond it a position has no millimetres, and would fill the line
 
 
 class DecimalSign(StrEnum):
@@ -259,12 +260,17 @@ def list_labels(
         words, first = "never seen", None
         if share:
             first = tracks.positions[int(np.argmax(seen[:, number])), number].tolist()
-            words = f"seen {100 * share:3.0f} %, first at {', '.join(f'{one:.3f}' for one in first)} m"
+            words = f"seen {100 * share:3.0f} %, first at {', '.join(map(_millimetres, first))} m"
         tell_entry("markers", f"{plain(label):<{width}}  {words}", name=label, seen=share, first_m=first)
     for label in tracks.without_path:
         tell_entry("markers", f"{plain(label):<{width}}  has no path in the file", name=label, seen=0.0, first_m=None)
     if tracks.warning:
         tell(f"Warning: {plain(tracks.warning)}")
+
+
+def _millimetres(metres: float) -> str:
+    """Return a length [m] to the millimetre, or in few digits where it is no length of a room."""
+    return f"{metres:.3f}" if abs(metres) < FARTHEST_SHOWN else f"{metres:.3g}"
 
 
 def describe_swatch(

@@ -97,6 +97,8 @@ def refuse_to_replace(
     Raises:
         OutputError: the file exists, or its name is too long.
     """
+    if not path.name:  # `.` and `/`
+        raise already_there(path, instead=instead)
     partial = unfinished_name(path)
     check_length(path, [partial if path.suffix in NAMED_PARTIAL else name_of_its_own(path)])
     try:

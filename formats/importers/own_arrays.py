@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.blocks import as_arrays, check_columns
+from formats.blocks import TICKS, as_arrays, check_columns
 from formats.errors import TakeError
 from formats.importers.npz import load_arrays
-from formats.surface import SurfaceScan
+from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
 from formats.take_header import described
 from formats.take_writer import MOST_HEADER_BYTES, OPTIONAL, PROFILE, STORED
@@ -31,8 +31,8 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def holds_a_take(path: Path) -> bool:
-    """Return whether a file is an archive of arrays that describes a take; False where it cannot be read."""
-    return {f"{ABOUT}.npy", "points_valid.npy"} <= _names_in(path)
+    """Return whether a file is an archive of arrays with a text about a take; False where it cannot be read."""
+    return f"{ABOUT}.npy" in _names_in(path)
 
 
 def import_own_arrays(path: Path) -> Take:
@@ -80,19 +80,22 @@ def _take(path: Path, about: dict[str, Any], arrays: Arrays, scans: list[int]) -
     absent = dict.fromkeys(OPTIONAL[:3], np.full(frames, np.nan))
     unseen = {"points_hidden": np.zeros(columns["points_valid"].shape, bool)}
     points = len(garment.points)
-    check_columns({**absent, **unseen, **columns}, points=points, take_id=str(path), first=0, after=-np.inf)
-    if not len(columns["time"]):
+    if frames == (0,):
         raise TakeError("holds no frame", where=path, advice=AGAIN)
+    check_columns({**absent, **unseen, **columns}, points=points, take_id=str(path), first=0, after=-np.inf)
     values: dict[str, Any] = columns | {
         name: columns[name].astype(bool) for name in ("held_valid", "points_valid", "points_hidden") if name in columns
     }
     for name in ("held", "points"):
         values[name] = np.where(values[f"{name}_valid"][..., None], values[name], np.nan)
     values["state"] = values["state"].astype(np.uint16)
+    found = tuple(_scan(arrays, number, path) for number in scans)
+    if len({round(scan.time * TICKS) for scan in found}) < len(found):
+        raise TakeError("has two scans of the surface at one time", where=path, advice=AGAIN)
     return Take(
         take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source, notes=words.notes,
         is_complete=about.get("is_complete") is True, missing=words.missing,
-        scans=tuple(_scan(arrays, number, path) for number in scans), **values,
+        scans=found, **values,
     )  # fmt: skip
 
 
@@ -107,5 +110,10 @@ def _missing(about: dict[str, Any], path: Path) -> list[list[float]]:
 def _scan(arrays: Arrays, number: int, path: Path) -> SurfaceScan:
     time, grid, contour = (arrays[f"scan{number}_{part}"] for part in ("time", "grid", "contour"))
     if time.ndim or any(one.dtype.kind not in "iuf" for one in (time, grid, contour)):
-        raise TakeError(f"scan {number} is no number with arrays of numbers", where=path, advice=AGAIN)
-    return SurfaceScan(time=float(time), grid=grid.astype(float), contour=contour.astype(float))
+        raise TakeError(f"scan {number} is no time with arrays of numbers", where=path, advice=AGAIN)
+    scan = SurfaceScan(time=float(time), grid=grid.astype(float), contour=contour.astype(float))
+    try:
+        encode_scan(scan)
+    except TakeError as error:
+        raise TakeError(f"{error.where}: {error.what}", where=path, advice=AGAIN) from error
+    return scan

@@ -49,6 +49,12 @@ def test_the_listed_names_are_those_that_the_import_looks_for(tmp_path):
     assert refused.stderr.endswith("`hangtime swatch` writes one, and `hangtime takes labels` names the markers\n")
 
 
+def test_a_position_that_is_no_length_of_a_room_is_shown_in_few_digits(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,a_x_m,a_y_m,a_z_m\n0,1e300,2,3\n0.1,1e300,2,3\n")
+    done = hangtime_here("takes", "labels", "a.csv", folder=tmp_path)
+    assert done.stdout.splitlines()[1] == "a  seen 100 %, first at 1e+300, 2.000, 3.000 m"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -70,6 +70,8 @@ def test_a_take_comes_back_exactly_from_its_export(tmp_path, make):
     assert done.stdout.startswith(f"back/swing.mcap: 12 frames, {length:.1f} s")
 
 
+SHAPES = ("grid", np.zeros((2, 2, 3))), ("contour", np.zeros((4, 3)))
+EMPTY = {"time": (), "held": (2, 3), "held_sd": (2, 3), "markers": (2, 3), "points": (4, 3), "points_sd": (4, 3)}
 CHANGES = [
     ({"points": None}, "has no array 'points'"),
     ({"time": np.zeros(12)}, "a.npz, frame 1: time goes from 0.000000 s to 0.000000 s"),
@@ -82,7 +84,12 @@ CHANGES = [
     ({"points_valid": np.full((12, 4), 2.5)}, "points_valid is an array of float64, not of "),
     ({"scan0_time": np.array(0.5)}, "has no array 'scan0_grid'"),
     ({"scan0_time": np.array("x"), "scan0_grid": np.zeros((2, 2, 3)), "scan0_contour": np.zeros((4, 3))},
-     "scan 0 is no number with arrays of numbers"),
+     "scan 0 is no time with arrays of numbers"),
+    ({f"scan0_{part}": value for part, value in (("time", np.array(np.nan)), *SHAPES)}, "a.npz: scan at nan s: lies"),
+    ({f"scan{k}_{part}": value for k in (0, 1) for part, value in (("time", np.array(0.5)), *SHAPES)},
+     "a.npz: has two scans of the surface at one time"),
+    ({name: np.zeros((0, *shape)) for name, shape in EMPTY.items()}, "a.npz: holds no frame"),
+    ({"points_valid": None}, "has no array 'points_valid'"),
     ({"about": np.array("[1]")}, "its array 'about' is no text that describes a take"),
     ({"about": np.array("{")}, "its array 'about' is no text that describes a take"),
     ({"about": np.array("[" * 100_000)}, "its array 'about' is no text that describes a take"),

@@ -23,6 +23,8 @@ DOORS = [
     ("takes export damaged.mcap --to parquet --out x.csv", "x.csv: one table of all takes is written as Parquet; give"),
     ("takes export damaged.mcap --to parquet --out gone/x.parquet", ABSENT.format(".parquet")),
     ("takes export damaged.mcap --to parquet --out gone/x", ABSENT.format("")),
+    ("takes export damaged.mcap --to parquet --out .", ".: is a folder; give another name"),
+    ("takes export damaged.mcap --to parquet --out /", "/: is a folder; give another name"),
     ("swatch gone/x.toml --mass 0.05", ABSENT.format(".toml")),
     ("calibrate --sensor none.oni --rig none.toml --out x.json", "x.json: a rig is written as TOML; give a name that"),
     ("calibrate --sensor none.oni --rig none.toml --out gone/x.toml", ABSENT.format(".toml")),

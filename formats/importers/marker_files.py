@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         raise TakeError("is a folder", where=path, advice="give the files in it")
     try:
         check_ends(path)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import zipfile
 from pathlib import Path
@@ -54,7 +55,7 @@ def import_own_arrays(path: Path) -> Take:
 
 
 def _names_in(path: Path) -> set[str]:
-    if not path.is_file():  # a pipe would wait for its writer
+    if not os.path.isfile(path):  # a pipe would wait for its writer
         return set()
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:

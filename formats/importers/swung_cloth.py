@@ -13,6 +13,7 @@ The points follow the silhouette, so they slide over the cloth.
 
 from __future__ import annotations
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -253,9 +254,9 @@ def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the needed arrays, with shapes and types checked."""
-    if path.is_dir():
+    if os.path.isdir(path):
         raise TakeError("is a folder", where=path, advice="give the files in it")
-    if path.suffix.lower() != ".npz" and path.is_file():
+    if path.suffix.lower() != ".npz" and os.path.isfile(path):
         ends = f"ends in {path.suffix}" if path.suffix else "has no ending"
         raise TakeError(
             f"{ends}, which is no kind of file that can be imported", where=path,

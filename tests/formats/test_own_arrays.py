@@ -14,6 +14,7 @@ from formats.exporters.arrays import ARRAYS, write_npz
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 from tests.formats.test_export import whole_take
+from tests.formats.unprivileged import hangtime_unprivileged
 
 AGAIN = "export the take again with `hangtime takes export --to npz`"
 
@@ -156,3 +157,24 @@ def test_a_pipe_is_no_export(tmp_path):
     done = hangtime_here("import", "a.npz", folder=tmp_path)
     assert done.returncode == 2
     assert "a.npz" in done.stderr
+
+
+def test_recordings_in_a_folder_without_permission_keep_no_other_from_being_imported(tmp_path):
+    exported(tmp_path)
+    hangtime_here("swatch", "g.toml", "--mass", "0.05", folder=tmp_path)
+    (tmp_path / "shut").mkdir()
+    for name in ("b.npz", "c.csv", "d.xyz"):
+        (tmp_path / "shut" / name).write_text("x")
+    (tmp_path / "shut").chmod(0)
+    lost = ["shut/b.npz", "shut/c.csv", "shut/d.xyz"]
+    try:
+        (mixed, alone) = hangtime_unprivileged(
+            ["import", "a.npz", "shut/b.npz", "shut/d.xyz", "--out", "back"],
+            ["import", *lost, "--garment", "g.toml", "--out", "none"], folder=tmp_path,
+        )  # fmt: skip
+    finally:
+        (tmp_path / "shut").chmod(0o700)
+    assert (mixed.returncode, alone.returncode) == (2, 2)
+    assert mixed.stdout.startswith("back/a.mcap: 12 frames")
+    told = "lost: {}: cannot be read (Permission denied); get the permission to read it"
+    assert alone.stdout.splitlines() == [told.format(name) for name in lost]

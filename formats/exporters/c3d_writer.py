@@ -14,7 +14,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.importers.c3d_blocks import BLOCK_BYTES
-from formats.importers.c3d_layout import C3D_KEY
+from formats.importers.c3d_header import C3D_KEY
 from formats.importers.c3d_parameters import FLOAT, INTEL, SECTION_HEAD, SHORT, TEXT
 
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)

@@ -14,7 +14,8 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.importers.c3d_blocks import BLOCK_BYTES, find_blocks, refuse_lost_bytes, remove_blocks
-from formats.importers.c3d_layout import FASTEST_RATE, Header, first_of, read_header
+from formats.importers.c3d_header import first_of
+from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted

@@ -97,7 +97,7 @@ RULES = (
         ((" --seconds [0-9]+", ""), COARSE, (r"$", " --size 64x64 --seconds 2")), needs=("av",),
     ),
     Rule(r"hangtime animate ", "slow", (COARSE, (r"$", " --size 64x64")), needs=("av",)),
-    Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|report|compare|markers print|swatch) ", "quick"),
+    Rule(r"hangtime (?:takes (?:show|verify|export|labels)|fabric|report|compare|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs the first one's output
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),

@@ -16,7 +16,7 @@ from tests.fit.export.exported import a_fit
 from tests.fit.export.test_animation import square
 
 SKY, LIGHT = np.array([10.0, 20.0, 30.0]), np.array([0.0, 0.0, 1.0])
-FRONT, BACK = np.array([200.0, 100.0, 50.0]), np.array([40.0, 80.0, 160.0])
+FRONT, BACK = np.array([201.2, 101.2, 53.2]), np.array([41.2, 81.2, 161.2])
 
 
 def faces(*triangles, depth=1.0, normal=(0.0, 0.0, 1.0), front=FRONT, back=BACK, shaded=1.0):
@@ -66,7 +66,7 @@ def test_normals_are_interpolated_between_corners():
     shown = picture(dataclasses.replace(square, normals=normals), ambient=0.0)[1]
     at = (np.array([[0.5, 1.5], [2.5, 3.5], [4.5, 5.5], [6.5, 7.5]])) / 8
     expected = ((1 - at) / np.hypot(at, 1 - at)).mean(1)
-    assert shown[:, 0] == pytest.approx(200 * expected, abs=0.6)
+    assert shown[:, 0] == pytest.approx(201.2 * expected, abs=0.6)
 
 
 def test_the_nearer_face_is_seen_whichever_comes_first_and_depth_is_linear():

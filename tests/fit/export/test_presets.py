@@ -143,3 +143,17 @@ def test_mujocos_flex_joins_the_bodies_of_its_nodes_and_knows_its_damping_and_wh
     assert json.loads(texts["hangtime_provenance"])["takes"] == ["swing-01"]
     whole = ElementTree.fromstring(text_of("mujoco", a_fit(), spacing=0.05))
     assert {o.get("name"): o.get("data") for o in whole.findall("custom/text")}["hangtime_not_identified"] == "none"
+
+
+def test_newtons_preset_says_for_each_solver_how_it_is_called_and_what_it_lacks():
+    record = json.loads(text_of("newton", a_fit()))
+    calls = {name: part["call"] for name, part in record.items() if isinstance(part, dict) and "call" in part}
+    assert calls == {
+        "SolverStyle3D": "newton.solvers.style3d.add_cloth_mesh", "SolverVBD": "ModelBuilder.add_cloth_mesh",
+        "SolverSemiImplicit": "ModelBuilder.add_cloth_mesh",
+    }  # fmt: skip
+    for name in (*calls, "ModelBuilder.add_usd", "velocity_damping"):
+        assert record[name]["note"].endswith(".")
+    assert record["grid_spacing_m"] == 0.02
+    assert record["provenance"]["takes"] == ["swing-01"]
+    assert record["fabric"]["shear"]["value"] == 30.0

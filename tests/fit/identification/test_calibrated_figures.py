@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import re
 from types import SimpleNamespace
 
 import msgspec
@@ -201,6 +202,7 @@ def test_a_fit_states_what_it_was_asked_and_what_came_of_it(monkeypatch):
     weighed = a_take("a").garment.areal_density
     assert result.material["areal_density"] == pytest.approx(weighed)
     assert result.error.held_out_after is None
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", result.created)
 
 
 def test_annealing_says_that_its_gamma_is_a_choice_in_the_unit_of_its_objective(monkeypatch):

@@ -125,6 +125,42 @@ def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pi
     assert given["spread"][0] == pytest.approx(max(0.1 / np.sqrt(2), 0.25 * np.sqrt(share)))
 
 
+def test_draws_begin_at_the_better_half_of_the_sound_samples_by_expected_cost_and_prior(monkeypatch):
+    """Of seven samples one blew up; the prior has a variance of 1 / 12 about the start, in shares of the box."""
+    told = {}
+
+    class Emulated:
+        def __init__(self, units, gram):
+            told.update(units=units, gram=gram)
+
+        def costs(self, units, caution):
+            return np.full(len(units), 100.0 * caution), None
+
+    def draw(cost, places, pieces, seed):
+        told.update(cost=cost, places=places, seed=seed)
+        return np.array([[0.25, 0.2], [0.35, 0.2]])
+
+    monkeypatch.setattr(trials, "Emulator", Emulated)
+    monkeypatch.setattr(trials, "draw", draw)
+    monkeypatch.setattr(trials, "independent", lambda takes: told.update(takes=takes) or 40.0)
+    units = np.stack([np.arange(7) / 7, np.zeros(7)], 1)
+    residuals = np.arange(28.0).reshape(7, 4)
+    is_judged = np.array([True, True, False, True])
+    free = SimpleNamespace(by_place=lambda values: [values], layout=SimpleNamespace(
+        block=np.arange(4), is_judged=is_judged), recordings=[])  # fmt: skip
+    intervals_of(
+        monkeypatch, search=SimpleNamespace(space=SPACE, free=free), residuals=residuals, units=units,
+        costs=np.array([7.0, 3.0, np.inf, 5.0, 1.0, 6.0, 2.0]), settings=SimpleNamespace(seed=9),
+    )  # fmt: skip
+    sound = np.array([0, 1, 3, 4, 5, 6])
+    assert told["units"] == pytest.approx(units[sound])
+    assert told["gram"] == pytest.approx(residuals[sound] @ residuals[sound].T)
+    assert told["places"] == pytest.approx(units[[4, 6, 1]])
+    assert told["seed"] == 9
+    assert told["cost"](np.array([[0.5, 0.5], [0.75, 0.5]])) == pytest.approx([100.0, 100.0 + 12 / 16])
+    assert len(told["takes"][0]) == 3  # of the judged numbers
+
+
 def test_few_sound_samples_leave_the_spread_to_the_ends_alone(monkeypatch):
     """An emulator of two parameters needs more than three samples; of four, one blew up."""
     monkeypatch.setattr(trials, "Emulator", lambda units, gram: pytest.fail("three samples are too few"))

@@ -259,3 +259,4 @@ def test_a_later_trial_of_which_nothing_can_be_simulated_is_no_reason_to_refuse_
     assert [np.isfinite(step.cost) for step in found.path[-3:]] == [True, False, True]
     assert np.abs(SPACE.to_unit(found.vector) - SPACE.to_unit(START)).max() <= 0.06
     assert found.ends[-1][0] == min(cost for cost, _ in found.ends)
+    assert all(np.isfinite(cost) for cost, _ in found.ends)  # what lies across the valleys blew up too

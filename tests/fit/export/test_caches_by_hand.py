@@ -17,6 +17,7 @@ from fit.export import moving as moving_module
 from fit.export.fabric import fabric_of
 from fit.export.moving import known_effects, material_rows, motion_of
 from fit.export.solids import Solids
+from fit.export.video import film
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
 from fit.figure.gait import walk
 from fit.figure.parts import figure_in
@@ -72,7 +73,9 @@ def test_a_gltf_of_cloth_alone_has_one_mesh_one_material_and_one_channel():
     assert node == {"mesh": 0, "name": "cloth"}
     assert mesh["weights"] == [0.0, 0.0]
     assert material["doubleSided"] is True
-    assert material["pbrMetallicRoughness"]["metallicFactor"] == 0.0
+    assert material["pbrMetallicRoughness"] == {
+        "baseColorFactor": [0.35, 0.45, 0.65, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9,
+    }  # fmt: skip
     (primitive,) = mesh["primitives"]
     assert primitive["material"] == 0
     upright = moved().places[:, :, [0, 2, 1]] * [1, 1, -1]
@@ -107,6 +110,9 @@ def test_a_gltf_with_a_figure_moves_each_part_by_a_node_of_its_own():
     assert [node["mesh"] for node in document["nodes"]] == list(range(1 + count))
     assert [material["name"] for material in document["materials"]] == ["cloth", "figure"]
     assert document["scenes"][0]["nodes"] == list(range(1 + count))
+    assert document["materials"][1]["pbrMetallicRoughness"] == {
+        "baseColorFactor": [0.77, 0.74, 0.71, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8,
+    }  # fmt: skip
     (animation,) = document["animations"]
     assert [(c["sampler"], c["target"]["node"], c["target"]["path"]) for c in animation["channels"][1:]] == [
         (1 + 2 * k + (path == "rotation"), 1 + k, path) for k in range(count) for path in ("translation", "rotation")
@@ -240,3 +246,14 @@ def test_a_fit_of_an_effect_or_a_parameter_that_is_not_there_is_refused():
         known_effects(msgspec.structs.replace(a_fit(), effects={"wind": 1.0, "hem": 0.01}))
     with pytest.raises(FitError, match="lacks shear_stiffness, a parameter of the method si"):
         material_rows(msgspec.structs.replace(a_fit(), parameters=a_fit().parameters[:1]), 0.2)
+
+
+@pytest.mark.parametrize(("suffix", "library"), [(".gif", "PIL"), (".mp4", "av"), (".webm", "av")])
+def test_a_film_tells_each_of_its_pictures_and_holds_its_remark(suffix, library):
+    pytest.importorskip("PIL")
+    pytest.importorskip(library)
+    told = []
+    made = dataclasses.replace(moved(), time=np.array([0.0, 0.1, 0.2]))
+    raw = film(made, suffix, "A remark.", (64, 64), lambda done, total: told.append((done, total)))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert b"A remark." in raw

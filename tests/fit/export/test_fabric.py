@@ -227,3 +227,11 @@ def test_every_row_of_the_table_by_hand():
 def test_a_fit_of_an_unknown_method_has_no_fabric():
     with pytest.raises(FitError, match="there is no method named 'guess'"):
         fabric_of(msgspec.structs.replace(a_fit(), method="guess"))
+
+
+def test_the_numbers_of_a_garment_of_layers_are_said_to_be_of_one_of_them():
+    said = "The garment has {} layers; the numbers are of one of them."
+    for layers in (2, 3):
+        result = a_fit(layers=layers)
+        assert said.format(layers) in caution_lines(result, fabric_of(result))
+    assert not any("layers" in line for line in caution_lines(a_fit(), fabric_of(a_fit())))

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
+from fit.errors import FitError
 from fit.export.sheet import strip
 from tests.fit.export.exported import a_fit, text_of
 
@@ -157,3 +158,31 @@ def test_newtons_preset_says_for_each_solver_how_it_is_called_and_what_it_lacks(
     assert record["grid_spacing_m"] == 0.02
     assert record["provenance"]["takes"] == ["swing-01"]
     assert record["fabric"]["shear"]["value"] == 30.0
+
+
+def test_diagonals_of_a_strip_alternate_and_its_grid_fits_the_rectangle():
+    flat = strip(0.2, 0.1, 0.05)
+    assert len(flat.rest) == 5 * 3
+    assert flat.held.tolist() == [0, 1, 2, 3, 4]
+    sides = np.sort(np.concatenate([flat.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), 1)
+    ways = flat.rest[sides[:, 1]] - flat.rest[sides[:, 0]]
+    is_slanted = (np.abs(ways) > 1e-9).all(1)
+    found = {tuple(side): way[0] > 0 for side, way in zip(sides[is_slanted], ways[is_slanted], strict=True)}
+    expected = {}
+    for row in range(2):
+        for column in range(4):
+            a = 5 * row + column
+            falls = (row + column) % 2 == 0  # from the left above to the right below
+            expected[(a, a + 6) if falls else (a + 1, a + 5)] = falls
+    assert found == expected
+    assert flat.rest.min(0) == pytest.approx([-0.1, -0.1])
+    assert flat.rest.max(0) == pytest.approx([0.1, 0.0])
+
+
+@pytest.mark.parametrize(("spacing", "is_refused"), [(0.1, False), (0.101, True), (0.0001, True)])
+def test_a_strip_has_one_cell_across_at_least(spacing, is_refused):
+    if is_refused:
+        with pytest.raises(FitError, match="does not fit a swatch of"):
+            strip(0.2, 0.1, spacing)
+    else:
+        assert len(strip(0.2, 0.1, spacing).rest) == 6

@@ -16,6 +16,7 @@ from fit.identification import calibrate as calibration
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import find_method
+from fit.search.intervals import Intervals
 from formats.fit_records import ErrorFigure, TrivialFigure
 from tests.fit.scenes import hung, sheet, swing, take_of
 
@@ -287,3 +288,43 @@ def test_a_search_is_saved_every_ten_seconds(monkeypatch):
     assert len(saves) == 3
     assert told[0][1] == (1, 7, 1.0)
     assert found.simulations == 7 * 2
+
+
+@pytest.mark.parametrize(("method", "name"), [("mocap-swatch", "E/N"), ("lean", "D")])
+def test_least_squares_say_what_they_do_not_minimise_and_that_they_count_no_iterations(monkeypatch, method, name):
+    """With what a search found: every second parameter is not identified, and the first is at its bound."""
+
+    def found(model, request, saved, progress):
+        initial = np.array([p.initial for p in request.parameters])
+        count = len(initial)
+        ends = np.stack([0.9 * initial, 1.1 * initial], 1)
+        known = Intervals(ends, np.arange(count) % 2 == 1, np.eye(count), np.zeros(count), 2.0, np.arange(count) < 1)
+        return calibration._Found(initial, known, [0.02, 0.01], 321, 4)
+
+    monkeypatch.setattr(calibration, "_least_squares", found)
+    grid = sheet(grid=4)
+
+    def longer(take):
+        time = np.arange(120) / 30
+        path = swing(time, amplitude=0.05)
+        return take_of(grid, time, path, hung(grid, time) + path[:, None], name="a")
+
+    result = a_known_fit(monkeypatch, longer, method=method, search="least-squares", iterations=7)
+    told = " ".join(result.notes)
+    assert ("least-squares minimises the points' residuals; " in told) == (name != "D")
+    assert (f"{name} is reported, not minimised." in told) == (name != "D")
+    assert "least-squares has no number of iterations; the given 7 is ignored." in told
+    assert "4 candidates blew up and were rejected." in told
+    assert (result.simulations, result.history) == (321, [0.02, 0.01])
+    first, second, third, *_ = result.parameters
+    assert (first.is_at_bound, second.is_at_bound) == (True, False)
+    is_known = second.name not in find_method(method).degenerate
+    assert (first.is_identified, second.is_identified, third.is_identified) == (False, is_known, False)
+    assert (second.interval_low, second.interval_high) == pytest.approx((0.9 * second.initial, 1.1 * second.initial))
+    assert f"At its bound: {first.name}." in told
+    free = [p.name for p in result.parameters if not (p.is_identified or p.is_at_bound)]
+    assert third.name in free
+    assert f"Not identified: {', '.join(free)}." in told
+    assert "gamma" not in told
+    usual = a_known_fit(monkeypatch, longer, method=method, search="least-squares", iterations=350)
+    assert "number of iterations" not in " ".join(usual.notes)

@@ -47,6 +47,28 @@ def test_a_triangle_covers_the_pixels_whose_centres_it_holds_with_the_colour_of_
     assert turned[3, 0] == pytest.approx(BACK, abs=0.51)
 
 
+@pytest.mark.parametrize("corners", [((1, 0), (0, 7), (7, 4)), ((0, 4), (7, 8), (6, 0)), ((1, 8), (8, 7), (3, 1))])
+def test_a_triangle_is_the_same_whichever_of_its_corners_comes_first(corners):
+    """Each side of the picture is reached by another corner; a triangle beside it hides nothing."""
+    other = ((20, 20), (20, 21), (21, 21))
+    first = picture(faces(corners, other))
+    assert (first != SKY.astype(int)).any()
+    for turn in (1, 2):
+        assert (picture(faces(corners[turn:] + corners[:turn], other)) == first).all()
+    inside = [
+        (x + 0.5, y + 0.5) for y in range(8) for x in range(8)
+        if all(_side(corners[k], corners[(k + 1) % 3], (x + 0.5, y + 0.5)) <= 0 for k in range(3))
+        or all(_side(corners[k], corners[(k + 1) % 3], (x + 0.5, y + 0.5)) >= 0 for k in range(3))
+    ]  # fmt: skip
+    covered = (first - SKY.astype(int))[..., 0].sum() / (picture(faces(*WHOLE)) - SKY.astype(int))[..., 0].sum()
+    assert covered * 64 == pytest.approx(len(inside), abs=1.0)
+
+
+def _side(one, other, place):
+    """On which side of a line a place lies."""
+    return (other[0] - one[0]) * (place[1] - one[1]) - (other[1] - one[1]) * (place[0] - one[0])
+
+
 def test_shade_is_the_ambient_share_and_lamberts_rest_on_either_side_of_a_face():
     """A normal 60 degrees off the light: 0.25 + 0.75 / 2 of the colour; no shade where a face is flat."""
     leaning = (np.sqrt(0.75), 0.0, 0.5)

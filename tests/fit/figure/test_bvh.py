@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.figure.bvh import LEAD, _places, read_bvh
-from fit.figure.gait import walk
+from fit.figure.bvh import LEAD, _check_bones, _places, read_bvh
+from fit.figure.gait import standing, walk
 from tests.fit.figure.walking import bvh_of
 
 TWO_BONES = """HIERARCHY
@@ -126,3 +126,19 @@ def test_a_figure_whose_joints_are_all_at_one_position_is_refused(tmp_path):
     path.write_text(re.sub(r"OFFSET .*", "OFFSET 0 0 0", head) + step + re.sub(r"\S+", "0", rows))
     with pytest.raises(FitError, match="left hip and left knee are not two places apart"):
         read_bvh(path, 1.7)
+
+
+def test_the_ball_of_a_foot_is_what_the_ankle_carries_by_whatever_name(tmp_path):
+    text = bvh_of(walk(3.0))
+    (tmp_path / "a.bvh").write_text(text)
+    (tmp_path / "b.bvh").write_text(text.replace("ToeBase", "Ball"))
+    named, other = (read_bvh(tmp_path / f"{name}.bvh", 1.7).joints for name in "ab")
+    for joint in ("left_toe", "right_toe", "left_finger"):
+        assert other[joint] == pytest.approx(named[joint], abs=1e-9)
+
+
+def test_joints_of_a_limb_that_coincide_away_from_the_origin_are_refused():
+    joints = {name: np.tile(place, (3, 1)) + 5.0 for name, place in standing(1.7).items()}
+    _check_bones("a.bvh", joints)
+    with pytest.raises(FitError, match="its right elbow and right wrist are not two places apart"):
+        _check_bones("a.bvh", joints | {"right_wrist": joints["right_elbow"]})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -216,3 +217,15 @@ def test_motions_beyond_the_limit_keep_every_second_frame(tmp_path, monkeypatch)
     (back,), _ = load_motions(tmp_path / "report.html", "2026")
     assert np.array_equal(back.time, shown.time[::2])
     assert np.nanmax(np.abs(back.real - shown.real[::2])) <= 0.5e-4 + 1e-12
+
+
+def test_all_arrays_of_a_motion_together_have_a_largest_size(tmp_path, monkeypatch):
+    save_motions(tmp_path / "report.html", [motion(seconds=2.0)], Origin(facts=[], takes=[]), "2026")
+    with zipfile.ZipFile(place_beside(tmp_path / "report.html")) as archive:
+        size = sum(part.file_size for part in archive.infolist())
+    monkeypatch.setattr("fit.report.kept.MOST_BYTES", 0)
+    monkeypatch.setattr("fit.report.kept.PLAIN_BYTES", size)
+    assert len(load_motions(tmp_path / "report.html", "2026")[0]) == 1
+    monkeypatch.setattr("fit.report.kept.PLAIN_BYTES", size - 1)
+    with pytest.raises(FitError, match="is no motion of a report"):
+        load_motions(tmp_path / "report.html", "2026")

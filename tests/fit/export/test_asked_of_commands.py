@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import msgspec
@@ -116,6 +117,8 @@ def test_a_scene_needs_one_source_of_motion():
         with pytest.raises(FitError, match="none of its numbers has an SI value"):
             scene.check()
         scene.check(has_take=True)
+    with pytest.raises(FitError, match="its cloth is blender's, which keeps no shapes"):
+        Scene(result=a_fit("kinect-skirt", engine="blender")).check(has_take=True)
     with pytest.raises(FitError, match="no figure wears 'hat'"):
         Scene(result=a_fit(), figure=FigureOrder(wear="hat")).check()
 
@@ -170,3 +173,20 @@ def test_the_sheet_of_an_order_is_a_swatch_of_thirty_centimetres_or_the_takes_ga
     assert (one, whole) == (pytest.approx(15.0), pytest.approx(30.0))
     assert Order(result=a_fit("kinect-skirt")).fabric_if_any is None
     assert Order(result=a_fit()).grid_spacing == 0.02
+
+
+def test_files_are_written_from_another_thread_too(tmp_path):
+    """Only the main thread can let an interruption wait."""
+    failed = []
+
+    def write():
+        try:
+            kinds.write_contents({tmp_path / "a.csv": b"a", tmp_path / "b.csv": b"b"})
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    thread.join()
+    assert failed == []
+    assert [(tmp_path / f"{name}.csv").read_bytes() for name in "ab"] == [b"a", b"b"]

@@ -24,6 +24,7 @@ from fit.figure.bvh import (
     _upright,
     read_bvh,
 )  # fmt: skip
+from fit.figure.collar import collar_nodes
 from fit.figure.dressing import dressed
 from fit.figure.dressmaking import ends_at, girth, is_hem, plain_skirt, sewn_skirt, usual_skirt
 from fit.figure.gait import standing, walk
@@ -295,3 +296,15 @@ def test_a_file_that_is_too_large_or_has_too_many_joints_is_refused(tmp_path, mo
     monkeypatch.setattr(bvh, "LARGEST_BVH", path.stat().st_size - 1)
     with pytest.raises(FitError, match="the file is too large"):
         _places(path)
+
+
+def test_a_collars_nodes_know_their_arc_length_along_the_neck():
+    """The neckline's three sides are 81, 110 and 81 mm long: a node's place is where its way along them leads."""
+    sewn = sewn_shirt(plain_shirt(0.2))[0]
+    mesh = build_mesh(sewn, 0.06)
+    nodes, way = collar_nodes(sewn, mesh)
+    corners = np.array(sewn.outline_m[:4])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    expected = np.stack([np.interp(way, along, corners[:, axis]) for axis in range(2)], 1)
+    assert mesh.rest[nodes] == pytest.approx(expected, abs=1e-9)
+    assert len(np.unique(way.round(6))) > 6

@@ -217,6 +217,14 @@ def test_motions_beyond_the_limit_keep_every_second_frame(tmp_path, monkeypatch)
     (back,), _ = load_motions(tmp_path / "report.html", "2026")
     assert np.array_equal(back.time, shown.time[::2])
     assert np.nanmax(np.abs(back.real - shown.real[::2])) <= 0.5e-4 + 1e-12
+    assert np.abs(back.held - shown.held[::2]).max() <= 0.5e-4 + 1e-12
+    for name, run in shown.runs.items():
+        assert np.abs(back.runs[name].mesh - run.mesh[::2]).max() <= 0.5e-4 + 1e-12
+        assert np.abs(back.runs[name].points - run.points[::2]).max() <= 0.5e-4 + 1e-12
+    save_motions(tmp_path / "report.html", [replace(shown, held=None, real=np.repeat(shown.real, 9, 1)[:, :5])] * 2,
+                 Origin(facts=[], takes=[]), "2027")  # fmt: skip
+    assert {len(one.time) for one in load_motions(tmp_path / "report.html", "2027")[0]} == {90}
+    assert load_motions(tmp_path / "report.html", "2027")[0][0].held is None
 
 
 def test_all_arrays_of_a_motion_together_have_a_largest_size(tmp_path, monkeypatch):

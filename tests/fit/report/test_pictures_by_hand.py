@@ -11,6 +11,7 @@ from fit.report import residual_picture as picture
 from fit.report.plot import COLOURS, draw_plot
 from fit.report.residual_picture import Views, _draw_chart, _draw_flat, _draw_row, _instants, _tangents
 from tests.fit.report.report_scene import motion
+from tests.fit.report.test_residual_picture import shifted
 
 
 class Pen:
@@ -162,3 +163,17 @@ def test_a_plot_has_levels_ticks_titles_and_curves_to_scale(monkeypatch, tmp_pat
     bare = dataclasses.replace(both[0], real=np.full(real.shape, np.nan))
     draw_plot([bare], {"base": "base model"}, tmp_path / "b.png")
     assert "base model: no free point seen" in {text for _, text, _ in words}
+
+
+def test_the_points_places_are_drawn_from_the_top_of_the_cloth_down(monkeypatch, tmp_path):
+    pytest.importorskip("PIL")
+    recording, simulated = shifted((0.0, 0.004, 0.0))
+    drawn = []
+    monkeypatch.setattr(
+        picture, "_draw_flat", lambda pen, views, frames, flat, top, width: drawn.append((flat, top, width))
+    )
+    picture.draw_residuals(recording, simulated, tmp_path / "a.png")
+    ((flat, top, width),) = drawn
+    places = np.array([point.at_m for point in recording.garment.points])
+    assert flat == pytest.approx(np.stack([places[:, 0], places[:, 1].max() - places[:, 1]], 1))
+    assert (top, width) == (44 + 2 * 210, (1200 - 44) // 6)

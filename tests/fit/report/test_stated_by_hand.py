@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit.report import page
+from fit.report import answer, page
+from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.origin import _calibration, _garment, _sensor, origin_of
 from fit.report.page import SECTIONS, _takes, render_report
 from formats.rig import Calibration
@@ -78,3 +79,46 @@ def test_motion_fills_what_the_words_leave_of_the_pages_size(monkeypatch):
     monkeypatch.setattr(page, "PAGE_BUDGET", 10)
     render_report(fit=fit_result(), diagnosis=None, motions=[motion(seconds=2.0)])
     assert asked[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("verdict", "tone", "words"),
+    [
+        ("none", "good", "no gap"), ("effect", "good", "one missing effect"), ("several", "good", "several missing"),
+        ("ambiguous", "warn", "not distinguishable yet"), ("unknown", "warn", "cause unknown"),
+        ("numerics", "bad", "refine the simulation first"), ("inconclusive", "bad", "too little data"),
+    ],
+)  # fmt: skip
+def test_each_verdict_has_its_tone_and_its_tag(verdict, tone, words):
+    named = ["air_drag", "hem"] if verdict == "ambiguous" else ["air_drag"] if verdict == "effect" else []
+    shown = str(answer.verdict(None, diagnosis(verdict=verdict, named=named)))
+    assert f'class="verdict is-{tone}"' in shown
+    assert re.search(rf'class="tag tone-{tone}">{words}', shown)
+    plain = str(answer.verdict(fit_result(), None))
+    assert 'class="verdict is-plain"' in plain
+    assert 'class="tag tone-plain">fit<' in plain
+
+
+def test_figures_refer_to_what_is_named_and_of_ambiguous_effects_to_the_first():
+    said = {
+        ("ambiguous", ("air_drag", "hem")): "air drag (as one of 2)",
+        ("several", ("air_drag", "hem")): "air drag and hem",
+        ("unknown", ()): "the best effect",
+    }
+    for (verdict, named), words in said.items():
+        found = diagnosis(verdict=verdict, named=list(named))
+        assert answer.named(found) == words
+        assert answer.run_names(fit_result(), found)["with_effect"] == f"with {words}"
+    assert answer.run_names(None, None) == {
+        "before": "before the fit", "after": "after the fit", "base": "base model",
+        "with_effect": "with the effect", "fit": "the fit",
+    }  # fmt: skip
+    assert answer.run_names(fit_result(), None)["fit"] == "the fit (kinect-skirt)"
+
+
+def test_the_meaning_of_an_unknown_size_has_no_number_and_of_an_endless_one_there_is_none():
+    assert meaning_of("hem", None) == meaning_of("hem", 0.01) == "extra mass per length of the bottom edge"
+    assert meaning_of("air_drag", None) == ""
+    assert meaning_of("air_drag", float("inf")) == meaning_of("wind", 1.0) == sentence_of("wind") == ""
+    assert "1 times that of a flat plate (1.2)" in meaning_of("air_drag", -1.2)
+    assert str(sketch_of("wind")) == ""

@@ -235,3 +235,15 @@ def test_the_numbers_of_a_garment_of_layers_are_said_to_be_of_one_of_them():
         result = a_fit(layers=layers)
         assert said.format(layers) in caution_lines(result, fabric_of(result))
     assert not any("layers" in line for line in caution_lines(a_fit(), fabric_of(a_fit())))
+
+
+def test_each_layer_bears_its_share_of_friction_and_moves_its_share_of_air():
+    """Of two layers each has half of both; the drag on their faces is not shared."""
+    effects = {"bending_hysteresis": 2e-4, "added_mass": 0.1, "air_drag": 1.2}
+    fabric = fabric_of(a_fit(effects=effects, layers=2))
+    one, whole = (
+        [one[name].value for name in ("bending_friction", "added_mass", "drag_coefficient")]
+        for one in (fabric, fabric.whole)
+    )
+    assert one == pytest.approx([1e-4, 0.05, 1.2])
+    assert whole == pytest.approx([2e-4, 0.1, 1.2])

@@ -26,6 +26,7 @@ from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError, NewerFormatError, TakeError
+from formats.plain_text import counted
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without any outcome, after which the batch gives up
@@ -165,7 +166,8 @@ def run(
             say(f"Dashboard: {client.dashboard_link}" if connections == 1 else "Connected again.")
             is_lost = _Round(client, found, workers, progress, say).run(ending)
         if is_lost:
-            say(f"The scheduler was lost; {len(found.waiting)} jobs are left. Waiting for it to come back.")
+            left = counted(len(found.waiting), "job")
+            say(f"The scheduler was lost; {left} left. Waiting for it to come back.")
         fruitless = 0 if len(found.waiting) < before else fruitless + 1
         if fruitless == FRUITLESS:
             raise BatchError(

@@ -15,13 +15,14 @@ from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.diagnosing import run_diagnosis
 from fit.batch.garments import ERROR_REMOVED, Seen, diagnoses_of, wardrobe_of, wardrobes
 from fit.batch.jobs import Outcome, diagnosis_name, failure_name, report_name, unfinished_diagnosis
+from fit.batch.kept import keep
 from fit.batch.morning import as_html, as_text, morning_of
 from fit.batch.runner import Survey
 from fit.batch.store import open_store
 from fit.batch.summary import Row
 from formats.archive import write_take
 from formats.motion import MOTION_KINDS
-from formats.results import load_diagnosis, save_diagnosis
+from formats.results import load_diagnosis, result_bytes
 from tests.fit.batch.night import SHORT, make_takes, said, start, wait_for
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
@@ -54,6 +55,12 @@ def night_of(folder, takes):
 
 
 # --- which garments can be diagnosed --------------------------------------------------------------
+
+
+def kept(results, key, found):
+    """Keep a diagnosis and its report, as a worker does."""
+    keep(results, report_name(key), b"<html>its report</html>")
+    keep(results, diagnosis_name(key), result_bytes(found, "diagnosis"))
 
 
 def test_the_kind_of_motion_that_shows_least_is_judged_on():
@@ -172,8 +179,7 @@ def test_a_diagnosis_is_made_once_and_again_when_a_take_or_the_seed_changes(tmp_
     found = diagnoses_of([skirt_with_two_motions()], takes, results, 0)
     (job,) = found.jobs
     assert (job.training, job.held_out) == (("a.mcap",), ("b.mcap",))
-    save_diagnosis(tmp_path / diagnosis_name(job.key), diagnosis())
-    results.write(report_name(job.key), b"<html>its report</html>")
+    kept(results, job.key, diagnosis())
     again = diagnoses_of([skirt_with_two_motions()], takes, results, 0)
     assert (again.jobs, again.outcomes[job.key].state) == ([], "diagnosed")
     other_take = wardrobe_of("skirt", [seen("a.mcap"), dataclasses.replace(seen("b.mcap", "twist"), digest="other")])
@@ -237,10 +243,10 @@ def morning(tmp_path):
     found = diagnoses_of(every, open_store("takes"), results, 0)
     key = found.keys["skirt"]
     found.outcomes[key] = Outcome(key=key, state="diagnosed")
-    save_diagnosis(tmp_path / diagnosis_name(key), diagnosis())
+    kept(results, key, diagnosis())
 
     def made(**changes):
-        save_diagnosis(tmp_path / diagnosis_name(key), msgspec.structs.replace(diagnosis(), **changes))
+        kept(results, key, msgspec.structs.replace(diagnosis(), **changes))
         return morning_of(rows, every, found, results, made=datetime(2026, 1, 2, 7, tzinfo=UTC))
 
     return made, key

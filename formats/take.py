@@ -97,9 +97,13 @@ class Take:
 
 def told_apart(takes: Sequence[Take]) -> list[str]:
     """Return names that distinguish takes in sentences: their own, or their files' names where several share one."""
-    ids = [take.take_id for take in takes]
-    files = [take.report.file if take.report else "" for take in takes]
-    return [shortened(file if file and ids.count(own) > 1 else own) for own, file in zip(ids, files, strict=True)]
+    return names_apart([(take.take_id, take.report.file if take.report else "") for take in takes])
+
+
+def names_apart(takes: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the names of `told_apart` from the id and the file's name of each take, '' without a file."""
+    ids = [own for own, _ in takes]
+    return [shortened(file if file and ids.count(own) > 1 else own) for own, file in takes]
 
 
 class FrameState:

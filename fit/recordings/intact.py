@@ -134,10 +134,12 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
 
 def describe_doubts(takes: Sequence[Take]) -> list[str]:
     """Return a warning for every doubt about a take, except for missing frames."""
-    names = told_apart(takes)
-    return [
-        f"{OF_A_TAKE}{name}: {doubt}." for take, name in zip(takes, names, strict=True) for doubt in doubts_of(take)
-    ]
+    return doubts_in_words(told_apart(takes), [doubts_of(take) for take in takes])
+
+
+def doubts_in_words(names: Sequence[str], doubts: Sequence[Sequence[str]]) -> list[str]:
+    """Return the warnings of `describe_doubts` from the name and the doubts of each take."""
+    return [f"{OF_A_TAKE}{name}: {doubt}." for name, every in zip(names, doubts, strict=True) for doubt in every]
 
 
 def describe_flaws(takes: Sequence[Take]) -> list[str]:

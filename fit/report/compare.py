@@ -11,7 +11,7 @@ import msgspec
 from markupsafe import Markup
 
 from fit.errors import FitError
-from fit.recordings.intact import describe_doubts, flaw_notes
+from fit.recordings.intact import doubts_in_words, flaw_notes
 from fit.report.again import one_of, results_in
 from fit.report.page import packaged
 from fit.report.tables import row_of, table
@@ -19,12 +19,12 @@ from fit.report.templating import piece, render
 from fit.report.text import interval, number, percent, tenths
 from formats.archive import read_take
 from formats.diagnosis_records import Diagnosis
+from formats.fault_words import doubts_of
 from formats.fit_records import ErrorFigure, FitParameter, FitResult
 from formats.summary import summarise
-from formats.take import Take
+from formats.take import names_apart
 
 NONE = "–"
-Compared = FitResult | Diagnosis | Take
 
 
 @dataclass(frozen=True)
@@ -50,51 +50,80 @@ class SideBySide:
         )
 
 
-def read_all(paths: Sequence[Path]) -> list[Compared]:
-    """Read the items at paths: take archives, result files, or folders of results.
+@dataclass(frozen=True, kw_only=True)
+class _Column:
+    """One item of a comparison: its texts by row, its plain values and its warnings.
+
+    own: a take's id and the name of its file; fit: the fit itself
+    """
+
+    kind: str
+    rows: dict[str, str]
+    record: dict[str, Any]
+    warnings: list[str]
+    own: tuple[str, str] | None = None
+    fit: FitResult | None = None
+
+
+def _columns(paths: Sequence[Path]) -> list[_Column]:
+    """Read the items at paths, one after the other: take archives, result files, or folders of results.
+
+    A take is dropped before the next is read, because ten minutes at 1000 frames a second fill hundreds of megabytes.
 
     Raises:
         HangtimeError: one cannot be read. FitError: fewer than two items, or items of different kinds.
     """
     if len(paths) < 2:
         raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
-    found: list[Compared] = [read_take(p) if _is_take(p) else one_of(p) for p in paths]
-    for path, other in zip(paths, found, strict=True):
-        if type(other) is not type(found[0]):
+    found: list[_Column] = []
+    for path in paths:
+        found.append(_column(path))
+        if found[-1].kind != found[0].kind:
             raise FitError(
-                f"is a {COMPARED_AS[type(other)][0]}, and {paths[0]} is a {COMPARED_AS[type(found[0])][0]}", where=path,
+                f"is a {found[-1].kind}, and {paths[0]} is a {found[0].kind}", where=path,
                 advice="compare things of one kind",
             )  # fmt: skip
     return found
 
 
-def _is_take(path: Path) -> bool:
-    return path.suffix in (".mcap", ".partial") and not path.is_dir()
+def _column(path: Path) -> _Column:
+    record: dict[str, Any] = {"file": str(path)}
+    if path.suffix in (".mcap", ".partial") and not path.is_dir():
+        take = read_take(path)
+        known = summarise(take)
+        return _Column(
+            kind="take", rows=_take_rows(known), record=record | known, warnings=doubts_of(take),
+            own=(take.take_id, take.report.file if take.report else ""),
+        )  # fmt: skip
+    found = one_of(path)
+    record |= msgspec.to_builtins(found)
+    warnings = flaw_notes(found.notes)
+    if isinstance(found, FitResult):
+        return _Column(kind="fit", rows=_fit_rows(found), record=record, warnings=warnings, fit=found)
+    return _Column(kind="diagnosis", rows=_diagnosis_rows(found), record=record, warnings=warnings)
 
 
 def compare(paths: Sequence[Path]) -> SideBySide:
     """Return the comparison of fits, diagnoses or takes.
 
     Raises:
-        HangtimeError: as `read_all`.
+        HangtimeError: one cannot be read. FitError: fewer than two items, or items of different kinds.
     """
-    found = read_all(paths)
-    kind, rows_of = COMPARED_AS[type(found[0])]
-    names = _short(paths)
-    columns = [rows_of(one) for one in found]
-    labels = _in_order([list(column) for column in columns])
-    rows = [(label, *(column.get(label, NONE) for column in columns)) for label in labels]
+    columns = _columns(paths)
+    kind, names = columns[0].kind, _short(paths)
+    labels = _in_order([list(column.rows) for column in columns])
+    rows = [(label, *(column.rows.get(label, NONE) for column in columns)) for label in labels]
     if kind == "fit":
-        rows = [(*row, _agree(row[0], found)) for row in rows]
+        rows = [(*row, _agree(row[0], [column.fit for column in columns if column.fit])) for row in rows]
         names = [*names, "intervals overlap"]
-    records = tuple(
-        {"file": str(path)} | (summarise(one) if isinstance(one, Take) else msgspec.to_builtins(one))
-        for path, one in zip(paths, found, strict=True)
-    )
-    remarks = [note for one in found if isinstance(one, FitResult | Diagnosis) for note in flaw_notes(one.notes)]
-    remarks += describe_doubts([one for one in found if isinstance(one, Take)])
+    warnings = [column.warnings for column in columns]
+    if kind == "take":
+        remarks = doubts_in_words(names_apart([column.own for column in columns if column.own]), warnings)
+    else:
+        remarks = [note for notes in warnings for note in notes]
     left_out = [text for path in paths if path.is_dir() and (text := results_in(path).left_out)]
     kinds = f"{kind}s" if kind != "diagnosis" else "diagnoses"
+    records = tuple(column.record for column in columns)
     return SideBySide(kinds, tuple(names), tuple(rows), records, (*dict.fromkeys(remarks), *left_out))
 
 
@@ -118,8 +147,7 @@ def _short(paths: Sequence[Path]) -> list[str]:
     return ["/".join(part) for part in parts]
 
 
-def _fit_rows(fit: object) -> dict[str, str]:
-    assert isinstance(fit, FitResult)
+def _fit_rows(fit: FitResult) -> dict[str, str]:
     rows = {"method": fit.method, "search": fit.search, "takes fitted to": ", ".join(fit.take_ids)}
     rows["takes held out"] = ", ".join(fit.held_out_ids) or "none"
     rows["mesh spacing"] = f"{1e3 * fit.spacing:g} mm" if fit.spacing is not None else NONE
@@ -139,8 +167,7 @@ def _fit_rows(fit: object) -> dict[str, str]:
     return rows
 
 
-def _diagnosis_rows(diagnosis: object) -> dict[str, str]:
-    assert isinstance(diagnosis, Diagnosis)
+def _diagnosis_rows(diagnosis: Diagnosis) -> dict[str, str]:
     gap = diagnosis.gap
     rows = {"verdict": diagnosis.verdict, "names": ", ".join(diagnosis.named).replace("_", " ") or NONE}
     rows["takes fitted to"] = ", ".join(diagnosis.take_ids)
@@ -161,9 +188,8 @@ def _diagnosis_rows(diagnosis: object) -> dict[str, str]:
     return rows
 
 
-def _take_rows(take: object) -> dict[str, str]:
-    assert isinstance(take, Take)
-    known = summarise(take)
+def _take_rows(known: dict[str, Any]) -> dict[str, str]:
+    """Return the rows of a take from its summary."""
     rate = f", {known['rate_hz']:g} a second" if known["rate_hz"] is not None else ""
     rows = {
         "missing": known["missing"] or ("nothing" if known["is_complete"] else "its end"),
@@ -178,13 +204,6 @@ def _take_rows(take: object) -> dict[str, str]:
         noise = f", noise {point['sd_mm']:g} mm" if point["sd_mm"] is not None else ""
         rows[point["name"].replace("_", " ")] = f"seen {point['seen_percent']:g} %{noise}"
     return rows
-
-
-COMPARED_AS: dict[type, tuple[str, Any]] = {
-    FitResult: ("fit", _fit_rows),
-    Diagnosis: ("diagnosis", _diagnosis_rows),
-    Take: ("take", _take_rows),
-}
 
 
 def _ends(parameter: FitParameter) -> tuple[float, float] | None:
@@ -208,11 +227,10 @@ def _change(before: ErrorFigure | None, after: ErrorFigure | None) -> str:
     return f"{1e3 * before.mean_m:.1f} → {1e3 * after.mean_m:.1f} mm"
 
 
-def _agree(label: str, fits: Sequence[Compared]) -> str:
+def _agree(label: str, fits: Sequence[FitResult]) -> str:
     """Return whether the intervals of a parameter or a combination overlap, in words; nothing for other rows."""
     found = []
     for fit in fits:
-        assert isinstance(fit, FitResult)
         every = [(c.name, c.unit, (c.interval_low, c.interval_high)) for c in fit.combinations]
         every += [(_words(p.name), p.unit, ends) for p in fit.parameters if (ends := _ends(p)) is not None]
         named = {label: ends for name, unit, ends in every for label in (name, f"{name} [{unit}]")}

@@ -12,11 +12,12 @@ import pytest
 from fit.errors import FitError
 from fit.report import sections
 from fit.report.again import _is_together, results_in
-from fit.report.compare import _agree, _diagnosis_rows, _fit_rows, _in_order, _short, _take_rows, read_all
+from fit.report.compare import _agree, _columns, _diagnosis_rows, _fit_rows, _in_order, _short, _take_rows
 from fit.report.methods import method_figures
 from fit.report.tables import effect_table, parameter_table
 from formats.fit_records import Combination, ErrorFigure, FitParameter, ObjectiveFigure
 from formats.results import save_diagnosis, save_fit_result
+from formats.summary import summarise
 from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 from tests.fit.report.test_shown_figures import words_on
@@ -176,7 +177,7 @@ def test_the_rows_of_a_take_are_its_summary():
     moved = swing(time, amplitude=0.05)
     points = hung(sheet(), time) + moved[:, None]
     points[:9, 4] = np.nan
-    rows = _take_rows(take_of(sheet(), time, moved, points))
+    rows = _take_rows(summarise(take_of(sheet(), time, moved, points)))
     assert rows["garment"] == "sheet, 36.0 g"
     assert rows["length"].endswith("s, 90 frames, 30 a second")
     assert rows["motion"] == "face-on"
@@ -191,10 +192,10 @@ def test_only_things_of_one_kind_are_compared_and_two_of_them(tmp_path):
     save_fit_result(tmp_path / "fit.json", fit_result())
     save_diagnosis(tmp_path / "diagnosis.json", diagnosis())
     with pytest.raises(FitError, match="name two or more"):
-        read_all([tmp_path / "fit.json"])
+        _columns([tmp_path / "fit.json"])
     with pytest.raises(FitError, match=r"diagnosis\.json: is a diagnosis, and .*fit\.json is a fit"):
-        read_all([tmp_path / "fit.json", tmp_path / "diagnosis.json"])
-    assert read_all([tmp_path / "fit.json"] * 2) == [fit_result()] * 2
+        _columns([tmp_path / "fit.json", tmp_path / "diagnosis.json"])
+    assert [one.fit for one in _columns([tmp_path / "fit.json"] * 2)] == [fit_result()] * 2
 
 
 def test_a_fit_and_a_diagnosis_are_together_by_the_content_of_their_takes_or_else_by_name(tmp_path):

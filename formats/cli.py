@@ -296,7 +296,7 @@ def describe_swatch(
     check_place(path, "a garment is written as TOML", DESCRIBED_AS)
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
-        check_plausible_garment(described, path, offers_anyway=True)
+        check_plausible_garment(described, "--mass, --side", offers_anyway=True)
     write_text(path, dump_description(described), overwrite=overwrite)
     apart = 1e3 * side / (markers - 1)
     words = f"{plain(path)}: {markers * markers} markers, {apart:.1f} mm apart"

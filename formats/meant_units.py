@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 NEAR_A_RANGE = 2.0  # times the longest: a nearer length has the right unit; a wrong unit is off 25 times or more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
+MILLISECONDS = (("milliseconds", 1e-3),)  # in seconds
+SPEEDS = (("kilometres an hour", 1 / 3.6), ("millimetres a second", 1e-3))  # in metres a second
 
 LENGTHS = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "metres": 1.0, "meters": 1.0, "inches": 0.0254,

@@ -31,7 +31,7 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
     """
     if markers < FEWEST_MARKERS:
         raise DescriptionError(
-            f"a swatch has too few markers along each side (got {markers})", where=name,
+            f"a swatch has too few markers along each side (got {markers})", where="--markers",
             advice=f"give {FEWEST_MARKERS} or more",
         )  # fmt: skip
     if not (LEAST_SIDE <= side < 10 and mass > 0):
@@ -40,11 +40,11 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
         meant = meant or unit_of(side, SHORTEST, LONGEST)
         raise DescriptionError(
             f"no swatch has a side of {side:g} m and a mass of {mass:g} kg{meant}",
-            where=name, advice="give metres and kilograms",
+            where="--mass" if LEAST_SIDE <= side < 10 else "--side", advice="give metres and kilograms",
         )  # fmt: skip
     if markers**2 > MOST_POINTS:
         raise DescriptionError(
-            f"{markers} markers along each side are more than the {MOST_POINTS} that a take holds", where=name,
+            f"{markers} markers along each side are more than the {MOST_POINTS} that a take holds", where="--markers",
             advice=f"give {math.isqrt(MOST_POINTS)} at most",
         )  # fmt: skip
     half, pitch = side / 2, side / (markers - 1)
@@ -56,5 +56,5 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
             for r in range(markers) for c in range(markers)
         ),
     )  # fmt: skip
-    check_garment(garment, name)
+    check_garment(garment, "--mass, --side")
     return garment

@@ -52,6 +52,7 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     `added` holds effects that the caller requested in any case
     """
     remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
+    remarks.append("Errors are root mean square distances of the free points.")
     remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)

@@ -162,7 +162,7 @@ def as_text(morning: Morning) -> str:
             lines.append(f"  Report: {finding.link}")
     lines.append("")
     for take in morning.takes:
-        error = f"{take.before} to {take.after} mm" if take.after else take.remark
+        error = f"mean distance {take.before} to {take.after} mm" if take.after else take.remark
         lines.append("  ".join(part for part in (take.take, take.state, take.garment, take.motion, error) if part))
     return "\n".join(lines) + "\n"
 

@@ -20,7 +20,7 @@ from fit.recordings.intact import flaw_notes
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
-from formats.fit_records import FitParameter, FitResult
+from formats.fit_records import AT_BOUND, FitParameter, FitResult
 from formats.results import fit_result_from
 from formats.rows import csv_text
 
@@ -94,7 +94,7 @@ def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:
     """Return the outcome of every take as plain values, with the state of the take where it was fitted."""
     return [
         {
-            "take": row.take, "state": row.state, "sentence": row.sentence,
+            "take": row.take, "state": STATE_WORDS[row.state], "sentence": row.sentence,
             "take_states": msgspec.to_builtins(row.result.take_states) if row.result else [],
         }
         for row in rows
@@ -102,11 +102,11 @@ def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """Return the table as CSV: errors in millimetres, parameters in their own units with 90 % intervals."""
+    """Return the table as CSV: mean distances in millimetres, parameters in their own units with 90 % intervals."""
     names = _parameters(rows)
     head = ["take", "take_id", "state", "error_before_mm", "error_after_mm", "simulations", "seconds"]
     for name in names:
-        head += [name, f"{name}_low", f"{name}_high", f"{name}_is_identified"]
+        head += [name, f"{name}_low", f"{name}_high", f"{name}_is_identified", f"{name}_is_at_bound"]
     figures = ((row.take, *_figures(row, names), row.sentence, row.key) for row in rows)
     return csv_text([*head, "remark", "key"], figures)
 
@@ -114,19 +114,19 @@ def as_csv(rows: Sequence[Row]) -> str:
 def _figures(row: Row, names: list[str]) -> list[object]:
     result = row.result
     if result is None:
-        return ["", row.state, "", "", "", "", *[""] * (4 * len(names))]
+        return ["", STATE_WORDS[row.state], "", "", "", "", *[""] * (5 * len(names))]
     figures: list[object] = [
-        " ".join(result.take_ids), row.state, f"{1e3 * result.error.train_before.mean_m:.3f}",
+        " ".join(result.take_ids), STATE_WORDS[row.state], f"{1e3 * result.error.train_before.mean_m:.3f}",
         f"{1e3 * result.error.train_after.mean_m:.3f}", result.simulations, f"{result.seconds:.1f}",
     ]  # fmt: skip
     by_name = {p.name: p for p in result.parameters}
     for name in names:
         p = by_name.get(name)
         if p is None:
-            figures += [""] * 4
+            figures += [""] * 5
         else:  # only the interval if the value is not identified
             fitted = "" if p.is_identified is False else p.fitted
-            figures += [fitted, p.interval_low, p.interval_high, p.is_identified]
+            figures += [fitted, p.interval_low, p.interval_high, p.is_identified, p.is_at_bound]
     return figures
 
 
@@ -186,13 +186,14 @@ def _line(row: Row, names: list[str]) -> dict[str, object]:
 
 
 def _value(parameter: FitParameter | None) -> tuple[str, str]:
-    """Return a fitted value, a dash if it is not identified, and its interval."""
+    """Return a fitted value, a dash if it is not identified, and its interval, marked where it is at its bound."""
     if parameter is None:
         return MISSING, ""
     value = MISSING if parameter.is_identified is False else number(parameter.fitted)
     if parameter.interval_low is None or parameter.interval_high is None:
-        return value, ""
-    return value, interval((parameter.interval_low, parameter.interval_high))
+        return value, AT_BOUND if parameter.is_at_bound else ""
+    ends = interval((parameter.interval_low, parameter.interval_high))
+    return value, f"{ends}, {AT_BOUND}" if parameter.is_at_bound else ends
 
 
 def _parameters(rows: Sequence[Row]) -> list[str]:

@@ -16,6 +16,7 @@ from fit.export.fabric import Fabric
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats
 from formats.garment import Garment
+from formats.meant_units import MILLISECONDS, meant
 from formats.rig import Rig
 from formats.swatch import swatch
 from formats.take import Take
@@ -67,9 +68,9 @@ def check_motion(way: str, seconds: float) -> None:
         raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
     if not SHORTEST_MOTION <= seconds <= LONGEST_MOTION:
         raise FitError(
-            f"{seconds:g} s is no length for a motion",
+            f"{seconds:g} s is no length for a motion{meant(seconds, SHORTEST_MOTION, LONGEST_MOTION, MILLISECONDS)}",
             where="--seconds",
-            advice=f"{SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s",
+            advice=f"give {SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s",
         )
 
 

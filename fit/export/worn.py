@@ -33,6 +33,7 @@ from fit.figure.wearing import DEEPEST, looked_at, wear
 from formats.arrays import Singles
 from formats.fit_records import FitResult
 from formats.garment import Garment
+from formats.meant_units import MILLISECONDS, UNITS, meant
 
 GAITS = ("walk",)
 PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
@@ -70,14 +71,16 @@ class FigureOrder:
         if self.wear not in GARMENTS:
             raise FitError(f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(GARMENTS)}")
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
+            question = meant(self.height, SHORTEST_FIGURE, TALLEST_FIGURE, UNITS)
             raise FitError(
-                f"nobody is {self.height:g} m tall", where="--height",
+                f"nobody is {self.height:g} m tall{question}", where="--height",
                 advice=f"give {SHORTEST_FIGURE:g} to {TALLEST_FIGURE:g} m",
             )  # fmt: skip
         if not SHORTEST_MOTION <= seconds <= LONGEST_WALK:
+            question = meant(seconds, SHORTEST_MOTION, LONGEST_WALK, MILLISECONDS)
             raise FitError(
-                f"{seconds:g} s is no length for a figure's walk", where="--seconds",
-                advice=f"{SHORTEST_MOTION:g} to {LONGEST_WALK:g} s",
+                f"{seconds:g} s is no length for a figure's walk{question}", where="--seconds",
+                advice=f"give {SHORTEST_MOTION:g} to {LONGEST_WALK:g} s",
             )  # fmt: skip
         if self.bvh is None:
             check_speed(self.speed)

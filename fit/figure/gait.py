@@ -49,6 +49,7 @@ from fit.figure.skeleton import (
     unit,
 )
 from formats.arrays import Floats
+from formats.meant_units import SPEEDS, meant
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
 SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
@@ -83,9 +84,11 @@ def check_speed(speed: float) -> None:
         FitError: it is one.
     """
     if not SLOWEST_WALK <= speed <= FASTEST_WALK:
+        question = meant(speed, SLOWEST_WALK, FASTEST_WALK, SPEEDS)
         raise FitError(
-            f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST_WALK:g} to {FASTEST_WALK:g} m/s"
-        )
+            f"nobody walks at {speed:g} m/s{question}", where="--speed",
+            advice=f"give {SLOWEST_WALK:g} to {FASTEST_WALK:g} m/s",
+        )  # fmt: skip
 
 
 def walk(

@@ -24,6 +24,8 @@ VERDICT_WORDS = {
     "inconclusive": "too little data",
 }
 
+RMS = "root mean square"  # the figure of the report and the diagnosis; tables of a fit have mean distances
+
 
 def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence[ReportMotion] = ()) -> Markup:
     """Return the summary: the verdict in one sentence, with its key figures."""
@@ -70,9 +72,9 @@ def _judged(motions: Sequence[ReportMotion]) -> tuple[list[ReportMotion], str]:
 def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     gap = diagnosis.gap
     on = "on motion not used to fit" if gap.is_held_out else "on the motion it was fitted to"
-    figures = [("base model misses by", tenths(gap.base_mm.value), on)]
+    figures = [("base model misses by", tenths(gap.base_mm.value), f"{RMS}, {on}")]
     if gap.with_effect_mm is not None:
-        figures.append((f"with {named(diagnosis)}", tenths(gap.with_effect_mm.value), on))
+        figures.append((f"with {named(diagnosis)}", tenths(gap.with_effect_mm.value), f"{RMS}, {on}"))
     figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
     for effect in diagnosis.effects:
         if effect.id in diagnosis.named:
@@ -102,7 +104,11 @@ def _fit_beside(fit: FitResult | None, motions: Sequence[ReportMotion]) -> list[
     """Return the error of a fit that is shown with a diagnosis, by the diagnosis' error measure."""
     judged, on = _judged(motions)
     error = rms_of(judged, "fit")
-    return [] if fit is None or error is None else [(f"the fit ({fit.method}) misses by", millimetres(error), on)]
+    return (
+        []
+        if fit is None or error is None
+        else [(f"the fit ({fit.method}) misses by", millimetres(error), f"{RMS}, {on}")]
+    )
 
 
 def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str:
@@ -112,7 +118,7 @@ def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str
     before, after = rms_of(judged, "before"), rms_of(judged, "after")
     if after is not None:
         against = f", against {millimetres(before)} before the fit" if before is not None else ""
-        return f"The fitted simulation misses the real cloth by {millimetres(after)} {on}{against}."
+        return f"The fitted simulation misses the real cloth by {millimetres(after)} ({RMS}) {on}{against}."
     error = fit.error
     if error.held_out_after is not None:
         shown, begun, on = error.held_out_after, error.held_out_before, "on motion not used to fit"
@@ -132,7 +138,7 @@ def fit_figures(fit: FitResult, motions: Sequence[ReportMotion]) -> list[tuple[s
     for name, shown, before, after in groups:
         begun, reached = rms_of(shown, "before"), rms_of(shown, "after")
         if begun is not None and reached is not None:
-            detail = "root mean square distance of the free points"
+            detail = f"{RMS} distance of the free points"
             figures.append((f"fit, {name}", f"{1e3 * begun:.1f} → {millimetres(reached)}", detail))
         elif not motions and before is not None and after is not None:
             detail = f"mean distance of all points; largest {1e3 * before.max_m:.0f} → {1e3 * after.max_m:.0f} mm"

@@ -273,8 +273,10 @@ def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: 
     if drops[up] >= least:
         return
     fitting = max(drops, key=lambda axis: drops[axis])
+    drop = round(1e3 * drops[up])
+    hang = f"{abs(drop)} mm {'above' if drop < 0 else 'below'}"
     raise TakeError(
-        f"with {up} up the markers are {1e3 * drops[up]:.0f} mm below the held corners in the median, "
+        f"with {up} up the markers are {hang} the held corners in the median, "
         f"on the flat garment {1e3 * np.median(flat[below]):.0f} mm",
         where=path,
         advice=f"give --up {fitting}, along which they hang" if drops[fitting] >= least

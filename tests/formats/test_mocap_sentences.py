@@ -123,7 +123,7 @@ def shortened(frames):
          "with z up the markers are 107 mm below the held corners in the median, on the flat garment 333 mm; give "
          "--up -y, along which they hang"),
         (moved(lambda places: places * [1, -1, -1]), {},
-         "with z up the markers are -333 mm below the held corners in the median, on the flat garment 333 mm; give"
+         "with z up the markers are 333 mm above the held corners in the median, on the flat garment 333 mm; give"
          " --up -z, along which they hang"),
         (lying(), {},
          "with z up the markers are 0 mm below the held corners in the median, on the flat garment 333 mm; record "

@@ -235,7 +235,7 @@ def test_a_take_that_lacks_seconds_is_named_in_the_nights_table_and_page(night):
         assert "missing: 2.25 to 3.25 s" in shown
         assert "10 bytes follow its end." in shown
     (told,) = as_facts(rows)
-    assert (told["state"], told["sentence"]) == ("known", rows[0].sentence)
+    assert (told["state"], told["sentence"]) == ("fitted before", rows[0].sentence)
     assert told["take_states"] == [msgspec.to_builtins(state)]
     assert (state.state, state.missing, state.trailing_bytes) == ("damaged", "2.25 to 3.25 s", 10)
     (waiting,) = as_facts([replace(rows[0], state="waiting", result=None)])

@@ -73,5 +73,5 @@ def test_bodies_and_skirts_are_spared_jerks(motion):
 
 
 def test_nobody_walks_at_a_runners_speed():
-    with pytest.raises(FitError, match=r"nobody walks at 4 m/s; give 0\.4 to 1\.8"):
+    with pytest.raises(FitError, match=r"nobody walks at 4 m/s; were kilometres an hour meant\? Give 0\.4 to 1\.8"):
         walk(3.0, 4.0)

@@ -50,7 +50,8 @@ GAP = Gap(
 def test_the_figures_beside_a_verdict_are_those_of_the_gap():
     shown = words_on(verdict(None, diagnosis(gap=GAP)))
     for figure in (
-        "base model misses by 10.0 mm on motion not used to fit", "with air drag 6.0 mm",
+        "base model misses by 10.0 mm root mean square, on motion not used to fit",
+        "with air drag 6.0 mm root mean square, on motion",
         "the sensor's noise alone 2.0 mm 1.7 to 2.4 mm",
         "base model on the points as tracked 17.0 mm 91 % of the gap from there closed",
         "base model has the held edge off by 3.3 mm 1.1 mm with air drag",
@@ -100,11 +101,14 @@ def test_errors_of_motions_are_of_held_out_takes_alone_where_there_are_any():
     """Fitted takes from 50 to 20 mm, held-out ones from 60 to 30, and the fit beside a diagnosis at 60."""
     both = [offset_motion(0.05, 0.02), offset_motion(0.06, 0.03, is_held_out=True)]
     sentence = words_on(verdict(fit_result(), None, both))
-    assert "misses the real cloth by 30.0 mm on motion not used to fit, against 60.0 mm before the fit" in sentence
+    assert (
+        "misses the real cloth by 30.0 mm (root mean square) on motion not used to fit, against 60.0 mm before the fit"
+        in sentence
+    )
     shown = {name: value for name, value, _ in fit_figures(fit_result(), both)}
     assert shown == {"fit, held-out takes": "60.0 → 30.0 mm", "fit, takes used to fit": "50.0 → 20.0 mm"}
     beside = words_on(verdict(fit_result(), diagnosis(), both))
-    assert "the fit (kinect-skirt) misses by 60.0 mm on motion not used to fit" in beside
+    assert "the fit (kinect-skirt) misses by 60.0 mm root mean square, on motion not used to fit" in beside
 
 
 def parts_of(page):

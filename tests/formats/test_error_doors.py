@@ -90,11 +90,11 @@ def desk(tmp_path):
         ),
         ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made or written to (Not a "
          "directory); give another path: a part of this one is a file"),
-        ("swatch s.toml --mass 0.05 --markers 2", "s: a swatch has too few markers along each side (got 2); give 4 or "
-         "more"),
-        ("swatch s.toml --mass 0.05 --markers 45", "s: 45 markers along each side are more than the 2000 that a take "
-         "holds; give 44 at most"),
-        ("swatch s.toml --mass 0.05 --side 500", "s: no swatch has a side of 500 m and a mass of 0.05 kg; were "
+        ("swatch s.toml --mass 0.05 --markers 2", "--markers: a swatch has too few markers along each side (got "
+         "2); give 4 or more"),
+        ("swatch s.toml --mass 0.05 --markers 45", "--markers: 45 markers along each side are more than the 2000 "
+         "that a take holds; give 44 at most"),
+        ("swatch s.toml --mass 0.05 --side 500", "--side: no swatch has a side of 500 m and a mass of 0.05 kg; were "
          "millimetres meant? Give metres and kilograms"),
     ],
     ids=lambda words: words if "hangtime" not in words else None,

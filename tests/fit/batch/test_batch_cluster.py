@@ -12,6 +12,7 @@ import pytest
 
 from fit.batch import cluster
 from fit.batch.cluster import Workers, connect, has_workers
+from fit.batch.room import Room
 from fit.errors import BatchError, UnreachableError
 
 
@@ -119,5 +120,6 @@ def test_a_cluster_without_workers_is_known_and_one_that_does_not_answer_counts_
 
 def test_one_worker_a_core_is_started_where_there_are_as_many_jobs():
     cores = len(os.sched_getaffinity(0))
-    assert [Workers().at_most(jobs).count for jobs in (cores + 1, cores, 1)] == [cores, cores, 1]
-    assert Workers(scheduler="tcp://a:1", patience=3.0).at_most(1).patience == 3.0
+    room = Room(processors=cores, memory=None)
+    assert [Workers().at_most(jobs, room)[0].count for jobs in (cores + 1, cores, 1)] == [cores, cores, 1]
+    assert Workers(scheduler="tcp://a:1", patience=3.0).at_most(1, room)[0].patience == 3.0

@@ -46,7 +46,8 @@ class Night:
         return diagnoses_of(every, self.takes, self.results, 0).jobs[0].key
 
     def run(self, *words):
-        return hangtime_here("batch", "takes", "--out", "out", "--workers", 1, *SHORT, *words, folder=self.folder)
+        workers = () if "--scheduler" in words else ("--workers", 1)
+        return hangtime_here("batch", "takes", "--out", "out", *workers, *SHORT, *words, folder=self.folder)
 
 
 def test_a_night_is_done_where_a_garment_lacks_takes_and_says_what_it_needs(tmp_path):
@@ -109,7 +110,7 @@ def test_a_batch_hands_its_cluster_what_its_options_say(tmp_path, monkeypatch):
     assert night.run("--patience", 2, "--dashboard-port", 0, "--scheduler", "tcp://a:1").returncode == 3
     night.run("--hours", 0)
     (first, is_over), (second, is_over_at_once) = asked
-    assert (first.patience, first.dashboard_port, first.scheduler, first.count) == (120.0, 0, "tcp://a:1", 1)
+    assert (first.patience, first.dashboard_port, first.scheduler, first.count) == (120.0, 0, "tcp://a:1", None)
     assert (second.patience, second.dashboard_port, second.scheduler) == (600.0, 8787, None)
     assert (is_over, is_over_at_once) == (False, True)
 

@@ -91,7 +91,7 @@ def test_connections_that_bring_no_result_are_counted_from_the_last_result_on(co
     with pytest.raises(BatchError, match="this machine: 2 connections in a row brought no result; look at the logs"):
         run(found, Workers(count=2), say=told.append)
     assert connections == [2, 1, 1]
-    lost = "The scheduler was lost; 1 jobs are left. Waiting for it to come back."
+    lost = "The scheduler was lost; 1 job left. Waiting for it to come back."
     assert told[1:] == [lost, "Connected again.", lost, "Connected again.", lost]
 
 

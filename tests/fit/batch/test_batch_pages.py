@@ -144,7 +144,8 @@ def test_the_text_names_each_finding_its_takes_its_report_and_each_take(tmp_path
     assert f"skirt: {diagnosis().verdict}\n  {diagnosis().sentence}\n" in text
     assert "  Fitted to a.mcap; judged on b.mcap.\n" in text
     assert f"  {diagnosis().next_experiment.sentence}\n  Report: {report_name('k')}\n" in text
-    assert text.endswith(f"\n\na.mcap  fitted  skirt  face-on  {before} to 4.1 mm\nx.mcap  failed  is cut off\n")
+    error = f"mean distance {before} to 4.1 mm"
+    assert text.endswith(f"\n\na.mcap  fitted  skirt  face-on  {error}\nx.mcap  failed  is cut off\n")
     assert "A person is needed for:\n- x.mcap: is cut off\n" in text
     known, unknown = page.takes
     assert (known.verdict, known.link) == (diagnosis().verdict, result_name("key-a.mcap"))

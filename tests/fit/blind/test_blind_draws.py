@@ -10,7 +10,7 @@ import pytest
 
 from fit.blind import making
 from fit.blind.boundary import real_ends
-from fit.blind.cases import _garment, _take, draw_truth, plan
+from fit.blind.cases import _cloth, _garment, _take, draw_truth, plan
 from fit.blind.engine import SAMPLES_A_SECOND, Cloth
 from fit.blind.foreign.engines import find_generator
 from fit.blind.hands import HELD_OUT, TRAINING, move
@@ -110,6 +110,24 @@ def test_an_effect_sets_its_own_fields_of_the_cloth_and_no_others(plant):
     assert {field: value for field, value in vars(changed).items() if value != getattr(cloth, field)} == {
         field: value for field, value in expected.items() if value != getattr(cloth, field)
     }
+
+
+def test_what_is_drawn_can_be_planted_and_only_the_librarys_effects_count_as_known():
+    cloth, rng = Cloth(width=0.3, height=0.3), np.random.default_rng(0)
+    for plant in PLANTS + UNKNOWNS:
+        drawn = plant.draw(rng, cloth)
+        assert tuple(drawn.components) == plant.components
+        assert drawn.in_library == (plant in PLANTS)
+        assert (with_plants(cloth, (drawn,)) != cloth) == (plant.on_cloth is not None)
+
+
+def test_a_null_has_the_cloth_that_was_drawn_for_it():
+    truth = draw_truth("a", "null", (), (1, 2))
+    made, look = _cloth(truth), truth.look
+    for name in ("stretch", "shear", "bending", "damping"):
+        assert getattr(made, name) == getattr(truth, name)
+    assert (made.width, made.height) == (look.width, look.height)
+    assert made.mass == pytest.approx(look.mass)
 
 
 def test_a_draught_has_its_direction_and_a_gust_of_its_own_and_corners_are_on_either_side():

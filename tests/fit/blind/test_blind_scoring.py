@@ -54,6 +54,7 @@ def test_two_folders_of_answers_stand_side_by_side(a_set, tmp_path):
     assert said.returncode == 0, said.stderr
     (line,) = [line for line in said.stdout.splitlines() if line.startswith("pairs: both named")]
     assert line.index("1/1") < line.index("0/1")
+    assert "beside: 5 cases, opening " in said.stdout
     assert (rivals / SCORE).exists()
 
 

@@ -21,7 +21,7 @@ from fit.recordings.camera import (
     steadied,
     straightened,
 )
-from fit.recordings.hanger_path import check_path
+from fit.recordings.hanger_path import check_path, hanger_axes
 from fit.recordings.held_edge import HeldEdge
 from fit.recordings.intact import FRAME_FIELDS, naming_damage
 from fit.recordings.ready import ready
@@ -140,6 +140,15 @@ def test_outliers_are_measured_by_the_median_distance_and_not_by_their_own():
     time = np.arange(10) * 0.1
     scan = scan_of(time, np.array([*3 * (0.1, -0.1), 0.35, -0.35, 1.2, -1.2]))
     assert scan.without_outliers(0.0, 0.0).used.tolist() == [*6 * [True], *4 * [False]]
+
+
+def test_the_hangers_axes_are_square_right_handed_and_stand_along_and_below_the_bar():
+    ends = np.random.default_rng(0).normal(size=(20, 6))
+    axes, bar = hanger_axes(ends), ends[:, 3:] - ends[:, :3]
+    np.testing.assert_allclose(np.swapaxes(axes, 1, 2) @ axes, np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(np.ones(20))
+    assert (axes[:, :, 0] * bar).sum(1) == pytest.approx(np.linalg.norm(bar, axis=1))
+    assert (axes[:, 2, 1] < 0).all()
 
 
 def test_a_jump_is_told_with_the_fastest_speed_and_the_instant_before_it():
@@ -311,7 +320,7 @@ def test_an_error_about_an_option_or_the_garment_is_not_blamed_on_damage(where):
     take = still_take(report=a_report(damaged_blocks=1))
     with pytest.raises(FitError) as told, naming_damage([take]):
         raise FitError("is too small", where=where, advice="choose another")
-    assert "damaged" not in str(told.value)
+    assert str(told.value) == f"{where}: is too small; choose another"
 
 
 def test_a_recording_of_arrays_alone_has_no_faults_of_a_camera_and_no_gaps():

@@ -122,6 +122,7 @@ def test_noise_is_that_of_frames_in_which_the_row_stands_still_and_at_least_half
     found = scan.by_noise(0.0, 0.0)
     assert found.still == rests.sum()
     assert found.noise == pytest.approx([1.4826 * 0.003, LEAST_NOISE, LEAST_NOISE])
+    assert replace(scan, used=np.arange(frames) >= 1).by_noise(0.0, 0.0).still == FEWEST_NOISE_FRAMES
     few = replace(scan, used=np.arange(frames) >= 2).by_noise(0.0, 0.0)
     assert (few.still, few.noise.tolist()) == (0, [1.0, 1.0, 1.0])
     assert np.linalg.norm(scan.velocity(0.0, 0.0), axis=1)[rests].max() < STILL

@@ -46,6 +46,13 @@ def test_bending_of_warp_and_weft_is_that_of_level_and_slanting_hinges_together(
     assert (warp + 8 * slanting) / 9 == pytest.approx(1e-5 / 1.2)
 
 
+def test_a_hem_is_three_times_as_stiff_over_its_twenty_millimetres():
+    plain, hemmed = (Engine(Cloth(width=0.3, height=0.3, hem=hem), side=0.02) for hem in (0.0, 0.01))
+    place = plain.sheet.rest[plain.sheet.hinges[:, :2]].mean(1)[:, 1]
+    assert hemmed.hinge_bending / plain.hinge_bending == pytest.approx(np.where(place < -0.28, 3.0, 1.0))
+    assert (place < -0.28).any()
+
+
 def test_a_tilted_gravity_has_its_whole_size():
     numbers = engine(gravity_tilt=(0.05, -0.04)).numbers()
     down = [numbers[f"gravity_{axis}"] for axis in "xyz"]

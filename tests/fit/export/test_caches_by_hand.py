@@ -146,6 +146,7 @@ def test_usd_samples_points_and_extents_at_thirty_codes_a_second(tmp_path):
     assert np.array(flat.Get()) == pytest.approx(made.rest, abs=1e-6)
     assert flat.GetInterpolation() == "vertex"
     assert stage.GetRootLayer().documentation.endswith("It went well.")
+    assert stage.GetPrimAtPath("/Garment/figure").GetTypeName() == "Xform"
     for name, (places, _) in zip(made.figure.names, made.figure.meshes, strict=True):
         part = UsdGeom.Mesh(stage.GetPrimAtPath(f"/Garment/figure/{name}"))
         assert np.array(part.GetExtentAttr().Get()) == pytest.approx(np.stack([places.min(0), places.max(0)]), abs=1e-6)

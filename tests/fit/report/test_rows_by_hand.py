@@ -11,10 +11,11 @@ import pytest
 
 from fit.errors import FitError
 from fit.report import sections
-from fit.report.again import _is_together, results_in
+from fit.report.again import _is_together, may_draw, results_in
 from fit.report.compare import _agree, _columns, _diagnosis_rows, _fit_rows, _in_order, _short, _take_rows
 from fit.report.methods import method_figures
 from fit.report.tables import effect_table, parameter_table
+from formats.errors import OutputError
 from formats.fit_records import Combination, ErrorFigure, FitParameter, ObjectiveFigure
 from formats.results import save_diagnosis, save_fit_result
 from formats.summary import summarise
@@ -315,3 +316,12 @@ def test_a_player_says_how_its_cloth_was_pulled_and_how_far_its_points_were_shif
     moved = max(np.linalg.norm(beside.offset(run), axis=1).max() for run in beside.shown)
     assert f"{1e3 * moved:.0f} mm" in words_on(sections.player([beside], 1, ""))
     assert "swing-02 (held out)" in words_on(sections.player([motion(), motion("swing-02", is_held_out=True)], 2, ""))
+
+
+def test_a_picture_that_is_there_is_replaced_only_where_that_is_asked_for(tmp_path):
+    pytest.importorskip("PIL")
+    (tmp_path / "a.png").write_bytes(b"mine")
+    may_draw(tmp_path / "a.png", overwrite=True)
+    may_draw(tmp_path / "b.png", overwrite=False)
+    with pytest.raises(OutputError, match="already there"):
+        may_draw(tmp_path / "a.png", overwrite=False)

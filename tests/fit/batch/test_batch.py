@@ -196,7 +196,7 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", "nowhere"), "nowhere: is no folder that is there"),
         (("batch", "ftp://example.org/takes"), "is neither a folder nor a bucket"),
         (("batch", ".", "--method", "guess"), "there is no method named 'guess'"),
-        (("batch", ""), "no folder or bucket was given"),
+        (("batch", ""), "the text is empty; give URL, or set the variable that stands for it"),
         (("batch", ".", "--spacing", "-1"), "the mesh spacing is -1 m; give metres"),
         (("batch", ".", "--hours", "-1"), "--hours"),
         (("batch", ".", "--hours", "nan"), "--hours"),
@@ -207,8 +207,9 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", ".", "--dashboard-port", "-1"), "-1 is outside the range: it must be at least 0"),
         *(
             (("batch", ".", "--until", bad), f"--until: {bad!r} is no time of the day; give hours and minutes, such as")
-            for bad in ("7pm", "24:00", "07:60", "7", "", "-1:00", "07:00:00")
+            for bad in ("7pm", "24:00", "07:60", "7", "-1:00", "07:00:00")
         ),
+        (("batch", ".", "--until", ""), "'--until': the text is empty; give --until HH:MM, or leave it out"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):

@@ -30,7 +30,7 @@ def test_a_batch_fits_as_a_single_fit_does_and_waits_for_ten_minutes_or_not_at_a
     batch, fit = (" ".join(hangtime_here(one, "--help", folder=tmp_path).stdout.split()) for one in ("batch", "fit"))
     ours, theirs = (re.search(r"--method .*?\[default: (\w[\w-]*)\]", shown)[1] for shown in (batch, fit))
     assert ours == theirs
-    assert re.search(r"--patience MINUTES [^\[]*\[default: 10\.0; x>=0\]", batch)
+    assert re.search(r"--patience MINUTES [^\[]*\[default: 10\.0; 0<=x<=10080\.0\]", batch)
 
 
 def test_the_page_of_an_interrupted_run_is_not_green_and_says_what_is_left(tmp_path):

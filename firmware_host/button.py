@@ -22,9 +22,13 @@ from firmware_host.errors import ButtonError
 EVENT = struct.Struct("llHHi")  # struct input_event: seconds, microseconds, type, code, value
 KEY_EVENT = 1  # EV_KEY
 UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
-SETTLE = 0.03  # s after a change in which contacts bounce
-AGAIN = 0.5  # s after a press in which a further press counts as an accidental repetition
-STUCK = 10.0  # s; a button held longer counts as stuck
+# s after a change in which contacts bounce. Our choice: a press counts at once, and only a change back waits. No
+# button's bounce was measured, and half and double were not tried.
+SETTLE = 0.03
+# s after a press in which a further press counts as an accidental repetition. Our choice: a take ends seconds after it
+# began. Half and double were not tried.
+AGAIN = 0.5
+STUCK = 10.0  # s; a button held longer counts as stuck; our choice: a press counts at once, so nobody holds it as long
 AT_ONCE = 64  # events per read
 KEYS = 96  # bytes: one bit for each of KEY_CNT = 768 keys
 EVIOCGKEY = 0x80604518  # _IOR('E', 0x18, KEYS bytes): which keys are down

@@ -30,10 +30,14 @@ COPY_AGAIN = "copy the recording again from its source"
 BOTH = "record depth and colour"
 OTHER = "use a sensor that does, as PS1080 devices do, or play a recording in which depth is registered"
 CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
-END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
+# s without a frame after which a recording of unknown length has ended. Our choice: it is waited once, at the end; a
+# disk that pauses for longer would end the recording too early. Half and double were not tried.
+END_WAIT = 1.0
 MOST_COLOURS = 4  # colour frames read per depth frame while they are too old for it
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame: above, they are of different clocks or a restarted clock
-COLOUR_PATIENCE = 30  # depth frames for which a colour frame so far ahead is kept
+# Depth frames for which a colour frame so far ahead is kept. Our choice: one second at 30 a second, so that frames up
+# to 2 s ahead find theirs. Half and double were not tried.
+COLOUR_PATIENCE = 30
 ROUND, AROUND = 1 << 32, 10_000_000  # us: range of a 32-bit timestamp, and the margin in which it may wrap around
 ANOTHER_UNIT = 10.0  # times the stated rate: so far off, stamps have another unit; a camera in dim light is nearer
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)

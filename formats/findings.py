@@ -8,7 +8,8 @@ from formats.take import Take
 
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take, of under five blocks, is not diagnosed: no statistic holds
 FEWEST_SEEN = 20  # frames with the hanger, and sights of free points: too few for splines and statistics below
-HARDLY_EVER = 0.1  # of the frames
+# Of the frames. Our choice: at 30 a second, 1.5 frames in a swing at 2 Hz. Half and double were not tried.
+HARDLY_EVER = 0.1
 OF_MARKERS = "markers"  # the note that only takes of marker trajectories have
 HARDLY_MOVED = 0.03  # m, largest travel of a resting hanger: the synthetic world's gentlest motion travels 0.14 m
 

@@ -18,11 +18,13 @@ from formats.two_clocks import shows_points
 SHORTEST_EDGE = 0.25  # of the flat held edge: held ends closer than that mean a wrong unit, not slack
 MOST_STRETCHED = 1.25  # of a flat distance, more than apparel stretches under its own weight
 MEASURED_APART = 0.06  # m more: held ends and points are measured by different means, 26 mm apart on real takes
-SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
+# Of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest. Our choice: folds shorten a
+# distance by more than cloth stretches. Half and double of either difference from 1 were not tried.
+SMALLER, LARGER = 0.85, 1.10
 RIGHT_MOST = 95  # percentile of a distance over the take: folds shorten it, and cloth never stretches by 10 %
 HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: below 1 in the synthetic motions
 MOST_NAMES = 5  # of points in one sentence
-ENOUGH = 10  # frames that both points of a distance must be seen in
+ENOUGH = 10  # frames that both points of a distance must be seen in; our choice: half and double were not tried
 
 
 def cloth_findings(take: Take, sights: Sights) -> list[Finding]:

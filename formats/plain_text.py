@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-LONGEST_TEXT = 2000  # characters of one text
+LONGEST_TEXT = 2000  # characters of one text; our choice: 25 rows of 80, about the terminal's height
 NAME_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
 MOST_LISTED = 3  # items of one kind that a sentence lists; our choice: a longer list hides the advice behind it
 ENDS_SHOWN = 60  # characters at either end of a longer name

@@ -16,10 +16,12 @@ from formats.meant_units import step_or_anyway, unit_of
 from formats.plausible_rig import check_plausible_rig
 from formats.take import Take
 
-LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
+LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer: the module states the fabrics
 MOST_USUAL_LAYERS = 2  # front and back
-SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
-SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
+# m, the longer side of the flat garment. Our choice: a swatch's side, and beyond a person's height. A wrong unit is
+# off 39 times or more, so half and twice of either would tell units as well.
+SHORTEST, LONGEST = 0.1, 3.0
+SLOWEST, FASTEST = 5.0, 1000.0  # frames a second; the module states the cameras; at 5, a swing at 2 Hz has 2.5 frames
 RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
 LARGEST_JUMP = 600.0  # s between two frames: five times the longest recording; a simulation covers the whole time
 NEAR_A_RATE = 2.0  # times: a rate nearer to the range has the right unit; a wrong unit is off 30 times or more

@@ -18,9 +18,14 @@ from formats.rig_bodies import distances_from
 
 Refuse = Callable[[str, str], NoReturn]  # with the words and the next step
 AT_A_BOUND = 1e-9  # relative, of numbers that are exactly at a bound
-SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
-SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
-NARROWEST, WIDEST = 10.0, 150.0  # degrees, field of view of a depth sensor: 40 to 90 for sensors of rooms
+# m. Our choice: at a focal length of 576 px and the nearest view, 5 mm are 6 px, half of what a fiducial needs. Markers
+# of 0.5 m are wider than the printed hanger. Half and twice would tell wrong units as well.
+SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5
+# m between the markers, and to the held ends. Our choice: a tenth of the printed hanger, and the widest garment.
+SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0
+# Degrees, field of view of a depth sensor: 40 to 90 for sensors of rooms. Our choice: wide of these. Half
+# and double were not tried.
+NARROWEST, WIDEST = 10.0, 150.0
 LONGEST_LENS = 50.0  # mm: a focal length below this number was taken from a data sheet, which gives millimetres
 SQUARE_WITHIN = 1.2  # times: fx over fy of square pixels is 1; Kinect's calibrations differ by 1.005
 MIDDLE_FROM, MIDDLE_TO = 0.25, 0.75  # of the picture's side: calibrated Kinects and Xtions have 0.48 to 0.53

@@ -21,7 +21,7 @@ from typing import Any
 
 from capture.errors import AnotherDaemonError, ControlError
 
-LONGEST_QUESTION = 4096  # bytes
+LONGEST_QUESTION = 4096  # bytes; our choice: a hundred times `{"do": "preview"}`, and 16 askers take 64 kB
 MOST_ASKERS = 16  # clients at once; one more, and the recorder disconnects the client that has been silent for longest
 MOST_CALLERS = 128  # connections that the kernel queues until the next poll; our choice: beyond askers and watchers
 MOST_WATCHERS = 64  # watchers at once; one more, and the recorder disconnects the oldest

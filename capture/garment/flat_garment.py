@@ -20,7 +20,9 @@ from formats.garment import Garment
 
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
 CENTRE = 4  # the role of the centre, after the four corners
-GRID_STEP = 0.025  # m of the grid
+# m of the grid. Our choice: on a square of 0.5 m the ways between corners are up to 0.8 % too long (measured). At half
+# they are 0.4 % too long, from four times the nodes; at twice 1.6 %.
+GRID_STEP = 0.025
 CENTRE_MATCH = 0.01  # m from a garment file's centre to the tracker's; our choice: rounding to cm moves it by 7 mm
 AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments the grid has errors of 10 mm
 

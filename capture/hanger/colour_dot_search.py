@@ -19,7 +19,9 @@ LEAST_CHROMA = 22.0  # of L*a*b*: paper and skin in shade have less, stickers of
 HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no dot falls between two
 AREAS = (0.55, 1.6)  # of the expected disc's area: blur at its edge, and the share of one hue
 LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
-FILLS = (0.6, 0.98)  # of its bounding box
+# Of its bounding box. Our choice: a disc fills 0.79, and an aslant ellipse as long as `LONGEST_BOX` 0.69. A triangle
+# fills 0.5 and an upright rectangle 1.
+FILLS = (0.6, 0.98)
 DOT_TOLERANCE = 0.08  # of the hanger's distance: depth at a small dot is accurate to a centimetre
 LARGEST_COLOUR_DISTANCE = 28.0  # in a*b*, between a dot and its expected colour
 CLEARLY = 2.0  # times better than the next pair

@@ -34,7 +34,7 @@ SURE = 0.8  # correlation from which a match is accepted
 POINTS = 7  # points along each side of the tracked grid
 BACK = 0.5  # px, bound on a point's forward-backward error
 FEWEST_AGREEING = 12  # points of 49 that must agree: a quarter of the marker
-AGREE = 0.7  # px
+AGREE = 0.7  # px, of a point from the common motion; our choice: above `BACK`, half and double were not tried
 LEAST_PICTURE_CORRELATION = (
     0.6  # correlation of the visible part with the template: plain skin has points that agree, but correlates less
 )

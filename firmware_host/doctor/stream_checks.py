@@ -16,7 +16,9 @@ from firmware_host.usb_control.devices import UsbDevice
 from formats.terminal import ProgressLine
 
 LIVE_SENSOR = "openni2:"
-WATCHED_SECONDS = 5.0  # s of frames that are checked
+# s of frames that are checked. Our choice: one dropped frame of 151 stays below `MOST_DROPPED`. At half, one of 76
+# would exceed it; at twice, everybody waits longer.
+WATCHED_SECONDS = 5.0
 WARM_UP = 10  # first frames of a live sensor that are ignored: exposure settles, and they may be late
 HIGHEST_RATE = 1.5  # of the nominal rate; a higher measured rate means that the device's clock lags
 LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames

@@ -44,7 +44,9 @@ Path = Callable[[Floats], Floats]
 
 FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s, limit and step of the grid; a step is 10 mm at 0.5 m/s
 SEEN_AT_ALL = 0.5  # share of positions for which the shifted trajectory must be known
-MOST_LOOKED_AT = 2000  # pictures
+# Pictures, evenly spread over the recording. Our choice: 67 s at 30 a second are whole, a million positions on the grid
+# of 501 shifts. Half and double were not tried.
+MOST_LOOKED_AT = 2000
 POSITIONS_AT_ONCE = 50_000  # pictures times shifts: 2 MB of positions
 WORTH_REFINING = 2.0  # times the least median distance
 SURELY = 3.5  # standard errors: exceeded by chance once in 300, with 15 degrees of freedom

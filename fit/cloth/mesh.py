@@ -326,12 +326,14 @@ def _locate(places: Floats, rest: Floats, triangles: Integers) -> tuple[Indices,
 
 
 def _spread(points: Floats, rest: Floats) -> tuple[Indices, Floats]:
-    """Return the piecewise linear interpolation from the tracked points to every node (Delaunay of the points)."""
+    """Return the piecewise linear interpolation from the tracked points to every node (Delaunay of the points).
+
+    If the points span no triangle, the nearest one stands for a node; without points, all weights are 0.
+    """
     from scipy.spatial import Delaunay, QhullError
 
-    if len(points) < 3:
-        nearest = np.zeros((len(rest), 3), np.int32)
-        return nearest, np.tile([1.0 if len(points) else 0.0, 0.0, 0.0], (len(rest), 1))
+    if not len(points):
+        return np.zeros((len(rest), 3), np.int32), np.zeros((len(rest), 3))
     try:
         simplices = Delaunay(points).simplices
     except QhullError:

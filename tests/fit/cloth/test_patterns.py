@@ -49,6 +49,16 @@ GARMENTS = {
 }
 
 
+def test_of_few_tracked_points_the_nearest_one_stands_for_a_node():
+    """Two at the ends of the top: each of them for its own half. Without any, no node is known."""
+    for count in (0, 1, 2):
+        mesh = build_mesh(cut(points=sheet().points[:count]), 0.1)
+        assert mesh.pull_weights.tolist() == [[float(count > 0), 0.0, 0.0]] * len(mesh.rest)
+        known = np.abs(mesh.rest[:, 0]) > 0.01
+        nearest = (mesh.rest[known, 0] > 0.0) & (count == 2)
+        assert mesh.pull_points[known].tolist() == [[int(k)] * 3 for k in nearest]
+
+
 @pytest.mark.parametrize("name", GARMENTS)
 def test_the_mesh_has_the_garments_area_and_slopes_along_the_threads(name):
     """x = (2 X + 3 Y, X, Y): slopes along threads turned by a are R(a) (2, 3), and second derivatives are none."""

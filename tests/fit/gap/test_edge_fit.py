@@ -103,6 +103,20 @@ def test_a_size_that_the_edge_contradicts_is_taken_from_the_edge():
         assert pinned.trust == 7.0
 
 
+def test_what_varies_at_the_edge_counts_a_quarter_for_its_noise_may_be_slow():
+    """15 frames at 2 deviations a typical size weigh 15 x 4 / 4 = 15: the size is known to 1 / sqrt(15)."""
+    observer = an_observer()
+    frames = (observer.layout.frame >= 0) & observer.layout.is_edge
+    varying = np.zeros(len(frames))
+    varying[np.flatnonzero(frames)[::NUMBERS_A_FRAME]] = 1.0
+    found = fitted_to(observer, 0.0)
+    found = dataclasses.replace(found, residual=4.0 * varying, jacobian=np.outer(-2.0 * varying, np.arange(6) == 5))
+    pinned = disputed(observer, 5.0 * varying, found, 7.0)
+    (sd,) = pinned.sd[observer.columns[SLACK]] / KINDS[SLACK].typical
+    assert pinned.amplitudes[observer.columns[SLACK]] == pytest.approx(2.5 * KINDS[SLACK].typical, rel=1e-6)
+    assert sd == pytest.approx(1 / np.sqrt(15), rel=1e-6)
+
+
 def test_a_size_that_the_edge_confirms_or_cannot_correct_stays():
     observer = an_observer()
     without = stretched(observer, 10.0)
@@ -200,6 +214,19 @@ def test_an_effect_that_would_explain_the_edge_is_refitted_whatever_the_cloth_pr
     seen = screened(observer, air_drag=4.0, clip_slack=4.0, time_offset=0.0, attachment_offset=-2.0)
     assert leads(observer, seen, stretched(observer, 8.0)) == ["clip_slack", "attachment_offset"]
     assert leads(observer, seen, stretched(observer, 4.0)) == []
+
+
+def test_only_the_two_effects_that_leave_the_least_at_the_edge_are_refitted_for_it():
+    """Four explain the stretch, and three of them also push the edge aside, by 0.1 to 0.3 of it."""
+    observer = an_observer()
+    rest = np.flatnonzero(observer.layout.frame < 0)
+    wrong = stretched(observer, 8.0)
+    seen = {}
+    for name, aside in (("eroded_outline", 0.3), ("clock_drift", 0.2), ("clip_slack", 0.1), ("time_offset", 0.0)):
+        row = stretched(observer, 4.0)
+        row[rest[::NUMBERS_A_FRAME]] = 4.0 * aside
+        seen[name] = signature(raw=row[None], typical=KINDS[name].typical)
+    assert leads(observer, seen, wrong) == ["time_offset", "clip_slack"]
 
 
 def test_the_edge_shows_a_size_from_which_it_is_certain():

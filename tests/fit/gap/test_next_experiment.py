@@ -158,6 +158,14 @@ def test_of_several_changes_the_median_inflation_counts(scores, inflation):
     assert _inflation(observer, SimpleNamespace(residual=residual), changes) == pytest.approx(inflation)
 
 
+def test_what_any_of_several_changes_explains_is_not_inflation():
+    """One block of 18 equal numbers, wholly explained by the first change: without that its ratio would be 9 x 18."""
+    same, other = np.ones(18), np.tile([1.0, -1.0], 9)
+    observer = SimpleNamespace(layout=SimpleNamespace(block=np.zeros(18, int)))
+    for changes in ([same, other], [other, same]):
+        assert _inflation(observer, SimpleNamespace(residual=3.0 * same + 2.0 * other), changes) == 1.0
+
+
 def path_of(name, *instants):
     motion = next(m for m in MENU if m.id == name)
     return motion.path(np.array(instants))

@@ -131,6 +131,9 @@ def test_a_state_of_another_search_and_other_candidates_are_refused(name):
     candidates = one.ask(4)
     with pytest.raises(ValueError, match="unchanged"):
         one.tell(candidates + 1, np.zeros(len(candidates)))
+    for told, count in ((candidates, 3), (candidates, 5), (candidates[:3], 3)):
+        with pytest.raises(ValueError, match="one distance for each candidate"):
+            one.tell(told, np.zeros(count))
 
 
 def test_a_search_that_is_not_known_is_one_sentence():

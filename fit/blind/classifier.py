@@ -20,7 +20,9 @@ import numpy as np
 from formats.diagnosis_records import Diagnosis
 
 RIDGE = 10.0  # ridge for standardised features: a few cases per label cannot determine fifty weights
-LARGEST_GAP_RATIO = 20.0  # of gap to noise
+# Of gap to noise. Our choice: few cases with large ratios would otherwise dominate the standardised feature. Half and
+# double were not tried.
+LARGEST_GAP_RATIO = 20.0
 
 
 def features_of(said: Diagnosis) -> dict[str, float]:

@@ -30,7 +30,9 @@ from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, EffectFinding
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
-RIGHT_SIZE = 0.5  # of the planted amplitude
+# Of the planted amplitude. Our choice: from half to one and a half times that size. At twice, no change at
+# all would be right; half was not tried.
+RIGHT_SIZE = 0.5
 COMPONENT_IN_LIBRARY = {("corner_erosion", ""): "corners"}  # components with another name in the library
 
 

@@ -21,9 +21,9 @@ from fit.blind.plants import Planted
 from formats.arrays import Booleans, Floats
 
 SLOW_PART = 1 / 3  # of the white noise's deviation
-SLOW_TIME = 0.3  # s
+SLOW_TIME = 0.3  # s; our choice: about the third of a second that a diagnosis assumes, half and double were not tried
 HELD_SHARE = 0.3  # of the points' noise: fiducial markers are found better than cloth
-CORNER_REACH = 0.02  # m
+CORNER_REACH = 0.02  # m; our choice: 7 px at 1.6 m and f = 576 px, half and double were not tried
 GAP_FRAMES = 3  # frames: mean length of a gap of a point
 SPARE = 0.15  # s of simulation beyond a take's end, for clocks that run ahead
 

@@ -28,7 +28,9 @@ from fit.errors import FitError
 from formats.whole_files import write_whole
 
 STRUCK, STRUCK_FORMAT = "struck.json", "hangtime-blind-struck/1"
-LEAST_STRUCK = 2.0  # times the minimum detectable amplitude
+# Times the minimum detectable amplitude. Our choice: where the headline's class of the blind check begins. At half, an
+# effect may be below what a take shows; at twice only its largest class is left.
+LEAST_STRUCK = 2.0
 Said = Literal["unknown", "twin", "other", "nothing"]
 
 

@@ -36,7 +36,9 @@ from fit.cloth.lanes import magnitude, within
 # that lists take and no result. Half and double were not tried.
 SEARCH_DISTANCE = 0.05
 PAIR_DISTANCE = 0.005  # m, as above for the pair list; our choice: a tenth, so that few pairs are computed
-MOVED = 2.5  # times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it, see `beside`
+# Times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it. `beside` derives 5/4 for
+# the point below, 1/2 for the sample, and the plane's turn. Half would miss contact; twice only lists more pairs.
+MOVED = 2.5
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
 CARRIED_AT, FRICTION_AT, CLEARANCE_AT, INSTANT, THICKNESS_AT = range(5)  # of the numbers behind those of the quads

@@ -34,7 +34,9 @@ class AttachmentOffset(Effect):
     low: ClassVar[float] = -0.05  # our choice: as far as `high`
     high: ClassVar[float] = 0.05  # our choice: five times the typical size
     typical: ClassVar[float] = 0.01  # our choice: within the millimetres to centimetres of a tape measure
-    law_spread: ClassVar[float] = 0.03  # a clip holds a patch of cloth, which turns a little
+    # A clip holds a patch of cloth, which turns a little. Our choice: laws leave less than any law may, up to twice of
+    # it (`fit.observer.edge.LEAST_BY_LAW`). So half and twice only change the amplitude's interval.
+    law_spread: ClassVar[float] = 0.03
     components: ClassVar[tuple[str, ...]] = ("along", "down", "out")
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

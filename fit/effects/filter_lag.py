@@ -36,7 +36,7 @@ class FilterLag(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.2  # our choice: six frames at 30 a second
     typical: ClassVar[float] = 0.02  # our choice: less than a frame at 30 a second
-    law_spread: ClassVar[float] = 0.08  # of one pole or of more
+    law_spread: ClassVar[float] = 0.08  # of one pole or of more; size as `Effect`, no data
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends as it was tau earlier."""

@@ -34,7 +34,8 @@ class FrameTiming(Effect):
     low: ClassVar[float] = -0.5  # our choice: half an interval beyond no delay
     high: ClassVar[float] = 1.5  # our choice: half an interval beyond a whole one
     typical: ClassVar[float] = 0.5  # our choice: half an interval; the source shows 0.86
-    law_spread: ClassVar[float] = 0.1  # other work of the computer between two frames
+    # Other work of the computer between two frames. Our choice: laws may leave 0.09 of a gap; half and double untried.
+    law_spread: ClassVar[float] = 0.1
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points at the true exposure times of the frames."""

@@ -21,7 +21,9 @@ from fit.cloth.effect import Effect
 from fit.cloth.mesh import ClothMesh
 from formats.arrays import Floats
 
-LEAST_MASS = 0.1  # of its mass that every node keeps
+# Of its mass that every node keeps. Our choice: the step is then 0.32 times as long, and at half 0.22 times. At twice,
+# slopes whose sum is beyond 0.8 would be cut.
+LEAST_MASS = 0.1
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fit.export.moving import Moving
 from fit.foreign.process import BLENDER, WORKER_FOLDER
 
 WRITER = WORKER_FOLDER / "alembic_writer.py"
-LONGEST_RUN = 900.0  # s that Blender may take
+LONGEST_RUN = 900.0  # s that Blender may take; our choice: a program that hangs must end; half and double untried
 
 
 def alembic(moving: Moving) -> bytes:

@@ -21,14 +21,15 @@ from fit.export.raster import FINER, Faces, drawn
 from formats.arrays import Floats, Integers
 from formats.plain_text import in_one_line
 
+# Our choice: sizes of the view and the light are set by eye, and no figure depends on them.
 BESIDE, ABOVE = np.radians(52.0), np.radians(10.0)  # rad, where the camera stands: swings and strides show there
 LIGHT_TURN = np.radians(-46.0)  # rad by which the light of a figure is turned about the vertical
 CAMERA_DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
 OUTSIDE_FIRST = 0.01  # m: depth offset of the outside of cloth, as layers in contact may overlap by this much
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
-AMBIENT = 0.42  # share of the light that comes from everywhere
-TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
+AMBIENT = 0.42  # share of the light that comes from everywhere, set by eye: folds show, and no cloth is black
+TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame, set by eye: from above and beside
 FRONT_COLOUR, BACK_COLOUR = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
 SKIN = np.array([196, 188, 180])  # RGB; our choice: each is told from its neighbours
 SKY = (244, 245, 247)  # RGB; our choice: each is told from its neighbours

@@ -22,7 +22,9 @@ from formats.swatch import swatch
 from formats.take import Take
 
 NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
-RAMP, REST = 0.6, 1.0  # s
+# s. Our choice: a ramp lasts half a swing at 0.9 Hz, and a second of rest shows how the motion decays. Half and double
+# were not tried.
+RAMP, REST = 0.6, 1.0
 SHORTEST_MOTION, LONGEST_MOTION = 2.0, 60.0  # s
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
 TWIST_TURN = np.radians(40.0)  # of a twist

@@ -14,7 +14,7 @@ from fit.errors import FitError
 from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
-EXPORTED_SIDE = 0.3  # m
+EXPORTED_SIDE = 0.3  # m; our choice: 15 times `SWATCH_SPACING`, several folds wide, half and double were not tried
 SWATCH_SPACING = 0.02  # m: folds of hanging cloth are several times wider
 
 

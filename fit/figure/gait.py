@@ -65,11 +65,13 @@ LOWERED = 0.38  # of the arms' initial angle: sleeves that lie flat with arms ra
 FOOT_PHASE = np.array([0.0, 0.10, 0.36, 0.45, 0.52, 0.62, 0.68, 0.84, 0.94, 1.0])
 # rad, Winter 2009, in round numbers
 FOOT_PITCH = np.radians([18.0, 0.0, 0.0, -6.0, -18.0, -52.0, -55.0, -4.0, 18.0, 18.0])
-SMOOTHED = 0.015  # of a stride, standard deviation of the smoothing of a piecewise motion
+# Of a stride, standard deviation of the smoothing of a piecewise motion. Our choice: instants of `FOOT_PHASE` are four
+# deviations apart at least. At twice two, which blurs one into the next; half was not tried.
+SMOOTHED = 0.015
 FOOT_OUT = 0.8  # times the hips' offset: distance of the ankles from the middle
 CLEARED = 0.03  # m: lift of a foot in its swing, in addition to the lift by its rotation
 LONGEST_LEG = 0.999  # of thigh and shank: largest length of a leg, as no knee is fully straight
-STEPS_RAMP = 1.6  # s
+STEPS_RAMP = 1.6  # s; our choice: about three steps, half and double were not tried
 
 
 def step_length(speed: float) -> float:

@@ -28,7 +28,7 @@ from formats.garment import Garment
 BAND = 0.05  # of the height, above the hips' joints: where the skirt's band sits
 DEPTH = 0.58  # of half of the width, at the band
 SHARE = 0.6  # of the skirt's flare: flare of the hips
-CLEARANCE = 0.004  # m between body and cloth
+CLEARANCE = 0.004  # m between body and cloth; our choice: twice the distance of layers, half and double were not tried
 THIGH_RADIUS, KNEE_RADIUS, CALF_RADIUS, ANKLE_RADIUS = 0.050, 0.033, 0.032, 0.021  # of the height, Tilley 2002
 THINNEST, WIDEST_FIGURE = 0.6, 1.5  # times the usual thigh: range of widths of a plausible figure
 WAIST, CHEST = 0.92, 1.12  # times the radius at the band

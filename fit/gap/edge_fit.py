@@ -35,7 +35,9 @@ SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third
 # Deviations between the edge's amplitude and the fit's; our choice: noise exceeds it in 5 % of single components.
 DISPUTED = 2.0
 LEADS = 2  # effects refitted since they would explain the held edge's error; our choice: each costs a refit
-LARGEST_AMPLITUDE = 1e3  # typical sizes: an effect that needs more moves the edge by rounding errors only
+# Typical sizes: an effect that needs more moves the edge by rounding errors only. Our choice: ranges end at 20 typical
+# sizes, so half and double only change how larger amplitudes are listed.
+LARGEST_AMPLITUDE = 1e3
 
 
 def trust_in_edge(observer: Observer, numerics_mm: float) -> float:

@@ -37,7 +37,7 @@ LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0  # on the sets of decision 20; times, our 
 STUDENT_95 = 2.92  # Student's t, 95 % one-sided, two degrees of freedom: for the mean of three replicas of the noise
 # Factor for one more draw of the noise, in standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
-MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: the camera's error of a silhouette is no noise, and no floor holds it all
+MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: no floor holds a camera's error; our choice: half and double untried
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.

@@ -55,7 +55,7 @@ from formats.take import Take
 
 Progress = Callable[[int, int, float], None]
 
-CHECKPOINT_EVERY = 10.0  # s
+CHECKPOINT_EVERY = 10.0  # s; our choice: a crash loses ten seconds of a search of minutes, half and double untried
 TOO_SHORT = (
     "Warning: 90 % intervals of this search are too short, and it may call parameters identified that are not: it "
     "explores one local minimum. Where they matter, use --search least-squares."

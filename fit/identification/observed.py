@@ -40,8 +40,12 @@ from fit.search.intervals import check_blocks
 from fit.search.steps import Step
 from formats.arrays import Floats
 
-SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
-CATCHING = 3.0  # Hz of the pull between short windows
+# s. Free for a swing or two. Then caught until a pull of 3 Hz leaves a thousandth of the distance, after 0.49 s
+# (notebook, release windows). Half and double were not tried.
+SHORT_WINDOWS = Windows(free=2.0, caught=0.5)
+# Hz of the pull between short windows. Under it cloth is not chaotic (decision 4). Our choice: at half, the pull
+# would need twice as long; double was not tried.
+CATCHING = 3.0
 MOST_SAMPLES = 80  # candidates before the descents: more hardly improve the best one
 TRIALS = 3  # at most: a second trial mostly leaves a wrong local minimum, and a third one decides between two
 

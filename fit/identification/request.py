@@ -20,7 +20,7 @@ from fit.search.choice import OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
 
 MOST_ITERATIONS = 1_000_000  # days of simulation; their schedule takes a second, and that of 1e9 half an hour
-SIDE_BY_SIDE = 16  # candidates a batch
+SIDE_BY_SIDE = 16  # candidates a batch; our choice: the lanes of a full vector (`fit.cloth.packing.COST`)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,9 @@ from formats.nature import GRAVITY
 TIME_STEP = 0.005  # s of the pendulum: a two-hundredth of its period
 LENGTHS = np.round(np.arange(0.1, 1.01, 0.05), 2)  # m, from a handkerchief to a curtain
 DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a real hanging cloth had 2 x 1.25
-HARDLY = 0.1  # share of the trivial predictor's error that a useful fit removes at least
+# Share of the trivial predictor's error that a useful fit removes at least. Our choice: it only words a warning, and no
+# result depends on it. Half and double were not tried.
+HARDLY = 0.1
 
 
 class Judge(Protocol):

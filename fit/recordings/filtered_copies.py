@@ -49,7 +49,7 @@ AT_REST = 0.01  # m from its first position: nearer frames hardly inform a fit, 
 # Share of the noise of two recordings. Pairs of synthetic takes leave 1.3 times that noise and more, and motions that a
 # machine repeats with noise above 0.1 mm leave 0.7. Rounding to steps s leaves a twelfth.
 MOST_NOISE_LEFT = 0.25
-LEAST_TIME = 2.0  # s in common in which the cloth has moved
+LEAST_TIME = 2.0  # s in common in which the cloth has moved; our choice: a swing or two, half and double untried
 LEAST_COMMON_SHARE = 0.2  # of the shorter take in common; our choice: it also limits the lags that are tried
 FEWEST_NUMBERS = 80  # independent numbers in common: chance reduces q below `MOST_NOISE_LEFT` in 1e-10 of fits
 NUMBERS_A_PLACE = 0.6  # independent numbers of a position's three, as neighbouring smoothed positions are correlated
@@ -66,7 +66,9 @@ LAGS = 3  # lags that are tried, as swings are similar one period apart
 # s between frames, below which motion hardly affects sixth differences. At 25 frames a second, flutter of 3 cm at 4 Hz
 # measures as 1.2 mm of noise.
 LONGEST_INTERVAL = 0.036
-FRAMES_OF_STEP = 2000  # frames whose numbers show the step to which they are rounded
+# Frames whose numbers show the step to which they are rounded. Our choice: a limit on the cost, as a few frames of
+# many points show a step. Half and double were not tried.
+FRAMES_OF_STEP = 2000
 LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: smallest and largest rounding step of marker files
 MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
 SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps

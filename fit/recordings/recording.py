@@ -47,12 +47,16 @@ from formats.two_clocks import shows_points
 
 Curve = Callable[[Floats], Floats]
 
-FEWEST_SIGHTINGS = 8  # observations of a point, below which it has no curve
+# Observations of a point, below which it has no curve. Our choice: twice the four numbers of a cubic. Half would leave
+# no residual to smooth by; double was not tried.
+FEWEST_SIGHTINGS = 8
 # The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
 # the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
 # part").
 MARKER_OFFSET, SILHOUETTE_OFFSET = 1e-3, 2e-3
-LONGEST_BRIDGE = 0.25  # s without a point, over which its spline is still used
+# s from the nearest sighting of a point, up to which its spline is still used. Our choice: it bridges gaps of
+# 0.5 s, a swing at 2 Hz. Half and double were not tried.
+LONGEST_BRIDGE = 0.25
 
 
 @dataclass(frozen=True)

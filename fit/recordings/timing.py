@@ -46,7 +46,9 @@ UNEVEN = 0.1  # of the median interval: spread of intervals from which a share i
 SHORTEST_PART = 0.25  # of the take's duration: largest latency of the scan
 LEAST_TRAVEL = 0.02  # m: standard deviation of the hanger's travel across the cloth, from which a scale is estimated
 MOVING, STILL = 0.1, 0.03  # m/s of the row: faster frames show delays, and slower frames noise
-LEAST_NOISE = 5e-4  # m of an axis
+# m of an axis. Our choice: below a camera's 2 mm; without a bound, an axis without noise would count for everything.
+# Half and double were not tried.
+LEAST_NOISE = 5e-4
 FEWEST_NOISE_FRAMES = 8  # frames for an estimate of noise
 MEDIAN_TELLS = 0.37  # efficiency of a median absolute deviation relative to a mean square
 WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the hanger hardly moved
@@ -54,7 +56,9 @@ WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the h
 # time in 300. Then one of six findings is false in hardly one of fifty takes.
 HALF_INTERVALS = 2.0
 CERTAIN_FRAMES = 3.0  # standard errors of the frames' own deviation; our choice: noise exceeds them once in 740
-NEXT = 1e-3  # s, a difference for slopes
+# s, a difference for slopes. Our choice: at 10 m/s^2 the velocity errs by 5 mm/s, a twentieth of `MOVING`. At half by
+# 2.5 mm/s, at twice by 10.
+NEXT = 1e-3
 INSTANTS_AT_ONCE = 1 << 16  # frames times latencies in one batch: 14 MB, by tracemalloc
 CLOSEST = 4e-3  # s between frames: nearer ones count as simultaneous
 

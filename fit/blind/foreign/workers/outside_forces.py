@@ -8,9 +8,9 @@ weight on a string, a thread to the room and a magnet. The module runs in the en
 import numpy as np
 
 BLIND_AIR = 1.2041  # kg/m^3, dry air at 20 degC; formats.nature has 1.204; existing cases keep this value
-SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
+SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth, as `fit.blind.kernel`
 DRAUGHT = 1.2  # plate coefficient of a draught
-BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
+BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on, as `fit.blind.kernel`
 
 
 def plate(speed, along_normal, coefficient):

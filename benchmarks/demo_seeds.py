@@ -5,7 +5,7 @@
 RECORDINGS times (5 unless given) the demo's three motions are recorded anew, as `scripts/demo` does, with other hands
 and noise. Each is diagnosed SEEDS times (10 unless given) by `hangtime diagnose --seed`. A row has the verdict, the
 named effects, the drag with its 90 % interval, and the closure; 1.2 is planted. Verdicts are right where air drag is
-named. They are wrong and sure where another effect is named without "may" or "probably".
+named. They are overconfident where another effect is named without "may" or "probably".
 
 The planted coefficient falls with the angle of attack, and the fitter's does not. So the equivalent constant
 coefficient on the recorded cloth is printed first. Over faces of area A with speeds v_n along their normals it is
@@ -101,7 +101,7 @@ def main(recordings: int, seeds: int) -> None:
                 counts[kind] += 1
                 print(f"recording {number}, seed {seed}: {kind:6s} {row}", flush=True)
     total = sum(counts.values())
-    print(f"right in {counts['right']} of {total}; sure and wrong in {counts['wrong']}; silent in {counts['silent']}")
+    print(f"right in {counts['right']} of {total}; overconfident in {counts['wrong']}; silent in {counts['silent']}")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
     tau dy/dt + y = x,    y(0) = x(0)
 
 This is a first-order low-pass of the points, exact for points that move in straight lines between frames. The filter
-delays the points by tau. The simulation therefore follows a hanger path that is later by tau, as for a late clock. An
+delays the points by tau. The simulation therefore follows a hanger path that is later by tau, as for a clock offset. An
 observer then feels no pull from the delay. The rest of the filter acts on the simulated x: y(t) = (h * x)(t + tau).
 Cubic splines give x between frames.
 
 The amplitude is tau, never negative.
 
-Believe it when the points run behind and quick motion is also smaller than in the simulation. A late clock shifts the
+Believe it when the points run behind and quick motion is also smaller than in the simulation. A clock offset shifts the
 motion without making it smaller.
 
 Source: A. V. Oppenheim, A. S. Willsky, "Signals and Systems" (1997), section 6.5.

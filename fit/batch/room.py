@@ -8,13 +8,15 @@ from __future__ import annotations
 import contextlib
 import os
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from formats.plain_text import counted, sized
 
 NEEDED = 5e8  # bytes; our choice: twice the peak of a worker that fits `si` to the swatch of `tests/fit/batch/night.py`
 MEMORY = Path("/proc/meminfo")
-GROUP = Path("/sys/fs/cgroup")  # the memory of a container or of a service with a limit
+GROUPS = Path("/sys/fs/cgroup")  # control groups, version 2; in a container, its own group
+OWN_GROUP = Path("/proc/self/cgroup")  # the name of this process' group below `GROUPS`, as of a service with a limit
+RECLAIMABLE = ("active_file", "inactive_file")  # lines of `memory.stat`: pages of files, which the kernel drops at need
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,23 @@ def _free_of_machine() -> int | None:
 
 
 def _free_of_group() -> int | None:
-    """Return what the memory limit of control groups, version 2, leaves; None without a limit."""
+    """Return what the memory limits of control groups leave; None without a limit.
+
+    The group of this process and those above it count. Cached pages of files are free, as in the machine's own figure.
+    """
+    own = PurePosixPath("/")
+    with contextlib.suppress(OSError):
+        names = [line[3:] for line in OWN_GROUP.read_text().splitlines() if line.startswith("0::")]
+        own = PurePosixPath("/", *names)
+    found = [_left_of(GROUPS / str(group).lstrip("/")) for group in (own, *own.parents)]
+    return min((left for left in found if left is not None), default=None)
+
+
+def _left_of(group: Path) -> int | None:
     with contextlib.suppress(OSError, ValueError):
-        return max(0, int((GROUP / "memory.max").read_text()) - int((GROUP / "memory.current").read_text()))
+        limit, used = (int((group / name).read_text()) for name in ("memory.max", "memory.current"))
+        with contextlib.suppress(OSError, ValueError):
+            lines = (line.split() for line in (group / "memory.stat").read_text().splitlines())
+            used -= sum(int(size) for name, size in lines if name in RECLAIMABLE)
+        return min(max(0, limit - used), limit)
     return None

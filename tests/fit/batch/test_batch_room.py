@@ -33,7 +33,8 @@ def test_workers_are_as_many_as_jobs_processors_and_memory_allow_and_the_reason_
 def test_the_room_is_what_the_system_states_and_a_limit_of_a_container_counts(tmp_path, monkeypatch):
     (tmp_path / "meminfo").write_text("MemTotal: 99 kB\nMemAvailable:    3000000 kB\n")
     monkeypatch.setattr(room, "MEMORY", tmp_path / "meminfo")
-    monkeypatch.setattr(room, "GROUP", tmp_path)
+    monkeypatch.setattr(room, "GROUPS", tmp_path)
+    monkeypatch.setattr(room, "OWN_GROUP", tmp_path / "absent")
     assert room_here().memory == 3_072_000_000
     (tmp_path / "memory.max").write_text("max\n")
     assert room_here().memory == 3_072_000_000
@@ -43,6 +44,32 @@ def test_the_room_is_what_the_system_states_and_a_limit_of_a_container_counts(tm
     (tmp_path / "meminfo").write_text("MemAvailable: unknown\n")
     (tmp_path / "memory.max").unlink()
     assert room_here().memory is None
+
+
+@pytest.mark.parametrize(
+    ("limited", "own"),
+    [("", "0::/\n"), ("", "0::/elsewhere\n"), ("user.slice/batch.service", "1:cpu:/\n0::/user.slice/batch.service\n"),
+     ("user.slice", "0::/user.slice/batch.service\n")],
+)  # fmt: skip
+def test_cached_pages_of_files_are_free_memory_and_a_services_own_limit_and_its_slices_count(
+    tmp_path, monkeypatch, limited, own
+):
+    (tmp_path / "meminfo").write_text("MemAvailable:    9000000 kB\n")
+    (tmp_path / "cgroup").write_text(own)
+    group = tmp_path / "groups" / limited
+    (tmp_path / "groups/user.slice/batch.service").mkdir(parents=True)
+    (tmp_path / "groups/user.slice/batch.service/memory.max").write_text("max\n")
+    (group / "memory.max").write_text("4000000000\n")
+    (group / "memory.current").write_text("3900000000\n")
+    (group / "memory.stat").write_text(
+        "anon 600000000\nfile 3300000000\nactive_file 300000000\ninactive_file 2900000000\n"
+    )
+    monkeypatch.setattr(room, "MEMORY", tmp_path / "meminfo")
+    monkeypatch.setattr(room, "GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(room, "OWN_GROUP", tmp_path / "cgroup")
+    assert room_here().memory == 4_000_000_000 - 700_000_000  # 3.9 GB used, of which 3.2 GB are pages of files
+    (group / "memory.stat").write_text("active_file many\n")
+    assert room_here().memory == 100_000_000
 
 
 def test_three_hundred_workers_of_one_processor_are_one_and_the_batch_says_so(tmp_path, monkeypatch):

@@ -36,11 +36,18 @@ def remember_interruptions() -> None:
 def raise_swallowed() -> None:
     """Raise the interruption that a library swallowed, such as Taichi during compilation.
 
+    Only the main thread receives interruptions. So the work of other threads goes on.
+
     Raises:
         KeyboardInterrupt: there was one.
     """
-    if _Interruption.is_met:
+    if _Interruption.is_met and threading.current_thread() is threading.main_thread():
         raise KeyboardInterrupt
+
+
+def forget_interruption() -> None:
+    """Forget a Ctrl-C that has ended its work, so that it does not end the next."""
+    _Interruption.is_met = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

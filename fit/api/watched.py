@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from fit.errors import FitError
-from formats.interrupts import raise_swallowed, remember_interruptions
+from formats.interrupts import forget_interruption, raise_swallowed, remember_interruptions
 from formats.terminal import ProgressLine, is_displayed
 
 if TYPE_CHECKING:
@@ -123,5 +123,6 @@ def _interruptions_remembered() -> Iterator[None]:
     try:
         yield
     finally:
+        forget_interruption()
         if within is not before and signal.getsignal(signal.SIGINT) is within:
             signal.signal(signal.SIGINT, before)

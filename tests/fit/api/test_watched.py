@@ -130,6 +130,33 @@ def test_a_call_of_another_thread_leaves_the_handler_of_the_main_one():
     assert met == [signal.getsignal(signal.SIGINT)]
 
 
+def test_an_interrupted_call_ends_no_later_one_and_none_of_another_thread(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    ended = []
+
+    def work():
+        with watched.diagnosis_shown(None) as show:
+            show("noise floor", 0.3)
+        ended.append(threading.current_thread().name)
+
+    @watched.ends_in_a_sentence
+    def interrupted():
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        other = threading.Thread(target=watched.ends_in_a_sentence(work), name="beside")
+        other.start()
+        other.join()
+        work()
+
+    with pytest.raises(KeyboardInterrupt, match=r"^Interrupted; nothing is kept\."):
+        interrupted()
+    later = threading.Thread(target=watched.ends_in_a_sentence(work), name="later")
+    later.start()
+    later.join()
+    work()
+    assert ended == ["beside", "later", "MainThread"]
+
+
 @pytest.mark.parametrize("progress", [7, "yes", []])
 def test_a_progress_that_is_neither_function_nor_truth_is_refused(take, progress):
     with pytest.raises(hangtime.HangtimeError, match=r"^progress: cannot be called; give a function, or leave it out"):

@@ -119,15 +119,15 @@ def counts_of(parameters: Parameters) -> dict[str, int]:
     long = parameters.numbers("POINT", "LONG_FRAMES")
     found = {
         COUNTED: frames + WORDS if frames < 0 else frames,
-        "POINT:LONG_FRAMES": _of_tworead_words(long) if len(long) == 2 else int(first_of(long)),
+        "POINT:LONG_FRAMES": _of_two_words(long) if len(long) == 2 else int(first_of(long)),
     }
     begin, end = (parameters.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
     if len(begin) == len(end) == 2:
-        found["TRIAL:ACTUAL_END_FIELD"] = _of_tworead_words(end) - _of_tworead_words(begin) + 1
+        found["TRIAL:ACTUAL_END_FIELD"] = _of_two_words(end) - _of_two_words(begin) + 1
     return {name: count for name, count in found.items() if count > 0}
 
 
-def _of_tworead_words(words: Floats) -> int:
+def _of_two_words(words: Floats) -> int:
     low, high = (int(word) % WORDS for word in np.nan_to_num(words, posinf=0.0, neginf=0.0))
     return low + WORDS * high
 

@@ -62,7 +62,8 @@ def import_recordings(
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option("--unit", help="Unit of lengths where the file states none: m, cm, mm, in (motion capture).")
+        typer.Option("--unit", help="Unit of lengths where the file states none: m, dm, cm, mm, um, in, ft (motion "
+                     "capture).")
     ] = None,
     decimal: Annotated[
         DecimalSign | None,
@@ -226,7 +227,8 @@ def list_labels(
         Path, typer.Argument(metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt).")
     ],
     unit: Annotated[
-        str | None, typer.Option("--unit", help="Unit of lengths where the file states none: m, cm, mm, in.")
+        str | None,
+        typer.Option("--unit", help="Unit of lengths where the file states none: m, dm, cm, mm, um, in, ft."),
     ] = None,
     decimal: Annotated[
         DecimalSign | None,

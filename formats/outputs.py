@@ -90,12 +90,14 @@ def refuse_to_replace(
 ) -> None:  # fmt: skip
     """Refuse to replace an existing file of this name, or the beginning of a take that was never finished.
 
+    A folder that cannot be written to is refused too, before the work begins.
+
     - `text`: content to write; an existing file with this content may stay
     - `overwrite`: refuse only a folder, a pipe, or a file that another process writes
     - `instead`: the next step in the error, for a user who wants to keep both files
 
     Raises:
-        OutputError: the file exists, or its name is too long.
+        OutputError: the file exists, its name is too long, or its folder cannot be written to.
     """
     if not path.name:  # `.` and `/`
         raise already_there(path, instead=instead)
@@ -108,12 +110,18 @@ def refuse_to_replace(
     if overwrite:
         if is_folder(path) or is_device(path):
             raise already_there(path, instead=instead)
-        return
-    if os.path.lexists(path) and not (text is not None and holds(path, text.encode())):
+    elif os.path.lexists(path):
+        if text is not None and holds(path, text.encode()):
+            return
         left = f", and {partial.name} is what an interrupted recording or import of it left" * is_left
         raise already_there(path, instead=instead, what=f"is already there{left}")
-    if is_left:
+    elif is_left:
         raise left_unfinished(partial, instead=instead)
+    if os.path.isdir(path.parent):
+        try:
+            make_writable(path.parent)
+        except OSError as error:
+            raise unwritable(path, error) from error
 
 
 def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOTHER_NAME) -> None:

@@ -157,6 +157,7 @@ def batch_command(
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store
     from fit.batch.summary import as_facts, rows_of, sentence_of, write_summary
+    from fit.folders import make_folder
     from fit.identification.request import Plan
     from formats.terminal import ProgressLine
 
@@ -195,6 +196,8 @@ def batch_command(
     with _none_after(ending):
         takes, results = open_store(url), open_store(out)
         found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
+        if (own := results.path("summary.html")) is not None:
+            make_folder(own.parent, "summary.csv", own.name)
         say(f"{counted(len(found.keys), 'take')}, {len(found.jobs)} to fit.")
         try:
             is_interrupted = work(found, "takes")

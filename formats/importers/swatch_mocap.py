@@ -277,7 +277,7 @@ def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: 
     hang = f"{abs(drop)} mm {'above' if drop < 0 else 'below'}"
     raise TakeError(
         f"with {up} up the markers are {hang} the held corners in the median, "
-        f"on the flat garment {1e3 * np.median(flat[below]):.0f} mm",
+        f"and {1e3 * np.median(flat[below]):.0f} mm below on the flat garment",
         where=path,
         advice=f"give --up {fitting}, along which they hang" if drops[fitting] >= least
         else "record cloth that hangs from the two top corners",

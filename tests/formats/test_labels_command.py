@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.units import METRES
 from tests.fit.here import hangtime_here
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_marker_oddities import GARMENT, hanging
@@ -72,3 +73,9 @@ def test_what_is_no_marker_file_is_refused_in_one_sentence(tmp_path, words, said
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(said)
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", [("takes", "labels"), ("import",)])
+def test_the_help_names_every_unit_that_is_read(tmp_path, command):
+    shown = " ".join(hangtime_here(*command, "--help", folder=tmp_path).stdout.split())
+    assert f"states none: {', '.join(METRES)}" in shown

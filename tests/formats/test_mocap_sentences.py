@@ -120,14 +120,14 @@ def shortened(frames):
          "neighbouring markers are 0.59 of their distance on the flat garment apart in the median; check the unit "
          "and the garment's size"),
         (swung(0.32), {},
-         "with z up the markers are 107 mm below the held corners in the median, on the flat garment 333 mm; give "
-         "--up -y, along which they hang"),
+         "with z up the markers are 107 mm below the held corners in the median, and 333 mm below on the flat garment; "
+         "give --up -y, along which they hang"),
         (moved(lambda places: places * [1, -1, -1]), {},
-         "with z up the markers are 333 mm above the held corners in the median, on the flat garment 333 mm; give"
-         " --up -z, along which they hang"),
+         "with z up the markers are 333 mm above the held corners in the median, and 333 mm below on the flat garment; "
+         "give --up -z, along which they hang"),
         (lying(), {},
-         "with z up the markers are 0 mm below the held corners in the median, on the flat garment 333 mm; record "
-         "cloth that hangs from the two top corners"),
+         "with z up the markers are 0 mm below the held corners in the median, and 333 mm below on the flat garment; "
+         "record cloth that hangs from the two top corners"),
     ],
     ids=range(21),
 )  # fmt: skip

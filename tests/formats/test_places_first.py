@@ -12,6 +12,7 @@ from formats.errors import OutputError
 from formats.outputs import check_place
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
+from tests.formats.unprivileged import hangtime_unprivileged
 
 ABSENT = "gone/x{}: cannot be written (No such file or directory); make its folder first"
 PNG = "pictures are written as PNG; give a name that ends in .png"
@@ -40,6 +41,22 @@ def test_an_output_that_cannot_be_is_refused_before_the_inputs_are_read(tmp_path
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["damaged.mcap"]
+
+
+def test_a_locked_folder_is_refused_before_the_inputs_are_read(tmp_path):
+    """No input is there, so that each command would have named it otherwise."""
+    (tmp_path / "locked").mkdir(mode=0o555)
+    doors = {
+        "record --sensor none.oni --rig none.toml --garment none.toml --out locked/x.mcap": "x.mcap",
+        "calibrate --sensor none.oni --rig none.toml --out locked/x.toml": "x.toml",
+        "takes show none.mcap --plot locked/x.png": "x.png",
+        "fit none.mcap --out results --plot locked/x.png": "x.png",
+        "diagnose none.mcap --out results --arrows locked/x.png": "x.png",
+    }
+    for name, done in zip(doors.values(), hangtime_unprivileged(*map(str.split, doors), folder=tmp_path), strict=True):
+        said = f"hangtime: locked/{name}: cannot be written (Permission denied); choose another folder, or get the "
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{said}permission to write to this one\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["locked"]
 
 
 def test_an_ending_may_be_in_capitals_and_any_counts_where_none_is_asked_for(tmp_path):

@@ -20,6 +20,7 @@ from tests.fit.batch.night import SHORT
 from tests.fit.batch.test_night_of_diagnoses import a_take
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.formats.unprivileged import hangtime_unprivileged
 
 PLAN = Plan(method="kinect-skirt", iterations=8, spacing=0.1)  # of SHORT
 
@@ -113,6 +114,19 @@ def test_a_batch_hands_its_cluster_what_its_options_say(tmp_path, monkeypatch):
     assert (first.patience, first.dashboard_port, first.scheduler, first.count) == (120.0, 0, "tcp://a:1", None)
     assert (second.patience, second.dashboard_port, second.scheduler) == (600.0, 8787, None)
     assert (is_over, is_over_at_once) == (False, True)
+
+
+def test_a_night_whose_results_have_no_place_is_refused_at_once(tmp_path):
+    """Else every take would be fitted for nothing."""
+    night = Night(tmp_path, to_fit="a")
+    (night.folder / "locked").mkdir(mode=0o555)
+    (done,) = hangtime_unprivileged(["batch", "takes", "--out", "locked/out", *SHORT], folder=night.folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith(
+        "locked/out: cannot be used as a folder for results (Permission denied); choose another folder, or get the "
+        "permission to write to this one\n"
+    )
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("words", [("--retry-failed",), ()])

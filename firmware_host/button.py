@@ -29,7 +29,7 @@ SETTLE = 0.03
 # began. Half and double were not tried.
 AGAIN = 0.5
 STUCK = 10.0  # s; a button held longer counts as stuck; our choice: a press counts at once, so nobody holds it as long
-AT_ONCE = 64  # events per read
+AT_ONCE = 64  # events per read; our choice: more than a bouncing button sends between two frames
 KEYS = 96  # bytes: one bit for each of KEY_CNT = 768 keys
 EVIOCGKEY = 0x80604518  # _IOR('E', 0x18, KEYS bytes): which keys are down
 INPUTS, DEVICES = Path("/sys/class/input"), Path("/dev/input")

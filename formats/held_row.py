@@ -20,7 +20,9 @@ from formats.take import Take
 from formats.two_clocks import at_times
 
 LEAST_EXPLAINED = 0.7  # of the squared motion: held rows have 0.87 to 0.99, silhouettes of the sensor 0.91 to 0.99
-OUTLIER = 3.0  # times the median distance
+# Times the median distance. Our choice: normal noise exceeds it in 1e-4 of the frames. At half in 15 %, which would
+# leave out sound frames; double was not tried.
+OUTLIER = 3.0
 HALF_SWING = 0.5  # s, half a swing, in which errors are correlated
 FEWEST_BLOCKS = 5  # half swings: a shorter motion fits many paths
 MOST_APART = 0.04  # m, root mean square distance of row and path: 13 to 27 mm on sixteen real takes

@@ -17,7 +17,7 @@ from formats.blocks import FARTHEST_PLACE, LATEST, TICKS, as_arrays
 from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
 
-PLACE_STEP = 1e-4  # m
+PLACE_STEP = 1e-4  # m; our choice: a tenth of the millimetre of a depth image
 LARGEST_GRID = 512  # positions along a side: more than a depth sensor has on a garment
 MOST_OUTLINE_PLACES = 65536  # around the silhouette
 

@@ -17,7 +17,7 @@ from formats.plain_text import encoding_of
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
-LARGEST_TOML = 1 << 20  # bytes of a file
+LARGEST_TOML = 1 << 20  # bytes of a file; our choice: hundreds of times a rig's or a garment's description
 LONGEST_LINE = 1000  # characters of a line that are searched for a number
 # Limits of characters in a file, including strings and comments. Python takes 1 kB and 12 us for each part of a table's
 # name, hence gigabytes for a file of a megabyte. A garment of 1000 corners, 1000 corners of holes and 2000 points has

@@ -13,7 +13,7 @@ from capture.recording.tracking import Tracked
 from firmware_host.depth_sensor import SensorFrame
 from formats.arrays import Bytes, Unsigned
 
-PICTURE_WIDTH = 320  # px of the picture
+PICTURE_WIDTH = 320  # px of the picture; our choice: half of the sensor's, a quarter of the bytes over the air
 MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
 
 

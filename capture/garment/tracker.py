@@ -40,7 +40,9 @@ HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not t
 HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
 BY_WAYS = 0.020  # m: a doubtful corner that is at most so far beyond the visible cloth lies at its nearest point
 BY_WAYS_SD = 0.0055  # of the distance, along each axis: rms on the development sets' hard swings
-CELL = 0.028  # m, of the grid for geodesics
+# m, of the grid for geodesics. Our choice: near `GRID_STEP` of the flat garment, so that both distances are too long
+# alike. Half and double were not tried.
+CELL = 0.028
 CORNER_SLACK = 0.02  # of a distance between corners: tolerance of its measurement
 CORNER_SHARE = 0.5  # of the rest, for each corner of the pair: z is then 1 on the development set
 CENTRE_SHARE = 0.3  # of the rms error of the distances between corners: the development set's z is then 1

@@ -13,8 +13,10 @@ import numpy as np
 from firmware_host.errors import SensorAddressError
 from formats.arrays import Floats
 
-START, RAMP = 1.0, 0.5  # s
-STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s
+# s. Our choice: a second at rest shows the first shape, and a hand starts and stops within half a swing. Half and
+# double were not tried.
+START, RAMP = 1.0, 0.5
+STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s; our choice: a third is left in which the swing decays
 HAND_JITTER = 1e-3  # m, root mean square of the jitter
 
 

@@ -22,7 +22,7 @@ from formats.nature import GRAVITY
 
 TRAINING = ("chirp", "sideways", "twist")  # motions of the fitted takes
 HELD_OUT = ("ellipse", "oblique")  # motions of the held-out takes
-ANGLES = (12.0, 26.0)  # degrees
+ANGLES = (12.0, 26.0)  # degrees; our choice: swings of a hand, far from 0 and from a fall; half and double untried
 # Of that angle where the bar stops abruptly; our choice: less, as limp cloth flutters after a stop.
 SHARE_WHERE_STOPPED = 0.75
 MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays taut and its motion predictable

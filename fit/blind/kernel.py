@@ -48,7 +48,9 @@ TIED, POLE = 0, 3  # rows of `poles` [m], per take: fixed end of a thread, posit
 # 1/m of hinge curvature at which the two friction elements slide. Our choice: a factor of 4 apart, so that
 # threads slip one after the other and no loop is the library's. Half and double were not tried.
 FIRST_YIELD, SECOND_YIELD = 4.0, 16.0
-HINGE_SHARE = 2.25  # friction moment of a hinge per moment of the sheet, mean of bending about warp and weft
+# Friction moment of a hinge per moment of the sheet, derived from the hinges of `fit.blind.sheet`. Bent about one axis
+# they need 1.8 times the sheet's, about the other 3 times. This is the harmonic mean.
+HINGE_SHARE = 2.25
 # N/m of the string that a corner weight hangs on. Our choice: 5 g stretch it by 2 mm, and at half by 4 mm. Double was
 # not tried.
 BOB_STIFFNESS = 25.0

@@ -25,7 +25,7 @@ from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-DURATION = 0.1  # s that a slip takes
+DURATION = 0.1  # s that a slip takes: the module states the effect of half; double was not tried
 
 
 @dataclass(frozen=True)

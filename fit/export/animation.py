@@ -28,7 +28,7 @@ from formats.take import Take
 FILMS = (*CODECS, ".gif")
 SUFFIXES = (*FILMS, ".usdc", ".glb")
 LIBRARIES_OF_FILMS = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
-SMALLEST_SIDE, LARGEST_SIDE = 64, 4096  # px
+SMALLEST_SIDE, LARGEST_SIDE = 64, 4096  # px; our choice: an icon, and the width of the largest usual screens
 
 SIMULATED_SHARE = 0.6  # of the time of a film: approximate share of its simulation
 Show = Callable[[float, str], None]

@@ -31,7 +31,7 @@ from formats.arrays import Floats, Integers
 from formats.garment import Garment
 
 SKEWED = 4.0  # degrees: three deviations of an unskewed grid at rest
-FEWEST_LINES = 4  # rows, and columns
+FEWEST_LINES = 4  # rows, and columns; our choice: two of them are inner ones, half and double were not tried
 SAME_LINE_SHARE = 0.02  # of the cloth's extent: positions within this distance share a row or column
 FEWEST_IN_COLUMN = 3  # points of a column, or columns of a row; our choice: any two are in line
 FEWEST_PLACED = 12  # points, or steps between neighbours; our choice: four lines of three

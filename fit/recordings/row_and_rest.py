@@ -21,7 +21,7 @@ from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
 from fit.recordings.timing import row_middle
 from formats.arrays import Floats
 
-FEWEST_AT_REST = 3  # half seconds
+FEWEST_AT_REST = 3  # half seconds; our choice: a spread of two has one degree of freedom; double was not tried
 LOST_ROW = 5.0  # times the median distance: beyond, the row of a frame counts as lost
 
 

@@ -25,7 +25,7 @@ from formats.arrays import Floats
 FIRST_SIGMA = 0.25  # share of the box: a quarter reaches every bound from most starts
 FLAT_BELOW = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise is no difference
 NARROW = 1e-4  # share of the box: below what finite differences of a simulation resolve
-WORST = 1e6  # m, worse than any simulation
+WORST = 1e6  # m, worse than any simulation; only its rank counts
 
 
 class Evolution(RecordedSearch):

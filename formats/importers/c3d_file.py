@@ -34,7 +34,7 @@ from formats.importers.units import metres_of
 from formats.plain_text import first_few, sized
 from formats.plausible import RATES
 
-LARGEST_C3D = 1 << 30  # bytes
+LARGEST_C3D = 1 << 30  # bytes; our choice: memory; two hours of 40 markers at 200 frames a second have 0.9 GB
 PIECE = 1 << 22  # bytes of the data that are converted to positions at once
 TEXTS = ("LABELS", "UNITS")  # of each point
 SUFFIXES = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts

@@ -29,7 +29,7 @@ C3D_KEY = 0x50  # second byte of every C3D file
 LEAST_RATE = 1e-3  # frames a second, so that quotients are finite
 WORDS = 1 << 16  # numbers that a word of 16 bits can state
 MOST_FRAMES = WORDS - 1  # that the header can state
-LARGEST_SECTION = 1 << 24  # bytes of parameters
+LARGEST_SECTION = 1 << 24  # bytes of parameters; our choice: 128 times the 255 blocks that one byte can state
 COUNTED = "POINT:FRAMES"
 
 

@@ -34,7 +34,7 @@ from formats.importers.c3d_header import (
 )
 from formats.importers.c3d_parameters import Parameters
 
-FASTEST_RATE = 10_000.0  # frames a second
+FASTEST_RATE = 10_000.0  # frames a second; our choice: ten times what can be used (`formats.plausible`)
 SAME_SCALE = 1e-3  # relative difference: a copy has the same digits
 
 

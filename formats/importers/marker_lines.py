@@ -25,7 +25,7 @@ from formats.system_causes import step_to_read
 LARGEST_TEXT = 1 << 28  # bytes; our choice: 19 minutes of 40 markers at 200 frames a second, ten letters a coordinate
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung cloth from .npz"
 COMMENT = "#%"
-MOST_TITLES = 100  # lines above the header
+MOST_TITLES = 100  # lines above the header; our choice: programs write a dozen, half and double were not tried
 MOST_OF_DEVICES = 500_000  # lines above Vicon Nexus' trajectories: 4 minutes of device data at 2000 samples a second
 HEADER_LINE = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE

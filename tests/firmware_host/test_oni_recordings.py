@@ -233,3 +233,31 @@ def test_a_closed_recording_is_whole_on_the_disk(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("os.fsync", lambda handle: sizes.append(os.fstat(handle).st_size))
     path = write_recording(tmp_path / "a.oni", 2)
     assert sizes == [path.stat().st_size]
+
+
+def test_each_stream_begins_once_and_states_its_formats_and_sizes(tmp_path: Path) -> None:
+    """Depth in millimetres is format 100, colour of three bytes 200; of the older interface, 4 and 1 (OniCTypes.h)."""
+    records = list(read_records(write_recording(tmp_path / "a.oni", 3)))
+    assert [record.node for record in records if record.type == RecordType.DATA_BEGIN] == [1, 2]
+    stated: dict[int, dict[str, int]] = {1: {}, 2: {}}
+    for record in records:
+        if record.type == RecordType.INT_PROPERTY:
+            (length,) = struct.unpack_from("<I", record.fields)
+            name = record.fields[4 : 3 + length].decode()
+            stated[record.node][name] = struct.unpack("<Q", record.fields[-8:])[0]
+    common = {
+        "xnIsGenerating": 1, "xnSupportedMapOutputModesCount": 1, "Cropping": 1, "Mirror": 1, "xnMirror": 0,
+    }  # fmt: skip
+    pixels = SMALL.width * SMALL.height
+    depth = {"oniRequiredFrameSize": 2 * pixels, "xnPixelFormat": 4, "oniPixelFormat": 100, "xnDeviceMaxDepth": 10000}
+    colour = {"oniRequiredFrameSize": 3 * pixels, "xnPixelFormat": 1, "oniPixelFormat": 200}
+    assert stated == {1: common | depth, 2: common | colour}
+
+
+def test_a_recording_without_colour_takes_none_and_may_be_closed_twice(tmp_path: Path) -> None:
+    with OniWriter(tmp_path / "a.oni", SMALL, with_colour=False) as writer:
+        with pytest.raises(ValueError, match="was opened without colour"):
+            writer.write_colour(1000, picture(0)[1])
+        writer.write_depth(1000, picture(0)[0])
+        writer.close()
+    assert (summarise(tmp_path / "a.oni").depth_frames, summarise(tmp_path / "a.oni").colour_frames) == (1, 0)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import pickle
+import select
 import struct
 import tempfile
+import time
 
 import numpy as np
 import pytest
 
 from firmware_host.errors import RecordingError, SensorUnavailableError
-from firmware_host.openni2_sensor import OpenNI2Sensor
+from firmware_host.openni2_sensor import CLOCK, OpenNI2Sensor
 from firmware_host.recorded_sensor import RecordedSensor
 from tests.firmware_host.test_openni2_sensor import write_recording
 
@@ -86,3 +88,12 @@ def test_a_frame_of_five_megapixels_with_colour_passes_through_the_pipe(tmp_path
     sensor = object.__new__(RecordedSensor)
     with (tmp_path / "pipe").open("rb") as sensor._pipe:
         assert len(sensor._receive()) == 25_000_000
+
+
+def test_a_frame_is_delivered_when_it_leaves_the_pipe(tmp_path):
+    """By this process's clock, and not by that of the process that plays, which may be far ahead."""
+    with RecordedSensor(write_recording(tmp_path / "a.oni", 3)) as sensor:
+        sensor.read()
+        select.select([sensor._pipe], [], [], 60.0)  # the next one has left the other process
+        before = time.clock_gettime(CLOCK)
+        assert before <= sensor.read().host_time_s <= time.clock_gettime(CLOCK)

@@ -260,6 +260,19 @@ def test_depth_in_less_than_three_tenths_of_the_pixels_is_a_problem(share: float
     )
 
 
+def test_the_mean_and_the_worst_frame_are_stated_and_the_mean_decides() -> None:
+    made = sample(3, share=0.5)
+    made.coverage[1] = 0.2
+    assert says(stream_checks.depth_coverage, Examination(sample=made)).startswith(
+        "ok: depth in 40 % of the pixels, in the worst frame 20 %"
+    )
+
+
+def test_checks_of_streams_without_a_sensor_or_a_frame_say_so() -> None:
+    assert "streams: no sensor is open" in says(stream_checks.rate_and_drops, Examination(sample=sample(3)))
+    assert "streams: nothing came from the sensor" in says(stream_checks.depth_coverage, Examination())
+
+
 def test_a_frame_every_half_second_is_kept_for_other_checks() -> None:
     assert [frame.index for frame in sample(40).frames] == [0, 15, 30]
 

@@ -83,7 +83,7 @@ def place_of(regions: Sequence[str]) -> str:
 
 def in_percent(probability: float) -> str:
     """Return a probability in words of percent, never 0 or 100 %: draws and masses are not that sure."""
-    if probability < 0.005:
+    if probability <= 0.005:
         return "less than 1 %"
     return f"{100 * probability:.0f} %" if probability < 0.995 else "more than 99 %"
 

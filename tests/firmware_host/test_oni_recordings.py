@@ -261,3 +261,12 @@ def test_a_recording_without_colour_takes_none_and_may_be_closed_twice(tmp_path:
         writer.write_depth(1000, picture(0)[0])
         writer.close()
     assert (summarise(tmp_path / "a.oni").depth_frames, summarise(tmp_path / "a.oni").colour_frames) == (1, 0)
+
+
+def test_a_colour_frame_of_another_size_or_type_is_refused(tmp_path: Path) -> None:
+    depth, colour = picture(0)
+    with OniWriter(tmp_path / "a.oni", SMALL) as writer:
+        writer.write_depth(1000, depth)
+        for wrong in (colour[:-1], colour[..., :2], colour.astype(np.uint16)):
+            with pytest.raises(ValueError, match=r"the stream is \(48, 64, 3\) uint8"):
+                writer.write_colour(2000, wrong)

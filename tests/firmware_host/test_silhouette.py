@@ -55,6 +55,13 @@ def test_the_bottom_border_is_lost_by_pose_and_the_others_by_the_border():
     assert np.ptp(made.places[:, :, 0], axis=1) == pytest.approx(SIDE - 0.02)
 
 
+def test_a_scale_of_depth_and_a_path_below_move_points_from_the_eye_and_ends_down():
+    """5 % farther from (0, -1.5, 0); the path 20 mm lower."""
+    plain, made = seen(), seen(depth_scale=0.05, path_below=0.02)
+    assert made.points == pytest.approx(plain.points + 0.05 * (plain.points - [0.0, -1.5, 0.0]), nan_ok=True)
+    assert made.ends == pytest.approx(plain.ends - [0.0, 0.0, 0.02])
+
+
 def test_a_share_of_the_grids_is_askew():
     made = seen(skewed_share=0.3)
     assert 0.15 < made.is_skewed.mean() < 0.45

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import capture.appliance.disk
 from capture.appliance.__main__ import _retention
 from capture.appliance.config_tables import Config, SensorPart
-from capture.appliance.disk import Disk, _Running
+from capture.appliance.disk import Disk, _named, _Running
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from formats.archive import read_take
@@ -83,6 +85,63 @@ def test_a_take_that_is_not_worth_keeping_leaves_nothing_and_another_stays_whole
     assert (news.failure, news.kept is not None) == (None, is_kept)
     assert not running.partial.exists()
     assert [len(read_take(path).time) for path in disk._folder.rglob("*.mcap")] == [75] * is_kept
+
+
+def test_a_take_whose_frame_could_not_be_written_is_kept_as_far_as_it_came_and_says_why(disk, monkeypatch):
+    """75 frames, then a disk that is full: the frames after the failure are not written."""
+    running = disk._spool.begin()
+    disk._take = _Running(running, writer_of(running))
+    *whole, last = frames(76)
+    for frame in whole:
+        disk._take.writer.append(frame)
+    tried = []
+
+    def fail(frame):
+        tried.append(frame)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(disk._take.writer, "append", fail)
+    for _ in range(2):
+        disk.add(SimpleNamespace(frame=last, scan=None))
+    disk.end({"begun_by": "button"}, is_worth_keeping=True)
+    news = news_of(disk)
+    (failure,) = [one.failure for one in news if one.failure]
+    assert "the disk cannot be written (No space left on device); make room" in str(failure)
+    (kept,) = [one.kept for one in news if one.kept]
+    assert (kept.facts["begun_by"], kept.facts["ended_by"]) == ("button", str(failure))
+    assert len(tried) == 1
+    assert 0 < len(read_take(kept.path).time) <= 75
+    assert [one.counts for one in news if one.counts] == [(1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("number", "advice"),
+    [
+        (errno.ENOSPC, "make room, or let `hangtime sync`"), (errno.EFBIG, "make room on the disk"),
+        (errno.EDQUOT, "make room in the quota"), (errno.EROFS, "replace the card: it is worn out"),
+        (errno.EIO, "replace the card: it fails"), (errno.EACCES, "give it to the account"),
+        (errno.ENOTDIR, "remove what bears"), (errno.EEXIST, "remove what bears"), (errno.EBUSY, "check the disk"),
+    ],
+)  # fmt: skip
+def test_each_error_of_the_disk_has_its_step(tmp_path, number, advice):
+    error = _named(OSError(number, "so"), tmp_path)
+    assert (error.what, error.where) == ("the disk cannot be written (so)", tmp_path)
+    assert error.advice.startswith(advice)
+
+
+def test_a_look_says_how_much_room_there_is_and_counts_every_ten_seconds(tmp_path):
+    now = [100.0]
+    disk = Disk(tmp_path, least_free=0, retention=Retention(), clock=lambda: now[0])
+    disk.start()
+    counts = []
+    for seconds in (0.0, 9.9, 0.1):
+        now[0] += seconds
+        disk.look()
+        news = news_of(disk)
+        assert [one.room > 0 for one in news if one.room is not None] == [True]
+        counts.append([one.counts for one in news if one.counts])
+    assert counts == [[(0, 0)], [], [(0, 0)]]
+    disk.close(LONGEST)
 
 
 def test_a_folder_where_the_counter_should_be_is_named_by_its_path(disk):

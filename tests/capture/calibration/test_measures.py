@@ -340,3 +340,14 @@ def test_a_scale_that_is_three_deviations_from_one_is_doubted_on_either_side(val
     said = next(line for line in lines(measured, RIG) if line.startswith("depth scale"))
     assert f"{value:.4f} +- 0.0100: {300 * value:.1f} mm between the markers, the rig says 300.0" in said
     assert ("measure that distance again" in said) == is_doubted
+
+
+@pytest.mark.parametrize("missing", ["scale", "hanger"])
+def test_a_scale_without_both_markers_or_without_a_hanger_was_not_measured(missing):
+    scale = None if missing == "scale" else Estimate(np.array(1.0), np.array(0.01))
+    rig = RIG if missing == "scale" else msgspec.structs.replace(RIG, hanger=None)
+    measured = Measured(
+        rig=rig, frames=20, seen=30, gravity=None, scale=scale, offset=None, held=None, distance_m=0.3
+    )  # fmt: skip
+    said = next(line for line in lines(measured, RIG) if line.startswith("depth scale"))
+    assert "not measured: the hanger's two markers were not seen together; kept as it was" in said

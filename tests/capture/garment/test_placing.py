@@ -80,3 +80,10 @@ def test_a_pixel_without_cloth_around_it_has_no_position():
         assert np.isnan([*place, *sd]).all()
     cloth.depth[:] = 0.0
     assert np.isnan(placer(cloth).place(np.array([LEFT + 90.0, TOP + 70]), np.ones(2))[0]).all()
+
+
+@pytest.mark.parametrize("pixel", [(np.nan, np.nan), (LEFT - 40.0, TOP - 40.0)])
+def test_a_pixel_that_was_not_found_or_lies_outside_has_no_position(pixel):
+    place, sd = placer(silhouette(WHOLE)).place(np.array(pixel), np.array([0.5, 0.5]))
+    assert place.shape == sd.shape == (3,)
+    assert np.isnan([place, sd]).all()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.hanger.colour_dot_search import _judge
+from capture.hanger.colour_dot_search import _judge, find_pair
 from formats.rig import Hanger, Sensor
 
 CAMERA = Sensor(width=640, height=480, fx=500.0, fy=500.0, cx=319.5, cy=239.5)
@@ -52,3 +52,19 @@ def test_a_full_box_is_no_dot_and_neither_is_one_without_depth_in_three_tenths_o
         count = int(share * len(rows))
         some[rows[:count], columns[:count]] = 1000
         assert (judged(inside, depth=some) is not None) == is_dot
+
+
+@pytest.mark.parametrize(("colours", "is_found"), [((200, 30, 30), True), ((30, 30, 200), False)])
+def test_a_pair_of_the_wanted_colours_is_found_though_one_of_another_comes_first(colours, is_found):
+    """Two red dots 0.3 m apart below two green ones 0.5 m apart, all 1 m away: 30 px of diameter, 150 and 250 px."""
+    picture = np.full((480, 640, 3), 128, np.uint8)
+    depth = np.full((480, 640), 1000, np.uint16)
+    rows, columns = np.indices(depth.shape)
+    for x, y, colour in ((195, 100, (30, 160, 30)), (445, 100, (30, 160, 30)), (245, 300, (200, 30, 30)),
+                         (395, 300, (200, 30, 30))):  # fmt: skip
+        picture[np.hypot(columns - x, rows - y) <= 15] = colour
+    wanted = [np.array(colours, float)] * 2
+    found = find_pair(picture, depth, HANGER, CAMERA, wanted)
+    assert (found is not None) is is_found
+    if found is not None:
+        assert [dot.centre.round().tolist() for dot in found] == [[245, 300], [395, 300]]

@@ -115,6 +115,70 @@ def test_takes_that_leave_and_takes_that_changed_are_in_the_journal(tmp_path, sp
     ]
 
 
+@pytest.mark.parametrize(
+    ("number", "what", "kind", "advice"),
+    [
+        (errno.ENOSPC, "the server's disk is full", "person", "make room there"),
+        (errno.EDQUOT, "the server's disk is full", "person", "make room there"),
+        (errno.EACCES, "the server's folder cannot be written", "person", "check its owner"),
+        (errno.EPERM, "the server's folder cannot be written", "person", "check its owner"),
+        (errno.EROFS, "the server's folder cannot be written", "person", "check its owner"),
+        (errno.ENOENT, "the server's folder is not there", "person", "mount or make it"),
+        (errno.ENOTDIR, "the server's folder is not there", "person", "mount or make it"),
+        (errno.EIO, "the server's folder fails", "passing", "the sync service tries again"),
+    ],
+)
+def test_each_fault_of_a_servers_folder_has_its_step_and_says_whether_it_passes(number, what, kind, advice):
+    fault = fault_of(OSError(number, "So It Is"), "file:///server")
+    assert (fault.what, fault.kind, fault.where) == (f"{what} (so it is)", kind, "file:///server")
+    assert fault.advice.startswith(advice)
+    assert fault_of(OSError(number, "So", "/server/a"), "file:///server").where == "/server/a"
+
+
+@pytest.mark.parametrize(
+    ("status", "what", "kind"),
+    [
+        ("301 Moved Permanently", "the server sends this device elsewhere", "person"),
+        ("308 Permanent Redirect", "the server sends this device elsewhere", "person"),
+        ("400 Bad Request", "the server refuses the request", "person"),
+        ("401 Unauthorized", "the server does not accept the keys of this device", "person"),
+        ("403 Forbidden", "the server refuses this device", "person"),
+        ("404 Not Found", "the server knows no such place", "person"),
+        ("408 Request Timeout", "the server asks to wait", "passing"),
+        ("413 Payload Too Large", "the server takes no file of this size", "take"),
+        ("425 Too Early", "the server asks to wait", "passing"),
+        ("429 Too Many Requests", "the server asks to wait", "passing"),
+        ("500 Internal Server Error", "the server fails", "passing"),
+        ("503 Service Unavailable", "the server asks to wait", "passing"),
+        ("507 Insufficient Storage", "the server is full", "person"),
+    ],
+)
+def test_each_status_of_an_answer_says_whether_it_passes(status, what, kind):
+    fault = fault_of(RuntimeError(f"Error - status code: {status}"), "s3://b")
+    assert (fault.what, fault.kind) == (f"{what} ({status})", kind)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("dns error", "the server's name cannot be found"),
+        ("ConnectionRefused", "nothing answers at the server's address"),
+        ("kind: TimedOut", "the server does not answer in time"),
+        ("NetworkUnreachable", "there is no network"),
+        ("ConnectionReset by it", "the connection to the server broke (connection reset)"),
+        ("odd", "the connection to the server broke (odd)"),
+    ],
+)
+def test_a_server_that_does_not_answer_is_tried_again(text, what):
+    fault = fault_of(RuntimeError(text), "s3://b")
+    assert (fault.what, fault.kind) == (what, "passing")
+    assert "try again; the sync service does so by itself" in fault.advice
+
+
+def test_a_request_waits_five_minutes_at_most_unless_told_otherwise():
+    assert SyncSettings().timeout_s == 300.0
+
+
 @pytest.mark.parametrize("name", ["days = 2592000", "quota_bytes = 8"])
 def test_a_limit_of_retention_beyond_its_range_is_named_with_its_line(tmp_path, name):
     config = tmp_path / "c.toml"

@@ -36,7 +36,9 @@ class FilterLag(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.2  # our choice: six frames at 30 a second
     typical: ClassVar[float] = 0.02  # our choice: less than a frame at 30 a second
-    law_spread: ClassVar[float] = 0.08  # of one pole or of more; size as `Effect`, no data
+    # Of one pole or of more; the size is that of `Effect`. Two poles leave 0.002 of the squared effect by a lag of
+    # 20 ms, and 0.02 by 120 ms. Both are measured on a swing of 0.9 and 2.2 Hz. Laws may leave 0.06.
+    law_spread: ClassVar[float] = 0.08
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends as it was tau earlier."""

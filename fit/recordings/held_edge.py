@@ -34,8 +34,9 @@ OUTER = 0.6  # of the edge's length from the other end: points beyond show the m
 # one. With 2, 5 and 10 one of 2000 columns of noise exceeds `CERTAIN_STEP` (measured, 4 s at 30 frames a second).
 FRAMES_ASIDE = 5
 GRID = 0.005  # s between instants at which the hardest jerk is sought; our choice: a sixth of a frame at 30 a second
-# s from a jerk to the middle of the slip that it causes. Our choice: the blind check's slips (`fit.blind.boundary`)
-# have gone half of their way after 40 ms times ln 2, 28 ms. Half and double were not tried.
+# s from a jerk to the middle of the slip that it causes. Our choice: the step of `fit.effects.clip_slip` follows the
+# blind check's slip, of 40 ms, best when it is half complete after 32 ms. For 20 ms after 18, and for 80 ms after 58
+# (measured).
 SLIP_DELAY = 0.03
 
 

@@ -204,6 +204,8 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     _check_used(order, kind)
     chosen = EXPORT_KINDS[kind]
     check_name(path)
+    if not path.name:  # `.` and `/`, which have no ending to look at
+        refuse_to_replace(path, overwrite=overwrite)
     beside = chosen.beside if order.take is not None else ()
     end = path.with_suffix(chosen.suffix).suffix
     if path.suffix.lower() in BY_END and path.suffix.lower() not in {end, ".usd" if end.startswith(".usd") else end}:

@@ -190,3 +190,12 @@ def test_files_are_written_from_another_thread_too(tmp_path):
     thread.join()
     assert failed == []
     assert [(tmp_path / f"{name}.csv").read_bytes() for name in "ab"] == [b"a", b"b"]
+
+
+@pytest.mark.parametrize("words", [(), ("--overwrite",)])
+@pytest.mark.parametrize("place", [".", "/"])
+def test_a_place_without_a_name_is_refused_as_the_folder_that_it_is(tmp_path, place, words):
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    done = hangtime_here("export", "fit.json", "--to", "csv", "--out", place, *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == f"hangtime: {place}: is a folder; give another name\n"

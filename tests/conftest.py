@@ -50,6 +50,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "processor_time(seconds): the limit of this test instead of 300 s")
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell starts a job in the background like this
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -118,7 +118,8 @@ def test_a_diagnosis_shows_its_effects_as_html_and_as_text():
     ]
     assert rows == shown
     assert re.findall(r"<p>(.*?)</p>", html) == [
-        "Verdict: effect", "The model lacks &lt;b&gt;air&lt;/b&gt; drag.", given.next_experiment.sentence,
+        "Verdict: effect", "The model lacks &lt;b&gt;air&lt;/b&gt; drag.",
+        "Errors are root mean square distances of the free points.", given.next_experiment.sentence,
     ]  # fmt: skip
     lines = [line.split() for line in str(outcome).splitlines()]
     assert lines[-3:] == [" ".join(row).split() for row in shown]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fit import runtime
 from fit.cloth import packing
+from fit.cloth.launch import _stacked
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator, run_together
 from fit.effects import find_effects
@@ -53,6 +55,19 @@ def test_kernels_of_all_widths_round_alike(names, monkeypatch):
     assert np.isfinite(found[0]).all()
     assert np.abs(found[0] - hung(garment, time)).max() > 0.01
     assert all(np.array_equal(one, found[0]) for one in found)
+
+
+def test_targets_of_takes_of_different_lengths_lie_one_behind_the_other():
+    """Takes of 2 and 4 samples share a task of two lanes, and one of 3 has its own: it begins at 4."""
+
+    def target(samples, value):
+        return np.full((samples, 1, 6, 1), value), np.full((samples, 1), value / 10), 1
+
+    courses = [SimpleNamespace(targets=[target(2, 1.0), target(4, 2.0)]), SimpleNamespace(targets=[target(3, 3.0)])]
+    targets, trust, firsts = _stacked(courses, 2)
+    assert firsts.tolist() == [0, 4]
+    assert targets[:, 0, 5].tolist() == [[1, 2], [1, 2], [0, 2], [0, 2], [3, 0], [3, 0], [3, 0]]
+    assert trust[:, 0] == pytest.approx(targets[:, 0, 0] / 10)
 
 
 # `test_contact.py` has a quicker test of candidates side by side with contact.

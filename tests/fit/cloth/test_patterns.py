@@ -14,6 +14,7 @@ from fit.cloth.mesh import ClothMesh, build_mesh
 from fit.cloth.model import Resolution
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
+from fit.cloth.support import hanger
 from fit.effects import find_effects
 from fit.engines.plain_grid import plain_grid
 from fit.errors import FitError
@@ -57,6 +58,19 @@ def test_of_few_tracked_points_the_nearest_one_stands_for_a_node():
         known = np.abs(mesh.rest[:, 0]) > 0.01
         nearest = (mesh.rest[known, 0] > 0.0) & (count == 2)
         assert mesh.pull_points[known].tolist() == [[int(k)] * 3 for k in nearest]
+
+
+def test_cloth_held_at_its_corners_starts_in_the_folds_of_the_first_instant():
+    """The hem is 60 mm in front of the bar at first, and 10 mm a second later; the hanger goes on meanwhile."""
+    garment, time = sheet(held="corners", grid=3), np.arange(0, 1.5, 1 / 30)
+    moved = 0.1 * time[:, None] * [1.0, 0.0, 0.0]
+    points = hung(garment, time) + moved[:, None]
+    points[:, 3:, 1] += (0.06 - 0.05 * time)[:, None] * np.repeat([0.5, 1.0], 3)
+    recording = prepare(take_of(garment, time, moved, points, sd=1e-4))
+    mesh = build_mesh(garment, 0.1)
+    start = hanger(recording)(mesh).start(recording.held(np.zeros(1)))
+    # A spline of points in one plane is this plane; smoothing leaves straight paths, 1 mm is a sixtieth of the fold.
+    assert mesh.points.apply(start[0]) == pytest.approx(points[0], abs=1e-3)
 
 
 @pytest.mark.parametrize("name", GARMENTS)

@@ -83,6 +83,8 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
         begun.append([task.vector for task in go.args[1]])
         return recall(wanted, go)
 
+    across, across_valleys = [], base_fit.across_valleys
+    monkeypatch.setattr(base_fit, "across_valleys", lambda *given: across.append(across_valleys(*given)) or across[-1])
     monkeypatch.setattr(kept, "recall", recalled)
     monkeypatch.setattr(kept, "recall_vectors", lambda name, go: names.append(name) or places(name, go))
     fits, chosen, gate = fit_base(world, lambda *said: told.append(said), kept, 0)
@@ -99,6 +101,7 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
         ("base fit, 2 starts, pull 0 Hz", 0.14), ("base fit, across valleys, pull 0 Hz", 0.29),
     ]  # fmt: skip
     beyond = [f"base-0-beyond-{k}" for k in range(len(fits) - 2)]
+    assert len(beyond) == len(begun[-1]) == len(across[-1]) > 1  # every valley that promises less is fitted
     assert names == ["looks-1-60-18", "looks-0-50-10", "base-0-0", "base-0-1", *beyond]
     one, other = Problem(world).space.to_unit(np.array(begun[0]))
     assert np.abs(one - other).max() > 0.15  # of the box, in one parameter at least

@@ -75,6 +75,18 @@ def test_the_held_edge_identifies_a_size_that_is_something_by_the_librarys_own_l
     assert (low > 0) == (deviation < 0.5)
 
 
+@pytest.mark.parametrize(("squares", "is_told"), [(1050, True), (1100, False)])
+def test_the_held_edge_identifies_nothing_that_a_better_effect_contradicts_there(squares, is_told):
+    """Beside 1000 with an offset in time, which closes more, 60 more are certain; the offset may itself be nothing."""
+    evidence = evidence_of({SLACK: 8.0, "time_offset": 6.0})
+    late = with_edge(hypothesis(("time_offset",), 6.0, deviation=0.7), 1000)
+    slack = with_edge(evidence.singles[SLACK], squares)
+    evidence = dataclasses.replace(
+        evidence, base=with_edge(evidence.base, 2000), singles={SLACK: slack, "time_offset": late}
+    )
+    assert evidence.identified_by_edge == (frozenset({SLACK}) if is_told else frozenset())
+
+
 @pytest.mark.parametrize(("squares", "verdict"), [(1250, "effect"), (1270, "unknown")])
 def test_an_effect_that_moves_the_held_edge_surely_off_is_contradicted(squares, verdict):
     """The edge is where it was tracked without it, to 1200; 60 more are certain."""

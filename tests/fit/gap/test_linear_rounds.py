@@ -17,6 +17,7 @@ from fit.gap.floor import Floor
 from fit.gap.rounds import Rounds
 from fit.gap.weighed import known_error_mm, weigh
 from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes, best_of
+from tests.fit.gap.verdict_scene import EFFECTS, hypothesis
 
 
 @pytest.fixture
@@ -222,8 +223,8 @@ def test_raw_points_are_judged_by_a_base_model_that_is_fitted_to_them(world, mon
     raw, other = LinearTakes(7), LinearTakes(8)
     for made in (raw, other):
         made.missed = made.noisy() + made.moved(4e-3)
-    monkeypatch.setattr(from_raw, "raw_recordings", lambda takes: takes)
-    monkeypatch.setattr(world, "of", lambda takes: {"train": raw, "test": other}[takes], raising=False)
+    monkeypatch.setattr(from_raw, "raw_recordings", lambda takes: f"raw {takes}")
+    monkeypatch.setattr(world, "of", lambda takes: {"raw train": raw, "raw test": other}[takes], raising=False)
     kept = Checkpoint(None, {})
     assert from_raw.raw_error_mm(world, world, "train", "test", world.base(), kept) is None
     world.recordings = [replace(r, camera=replace(r.camera, is_placed=True)) for r in world.recordings]
@@ -232,3 +233,30 @@ def test_raw_points_are_judged_by_a_base_model_that_is_fitted_to_them(world, mon
         found = from_raw.raw_error_mm(world, world, "train", held_out, world.base(), kept)
         residual = judge.residuals(best.vector[None], judge.off[None])[0]
         assert found == pytest.approx(float(judge.in_mm(residual)), rel=0.02)
+
+
+@pytest.mark.parametrize(("deviation", "is_kept"), [(0.5, True), (0.7, False)])
+def test_a_twin_whose_size_may_be_nothing_takes_no_place_of_an_effect(deviation, is_kept, monkeypatch):
+    """The twin beside the lift leaves 5.9 mm, and the offset 5.5; 1.645 x 0.7 sizes are more than its one."""
+    search = object.__new__(Rounds)
+    search.singles, search.observer = {"air_lift": hypothesis(("air_lift",), 9.0)}, SimpleNamespace(**EFFECTS)
+    twin = hypothesis(("air_lift", "clock_drift"), 5.9, deviation=deviation)
+    monkeypatch.setattr(Rounds, "_twins", lambda self, replaced, kept: ("clock_drift",))
+    monkeypatch.setattr(Rounds, "_with_another", lambda self, start, floor, chosen: [(twin, 0.01)])
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
+    pair = hypothesis(("time_offset", "air_lift"), 5.5)
+    assert search._better_of_twins(pair, 0.001, 5.0) is pair
+    assert search.instead == ([twin] if is_kept else [])
+
+
+@pytest.mark.parametrize(("chosen", "kept"), [(None, {"new": 1}), (("time_offset",), {"old": 1})])
+def test_what_resembles_what_beside_an_effect_comes_from_the_screening_of_all_effects(chosen, kept, monkeypatch):
+    search = object.__new__(Rounds)
+    search.observer, search.screened, search.tested = SimpleNamespace(**EFFECTS), {}, ("time_offset", "hem")
+    search.beside = {"air_lift": {"old": 1}}
+    monkeypatch.setattr(module, "screen", lambda *given: {"new": 1})
+    monkeypatch.setattr(module, "further", lambda screened, most: [])
+    monkeypatch.setattr(Rounds, "_and_leads", lambda self, names, screened, before: names)
+    monkeypatch.setattr(Rounds, "_refit", lambda self, *given: [])
+    assert search._with_another(hypothesis(("air_lift",), 9.0), 5.0, chosen) == []
+    assert search.beside == {"air_lift": kept}

@@ -146,6 +146,27 @@ def test_a_parameter_without_a_logarithm_is_refitted_in_its_own_unit():
     assert np.sqrt(found.errors.squared_mm) == pytest.approx(0.0, abs=1e-3 * fine)
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_refit_stays_within_the_bounds(sign, monkeypatch):
+    """2e5 deviations at ten a unit of Struct would take it thousands of units up or down."""
+    row = np.linalg.qr(np.random.default_rng(1).normal(size=(NUMBERS, 1)))[0][:, 0]
+    jacobian = np.zeros((NUMBERS, 6))
+    jacobian[:, 1] = 10.0 * row
+    observer, tried = OfBlender(0.1, sign * 5e7 * row, jacobian), []
+    plain = OfBlender.residuals
+
+    def residuals(self, vectors, amplitudes):
+        tried.extend(vectors)
+        return plain(self, vectors, amplitudes)
+
+    zeros = np.zeros(6)
+    base = Fitted(KINECT_SKIRT.initial, observer.off, (), observer.missed, jacobian, zeros, True)
+    monkeypatch.setattr(OfBlender, "residuals", residuals)
+    refine(observer, observer, base)
+    ends = {1.0: KINECT_SKIRT.minimum, -1.0: KINECT_SKIRT.maximum}
+    assert max(tried, key=lambda one: abs(one[1] - KINECT_SKIRT.initial[1]))[1] == ends[sign][1]
+
+
 def test_a_refit_that_makes_it_worse_is_not_taken():
     """A Jacobian of the wrong sign: the parameters stay."""
     row = np.linalg.qr(np.random.default_rng(1).normal(size=(NUMBERS, 1)))[0][:, 0]

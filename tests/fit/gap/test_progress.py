@@ -6,7 +6,18 @@ import ast
 import inspect
 from itertools import pairwise
 
+import numpy as np
+import pytest
+
+from fit.cloth.model import Resolution
+from fit.effects import find_effects
+from fit.errors import FitError
 from fit.gap import base_fit, diagnosis, rounds
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+TIME = np.arange(0, 2.0, 1 / 30)
+SHEET = sheet(grid=4)
+TAKE = take_of(SHEET, TIME, swing(TIME), hung(SHEET, TIME) + swing(TIME)[:, None])
 
 
 def shares_of(module):
@@ -25,3 +36,24 @@ def test_the_stages_of_a_diagnosis_rise_from_0_to_100_percent():
     assert len(stages) == 12
     assert (stages[0], stages[-1]) == (0.0, 1.0)
     assert all(earlier < later for earlier, later in pairwise(stages))
+
+
+def test_a_diagnosis_says_that_it_begins_after_the_checks_and_before_the_first_simulation(tmp_path, monkeypatch):
+    """A folder of other fits is refused first, and then nothing is said to begin."""
+    told = []
+
+    def base_of(*given):
+        told.append("base fit")
+        raise InterruptedError
+
+    monkeypatch.setattr(diagnosis, "fit_base", base_of)
+    options = {
+        "effects": find_effects(["hem"]), "resolution": Resolution(spacing=0.2), "checkpoint": tmp_path / "fits",
+        "begun": lambda: told.append("begun"),
+    }  # fmt: skip
+    with pytest.raises(InterruptedError):
+        diagnosis.diagnose([TAKE], [], **options)
+    assert told == ["begun", "base fit"]
+    with pytest.raises(FitError):
+        diagnosis.diagnose([TAKE], [], seed=7, **options)
+    assert told == ["begun", "base fit"]

@@ -13,7 +13,7 @@ from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
 from fit.gap.probabilities import LEFT_WIDTH, ODDS, SHARE_LEFT, probabilities
 from fit.gap.rounds import Rounds
-from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks
+from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks, may_be_added, passing_effects
 from formats.diagnosis_records import in_percent
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypothesis
 
@@ -62,6 +62,24 @@ from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypo
 def test_the_verdict_follows_the_rules(given, verdict, named):
     found = decide(evidence_of(**given))
     assert (found.verdict, found.named) == (verdict, named), found.sentence
+
+
+def test_no_effect_passes_if_there_is_hardly_a_gap_to_close():
+    """25.2 of 25 mm^2 are noise: drag fits that better, to 16, but no share of a gap is defined."""
+    evidence = evidence_of({"air_drag": 4.0}, base=5.02)
+    assert evidence.closure_of(evidence.singles["air_drag"]) is None
+    assert evidence.p_value("air_drag") < FAMILY_WISE_LEVEL
+    assert passing_effects(evidence) == []
+    assert passing_effects(evidence_of({"air_drag": 6.0})) == ["air_drag"]
+
+
+@pytest.mark.parametrize(("deviation", "p_value", "is_added"), [
+    (0.5, 0.04, True), (0.5, 0.06, False), (0.7, 0.04, False),
+])  # fmt: skip
+def test_an_effect_is_added_where_its_size_is_surely_something(deviation, p_value, is_added):
+    """The added effect is one typical size long: 1.645 x 0.5 is less than that, and 1.645 x 0.7 is more."""
+    both = hypothesis(("air_drag", "hem"), 6.0, deviation=deviation)
+    assert may_be_added(evidence_of({}).observer, both, p_value) == is_added
 
 
 def test_twins_of_one_of_two_effects_share_its_probability():

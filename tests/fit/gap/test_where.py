@@ -119,6 +119,18 @@ def test_phases_are_those_of_the_hangers_speed():
         assert {str(named[k]) for k in frames} == {name}
 
 
+def test_a_hanger_that_turns_about_its_middle_is_at_rest():
+    """Its ends go 0.3 m/s in opposite directions; where one of them stays, the middle goes at half the speed."""
+    time = np.arange(120) / 30
+    ends = np.zeros((120, 6))
+    ends[:, 1], ends[:, 4] = 0.3 * time, -0.3 * time
+    hanger = SimpleNamespace(time=time, held=lambda instants: ends)
+    assert set(_phases(hanger)) == {"hanger at rest before the swing"}
+    for half, is_still in ((0.02, True), (0.04, False)):  # m/s of the middle
+        ends[:, 1], ends[:, 4] = 2 * half * time, 0.0
+        assert (set(_phases(hanger)) == {"hanger at rest before the swing"}) == is_still
+
+
 @pytest.mark.parametrize(("top", "moves"), [(0.029, False), (0.033, True)])
 def test_a_hanger_moves_from_three_centimetres_a_second_on(top, moves):
     names = set(_phases(stroke(top)))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -50,6 +51,26 @@ def test_without_a_home_kernels_run_all_the_same_and_nothing_is_left(tmp_path, h
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
     assert list(tmp_path.iterdir()) == [script]
+
+
+def test_the_folder_of_kernels_is_made_with_the_folders_above_it(tmp_path, monkeypatch):
+    own = tmp_path / "not" / "there" / "yet"
+    monkeypatch.setenv(place.CACHE, str(own))
+    at_the_end = []
+    monkeypatch.setattr(place, "atexit", SimpleNamespace(register=lambda *given: at_the_end.append(given)))
+    assert place.mended_cache(None) == {}
+    assert own.is_dir()
+    assert [given[:3] for given in at_the_end] == [(place._note_own_kernels, None, own)]
+
+
+def test_a_simulation_counts_as_running_until_it_ends_even_by_an_error(monkeypatch):
+    monkeypatch.setattr(place._Work, "running", 0)
+    monkeypatch.setattr(place._Work, "is_counted", False)
+    with place.at_work(), place.at_work():
+        assert (place._Work.running, place._Work.is_counted) == (2, True)
+    with pytest.raises(InterruptedError), place.at_work():
+        raise InterruptedError
+    assert place._Work.running == 0
 
 
 @pytest.fixture(scope="module")

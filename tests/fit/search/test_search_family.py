@@ -104,6 +104,15 @@ def test_a_search_goes_on_bit_identically_after_a_round_trip_through_json(name):
     assert np.array_equal(second.best, whole.best)
 
 
+@pytest.mark.parametrize("name", ["cma-es", "tempering"])
+def test_a_simulation_that_blew_up_is_no_best_after_a_round_trip_through_json(name):
+    first, second = begun(name), begun(name)
+    first.tell(first.ask(1), np.array([0.5]))
+    first.tell(first.ask(3), np.array([np.inf, 0.4, np.inf]))
+    second.restore(json.loads(json.dumps(first.state(), allow_nan=False)))
+    assert second.best_history.tolist() == first.best_history.tolist() == [0.5, 0.5, 0.4, 0.4]
+
+
 @pytest.mark.parametrize("name", OUTPUT)
 def test_simulations_that_blow_up_are_counted_and_never_the_best(name):
     search = begun(name)

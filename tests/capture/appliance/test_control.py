@@ -211,3 +211,11 @@ def test_a_hundred_programs_that_watch_hold_64_connections_and_the_last_one_is_r
         assert [json.loads(said.readline()) for _ in range(2)] == [{"ok": True, "asked": "status"}, {"news": 1}]
     for one in watchers:
         one.close()
+
+
+def test_a_group_that_is_not_there_is_named_and_leaves_no_socket(path):
+    with pytest.raises(
+        ControlError, match=r"there is no group 'nobodys-group'; give an existing one as control\.group"
+    ):
+        ControlServer(path, "nobodys-group")
+    assert not path.exists()

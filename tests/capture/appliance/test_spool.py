@@ -14,7 +14,7 @@ import pytest
 
 from capture.appliance.receipts import READ_BACK, Receipt, read_receipt, receipts, write_receipt
 from capture.appliance.retention import Retention
-from capture.appliance.spool import CRASHED, UNNAMED, Spool, sha256_of
+from capture.appliance.spool import CRASHED, UNNAMED, Spool, _is_of, sha256_of
 from capture.errors import SpoolError
 from formats.archive import read_take, verify_take
 from tests.capture.appliance.spool_takes import frames, record, writer_of
@@ -284,3 +284,12 @@ def test_room_is_enough_where_the_requested_bytes_leave_the_disk_its_own(spool, 
     monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 1000}))
     limits = Retention(quota_bytes=1 << 30, least_free_bytes=900)
     assert [spool.make_room(limits, now=NOW, need=need).is_enough for need in (100, 101)] == [True, False]
+
+
+def test_a_take_that_leaves_while_it_is_looked_at_keeps_its_receipt(spool):
+    receipt = msgspec.structs.replace(receipt_of(record(spool)), bytes=5)
+    assert _is_of(receipt, spool.folder / "take-000009.mcap")
+    here = spool.folder / "take-000008.mcap"
+    for content, is_its_own in ((b"12345", True), (b"1234", False)):
+        here.write_bytes(content)
+        assert _is_of(receipt, here) is is_its_own

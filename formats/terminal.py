@@ -14,6 +14,7 @@ from formats.plain_text import lines_of
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 BAR = 24  # characters of a progress bar
+BAR_OF_80 = 10  # characters, below 100 columns; our choice: leaves room for the words
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated
 SLOW_AFTER = 60.0  # s: from then on, any share done gives an estimate, and each such time a line where no terminal is
 
@@ -113,11 +114,13 @@ class ProgressLine:
         raise_swallowed()
         left = self._left(share)
         if self._is_terminal:
-            filled = round(BAR * share)
-            bar = "#" * filled + "." * (BAR - filled)
-            width = max(20, min(100, _columns()) - len(self._title) - BAR - 12)
-            # A narrow terminal truncates the words and never the remaining time.
-            words = f"{text[: max(width - len(left) - 2, 0)]}, {left}" if left else text
+            columns = min(100, _columns())
+            length = BAR if columns == 100 else BAR_OF_80
+            filled = round(length * share)
+            bar = "#" * filled + "." * (length - filled)
+            width = max(20, columns - len(self._title) - length - 12)
+            # A narrow terminal leaves out words and never the remaining time.
+            words = ", ".join(filter(None, (_whole_words(text, width - len(left) - 2 * bool(left)), left)))
             say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
         elif share >= self._last + 0.1 or self._now() - self._last_said >= SLOW_AFTER:
             say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")
@@ -148,8 +151,18 @@ def in_words(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
+def _whole_words(text: str, room: int) -> str:
+    """Return as many clauses of a text as there is room for, or as many words of its first clause."""
+    for separator in (", ", " "):
+        parts = text.split(separator)
+        for count in range(len(parts), 0, -1):
+            if len(kept := separator.join(parts[:count])) <= room:
+                return kept
+    return text[: max(room, 0)]
+
+
 def _columns() -> int:
     try:
-        return os.get_terminal_size(2).columns  # of stderr
+        return os.get_terminal_size(2).columns or 80  # of stderr; a terminal may state none
     except OSError:
         return 80

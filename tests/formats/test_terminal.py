@@ -126,27 +126,36 @@ def test_names_are_printed_byte_for_byte_and_signs_that_the_terminal_lacks_by_th
 
 
 def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeypatch):
-    """24 signs of a bar, a share of four places, and what is left of 80 columns, but 20 at least, for the words."""
+    """Of 100 columns a bar takes 24, below 10; the rest, but 20 at least, is for whole clauses or words."""
     monkeypatch.setattr(terminal, "is_watched", lambda: True)
-    columns = {"are": 80}
+    columns = {"are": 120}
     monkeypatch.setattr(terminal, "_columns", lambda: columns["are"])
     clock = Clock()
     line = ProgressLine("annealing", clock)
     line.show(0.25, "88/350")
+    columns["are"] = 80
     clock.now += 10.0
     line.show(0.5, "a word that is far longer than its place")
+    line.show(0.5, "31.7 mm on fitted takes, step 27 of at most 130")
     columns["are"] = 30
     line.show(1.0, "done, and this is longer than twenty letters")
+    line.show(1.0, "a-name-that-is-longer-than-twenty-letters")
     line.end()
-    bars = ["#" * filled + "." * (24 - filled) for filled in (6, 12, 24)]
     assert capsys.readouterr().err == (
-        f"\rannealing [{bars[0]}]  25 %  {'88/350':<35}"
-        f"\rannealing [{bars[1]}]  50 %  a word that is far, about 20 s left"
-        f"\rannealing [{bars[2]}] 100 %  {'done, and this is lo':<20}\n"
+        f"\rannealing [######..................]  25 %  {'88/350':<55}"
+        f"\rannealing [#####.....]  50 %  {'a word that is far longer than, about 20 s left':<49}"
+        f"\rannealing [#####.....]  50 %  {'31.7 mm on fitted takes, about 20 s left':<49}"
+        f"\rannealing [##########] 100 %  {'done':<20}"
+        f"\rannealing [##########] 100 %  a-name-that-is-longe\n"
     )
     columns["are"] = 500
     ProgressLine("fit", clock).show(0.0, "x")
     assert len(capsys.readouterr().err) == len("\rfit [] ") + 24 + len("  0 %  ") + 100 - 3 - 24 - 12
+
+
+def test_a_terminal_that_states_no_size_counts_as_one_of_80_columns(monkeypatch):
+    monkeypatch.setattr(os, "get_terminal_size", lambda stream: os.terminal_size((0, 0)))
+    assert terminal._columns() == 80
 
 
 def test_progress_elsewhere_is_a_whole_line_for_every_tenth(capsys, monkeypatch):

@@ -59,7 +59,7 @@ def test_a_fit_shows_the_commands_line_where_it_is_seen_and_its_numbers_stay_the
     for stream in (Terminal(), in_a_notebook()):
         shown, said = fitted(take, stream, monkeypatch)
         assert shown == quiet
-        assert "\rannealing [########################] 100 %" in said
+        assert "\rannealing [##########] 100 %" in said
         assert "mm on fitted takes, 12/12" in said
         assert said.endswith("\n")
     shown, said = fitted(take, Terminal(), monkeypatch, progress=False)
@@ -73,7 +73,7 @@ def test_a_diagnosis_shows_stage_and_share_on_a_terminal_alone(monkeypatch):
         monkeypatch.setattr(sys, "stderr", stream)
         with watched.diagnosis_shown(progress) as show:
             show("noise floor", 0.3)
-        assert ("\rdiagnosis [#######................." in stream.getvalue()) is is_shown
+        assert ("\rdiagnosis [###......." in stream.getvalue()) is is_shown
         assert ("noise floor" in stream.getvalue()) is is_shown
 
 

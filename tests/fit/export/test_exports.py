@@ -240,7 +240,13 @@ def test_a_point_cache_is_not_lost_under_its_obj(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "name", "end"),
-    [("usd-physics", "x.usdc", "usda"), ("usd", "x.usda", "usdc"), ("gltf", "x.gltf", "glb"), ("csv", "x.usd", "csv")],
+    [
+        ("usd-physics", "x.usdc", "usda"),
+        ("usd", "x.usda", "usdc"),
+        ("gltf", "x.gltf", "glb"),
+        ("csv", "x.usd", "csv"),
+        ("gltf", "x.csv", "glb"),
+    ],
 )
 def test_an_end_by_which_programs_take_the_file_for_another_kind_is_refused(kind, name, end, tmp_path):
     with pytest.raises(FitError, match=rf"--to {kind} writes no \.\w+, .*; give a name that ends in \.{end}"):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
+import functools
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar, get_type_hints
+from typing import Any, TypedDict, TypeVar, cast, get_type_hints
 
 from fit.errors import FitError
 from fit.search import PRINTED_ITERATIONS
@@ -67,15 +69,36 @@ def options_shown(defaults: Mapping[str, object] | None = None) -> Callable[[_Ca
     return shown
 
 
+def names_checked(call: _Call) -> _Call:
+    """Decorate a call: a keyword that is none of its arguments is refused with all of them, the nearest first.
+
+    Raises:
+        FitError: by the decorated call, names the keyword.
+    """
+    known = list(inspect.signature(call).parameters)
+
+    @functools.wraps(call)
+    def named(*arguments: Any, **keywords: Any) -> object:
+        for name in keywords:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                hint = f"did you mean {near[0]}? " if near else ""
+                listed = ", ".join([*near, *(one for one in known if one not in near)])
+                raise FitError(
+                    f"there is no argument named {name!r}", where=call.__name__,
+                    advice=f"{hint}its arguments: {listed}",
+                )  # fmt: skip
+        return call(*arguments, **keywords)
+
+    return cast("_Call", named)
+
+
 def checked(options: PlanOptions) -> dict[str, Any]:
     """Check the options and return them, with lists of names as tuples.
 
     Raises:
-        FitError: an unknown option, or a value of the wrong type.
+        FitError: a value of the wrong type.
     """
-    known = tuple(PlanOptions.__annotations__)
-    if unknown := [name for name in options if name not in known]:
-        raise FitError(f"there is no option named {unknown[0]!r}", advice=f"known options: {', '.join(known)}")
     given: dict[str, Any] = dict(options)
     for name in given.keys() & {"effects", "bounds"}:
         given[name] = tuple(names_of(given[name], name))

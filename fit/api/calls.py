@@ -20,6 +20,7 @@ from fit.api.arguments import (
     check_kind,
     check_text,
     checked,
+    names_checked,
     names_of,
     number_of,
     options_shown,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from fit.identification.request import Request
 
 
+@names_checked
 @arguments_named()
 def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
     """Return the take of an archive (`.mcap`), or the result that a `fit.json` or `diagnosis.json` holds.
@@ -65,6 +67,7 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
             raise no_fit from None
 
 
+@names_checked
 @options_shown(PLAN_DEFAULTS)
 @ends_in_a_sentence
 @arguments_named()
@@ -118,6 +121,7 @@ def fit(
     )
 
 
+@names_checked
 @options_shown()
 @ends_in_a_sentence
 @arguments_named()
@@ -187,6 +191,7 @@ def diagnose(
     )  # fmt: skip
 
 
+@names_checked
 @options_shown(OF_THE_FIT)
 @arguments_named()
 def simulate(
@@ -236,6 +241,7 @@ def simulate(
     return Simulation(takes=shown, values=values, fitted=fitted, error=whole, by_take=tuple(by_take), remarks=remarks)
 
 
+@names_checked
 @arguments_named()
 def report(
     outcome: FitOutcome | DiagnosisOutcome,
@@ -282,6 +288,7 @@ def report(
         return write_diagnosis_report(path, findings, fit.result if fit is not None else None, first)
 
 
+@names_checked
 @arguments_named()
 def export(
     outcome: FitOutcome | Path | str,

@@ -137,8 +137,7 @@ def calibrate_command(
     if out is not None:
         check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
         check_place(out, "a rig is written as TOML", ".toml")
-        if not overwrite:
-            refuse_to_replace(out)
+        refuse_to_replace(out, overwrite=overwrite)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
     before = load_rig(rig, anyway=anyway)
     with open_sensor(sensor, anyway=anyway) as source:
@@ -258,8 +257,7 @@ def record_command(
     from formats.takes_cli import tell_aside
 
     check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
-    if not overwrite:
-        refuse_to_replace(out)
+    refuse_to_replace(out, overwrite=overwrite)
     described_rig, described_garment = load_rig(rig, anyway=anyway), load_garment(garment, anyway=anyway)
     if not anyway:
         check_plausible_hold(described_rig, described_garment, rig, offers_anyway=True)

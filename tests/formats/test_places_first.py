@@ -53,6 +53,7 @@ def test_a_locked_folder_is_refused_before_the_inputs_are_read(tmp_path):
         "fit none.mcap --out results --plot locked/x.png": "x.png",
         "diagnose none.mcap --out results --arrows locked/x.png": "x.png",
     }
+    doors |= {f"{words} --overwrite": name for words, name in doors.items()}
     for name, done in zip(doors.values(), hangtime_unprivileged(*map(str.split, doors), folder=tmp_path), strict=True):
         said = f"hangtime: locked/{name}: cannot be written (Permission denied); choose another folder, or get the "
         assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{said}permission to write to this one\n")

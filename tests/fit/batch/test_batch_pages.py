@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -55,6 +56,19 @@ def test_a_table_has_a_column_for_every_parameter_and_gaps_where_a_take_has_none
         f"{1e3 * result.error.train_before.mean_m:.3f}", "12.300"
     )  # fmt: skip
     assert (first["simulations"], first["seconds"]) == (str(result.simulations), f"{result.seconds:.1f}")
+
+
+def test_on_a_phone_each_value_stands_behind_the_name_of_its_column():
+    """There the page hides the row of heads (`page.css`), and shows `data-head` before each cell."""
+    mass = msgspec.structs.replace(fit_result().parameters[0], name="mass", unit="kg")
+    drag = msgspec.structs.replace(mass, name="air_drag", unit="1")
+    page = as_html([row_of("a", parameters=[mass, drag]), row_of("b", "waiting")], PLAN)
+    fitted, waiting = re.findall('<tr><th scope="row">.*?</tr>', page, re.DOTALL)[::-1]
+    heads = [re.findall('<td[^>]*?(?: data-head="(.*?)")?>', row) for row in (fitted, waiting)]
+    assert heads[0] == [
+        "state", "error before", "error after", "mass (kg)", "air drag", "simulations", "time", "remark",
+    ]  # fmt: skip
+    assert heads[1] == ["state", "remark"]
 
 
 def test_a_page_lists_what_needs_attention_first_and_then_the_largest_error():

@@ -121,7 +121,9 @@ def refuse_to_replace(
         try:
             make_writable(path.parent)
         except OSError as error:
-            raise unwritable(path, error) from error
+            raise OutputError(
+                f"cannot be written ({error.strerror})", where=path, advice=_step_in(path.parent, error)
+            ) from error
 
 
 def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOTHER_NAME) -> None:
@@ -168,8 +170,15 @@ def make_output_folder(folder: Path) -> None:
         make_writable(folder)
     except OSError as error:
         raise OutputError(
-            f"cannot be made or written to ({error.strerror})", where=folder, advice=step_to_write(error)
+            f"cannot be made or written to ({error.strerror})", where=folder, advice=_step_in(folder, error)
         ) from error
+
+
+def _step_in(folder: Path, error: OSError) -> str:
+    """Return the next step for a folder that refused a file; /proc is there and refuses all as absent."""
+    if error.errno == errno.ENOENT and folder.is_dir():
+        return "choose another folder: this one takes no files"
+    return step_to_write(error)
 
 
 @contextlib.contextmanager

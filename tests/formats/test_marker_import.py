@@ -112,7 +112,8 @@ def test_only_the_axis_along_which_the_cloth_hangs_is_taken_as_up(tmp_path, give
         return
     drop = "281 mm above" if given[-1] == fitting[-1] else "0 mm below"
     with pytest.raises(
-        TakeError, match=f"with {given} up the markers are {drop} .* flat garment 281 mm; give --up {fitting},"
+        TakeError,
+        match=f"with {given} up the markers are {drop} the held .*, and 281 mm below on the .*; give --up {fitting},",
     ):
         import_marker_take(path, GARMENT, MarkerOptions(up=given))
 

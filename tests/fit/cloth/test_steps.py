@@ -1,0 +1,96 @@
+"""The kernel against the same steps in NumPy: forces in x, y and z, settling, pull, lanes, and every kind of mesh."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
+from fit.cloth.support import hanger
+from fit.effects import find_effects
+from fit.recordings.recording import prepare
+from tests.fit.cloth.steps import Steps, amplitudes_by_name
+from tests.fit.scenes import hung, material, sheet, swing, take_of
+
+TIME = np.arange(20) / 400  # s
+# Single precision leaves 1e-7 m and 1e-5 N of forces up to 0.4 N, and a start moved by a rounding error as much.
+NEAR, NEAR_FORCE = 1e-6, 1e-4  # m, N
+EFFECTS = ("air_drag", "draught", "bending_hysteresis", "rest_curvature", "added_mass", "stretch_viscosity")
+
+
+def scene(effects=(), *, settle_time=0.0, turned=0.0, spacing=0.07):
+    """A sheet that starts stretched, sheared and folded, on a bar that moves every way and turns; and its start."""
+    garment = replace(sheet(width=0.4, height=0.3, grid=3, mass=0.024), grain_degrees=turned)
+    path = 8 * swing(TIME, amplitude=0.3, hz=4.0, start=-0.05, sideways=0.2) + (0.4 * TIME**2)[:, None]
+    take = take_of(garment, TIME, path, hung(garment, TIME) + 1.5 * path[:, None] + [0.004, 0.02, -0.01])
+    turn = np.stack([0 * TIME, 3 * TIME**2, -2 * TIME**2], 1)
+    recording = prepare(dataclasses.replace(take, held=take.held + np.stack([-turn, turn], 1)))
+
+    def support(mesh):
+        (x, y), plain = mesh.rest.T, hanger(recording)(mesh)
+        down = (y.max() - y) / 0.3
+        moved = down[:, None] * np.stack(
+            [0.02 * np.sin(9 * y + 4 * x), 0.03 * np.cos(14 * x) * np.sin(11 * y), 0.02 * np.cos(8 * x)], 1
+        )
+        return dataclasses.replace(
+            plain, start=lambda ends: plain.start(ends) + moved, settle_time=settle_time, settle_damping=9.0
+        )
+
+    return Simulator(recording, find_effects(effects), resolution=Resolution(spacing=spacing), support=support)
+
+
+def several(garment):
+    """Three fabrics that differ in every number that a base model has."""
+    one = material(
+        garment, stretch_stiffness=50.0, shear_stiffness=9.0, bending_stiffness=2e-4, membrane_damping_time=4e-4,
+        bending_damping_time=8e-3, velocity_damping=1.5, stretch_ratio=0.5, bending_ratio=-0.6, stiffening=15.0,
+        tilt_x=0.15, tilt_y=-0.1, gravity_log=0.2,
+    )  # fmt: skip
+    return one * np.array([[1.0], [1.07], [0.9]])
+
+
+def differences(simulator, rows, sizes=None, hz=0.0):
+    """The largest differences between kernel and NumPy: of any node at any frame [m], and of the last forces [N]."""
+    if sizes is None:
+        sizes = np.zeros((len(rows), simulator.columns[-1].stop if simulator.columns else 0))
+    found = simulator.run(rows, sizes, observer_hz=hz, shapes=True)
+    _, groups = simulator.groups(rows, sizes, shapes=False)
+    octaves = {k: group.half_octaves for group in groups for k in group.members}
+    start = simulator.support.start(simulator.support.path(np.zeros(1)))[0]
+    places, forces = [], []
+    for k, row in enumerate(groups[0].candidates.materials):
+        named = amplitudes_by_name(simulator.effects, sizes[k])
+        shapes, force = Steps(simulator, row, named).run(start, octaves[k], 2 * np.pi * hz)
+        assert np.abs(shapes[-1] - shapes[0]).max() > 0.02
+        assert np.abs(found.points[k] - seen_of(simulator.mesh, shapes)).max() < NEAR
+        places.append(np.abs(found.shapes[k] - shapes).max())
+        forces.append(np.abs(found.forces[k] - force).max())
+    return max(places), max(forces)
+
+
+def seen_of(mesh, shapes):
+    """The tracked points, (frames, points, 3)."""
+    return Steps.dense(mesh.points, len(mesh.rest)) @ shapes
+
+
+@pytest.mark.parametrize(("settle_time", "hz"), [(0.0, 0.0), (0.02, 3.0)], ids=["at once", "settled and pulled"])
+def test_plain_cloth_goes_where_the_documented_steps_go(settle_time, hz):
+    """Without settling the first step meets stretched cloth, and has no step before it that it could be damped by."""
+    simulator = scene(settle_time=settle_time)
+    place, force = differences(simulator, several(simulator.recording.garment), hz=hz)
+    assert place < NEAR
+    assert force < NEAR_FORCE
+
+
+@pytest.mark.parametrize("turned", [0.0, 20.0], ids=["along the elements", "across the elements"])
+def test_cloth_with_every_effect_of_the_kernel_goes_where_the_documented_steps_go(turned):
+    """Drag, wind, friction in bending, rest curvature, added mass and viscosity; threads along and across."""
+    simulator = scene(EFFECTS, turned=turned)
+    sizes = np.array([1.2, 1.5, -2.0, 2e-3, 15.0, -25.0, 0.3, 1e-3]) * np.array([[1.0], [0.8], [1.3]])
+    place, force = differences(simulator, several(simulator.recording.garment), sizes)
+    assert place < NEAR
+    assert force < NEAR_FORCE

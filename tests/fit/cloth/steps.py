@@ -120,6 +120,10 @@ class Steps:
         size -= PLATE * (pressing(v - wind, n) - pressing(v, n))
         return (0.5 * AIR_DENSITY * area * size)[:, None] * n
 
+    def outer(self, x, v, time, is_settling):
+        """Further forces [N], of cloth that touches something."""
+        return np.zeros_like(x)
+
     def pull(self, x, v, omega, time, is_settling):
         """Acceleration towards the targets, interpolated between the solver's own instants."""
         targets, trust, every = self.model.observer_targets(self.octaves)
@@ -148,6 +152,7 @@ class Steps:
             is_settling, now = step < 0, max(step, 0)
             n, area = self.normals(x)
             force = self.membrane(x, dt) + self.bent(x, v, n, dt) + self.air_forces(v, n, area)
+            force = force + self.outer(x, v, now * dt, is_settling)
             a = self.gravity + force / self.mass[:, None]
             along = (a * n).sum(1) * self.air / (self.mass + self.air)
             a = a - along[:, None] * n

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import msgspec
 import numpy as np
 import pytest
@@ -81,3 +83,21 @@ def test_where_threads_cross_the_mesh_every_sample_keeps_its_own_nodes():
         count, nodes, weights = lines.fibre_family(flared, k)
         assert count in (lines.IN_LINES, 16)
         assert len(nodes) == len(weights)
+
+
+@pytest.mark.parametrize(("off", "is_same"), [(2e-7, True), (5e-6, False)])
+def test_lines_count_as_uniform_within_rounding(mesh, off, is_same):
+    """The second weight of one sample is off by 2e-7, as after rounding, or by 5e-6."""
+
+    def changed(stencils, row):
+        weights = stencils.weights.copy()
+        weights[stencils.first[row] + 1] *= 1 + off
+        return dataclasses.replace(stencils, weights=weights)
+
+    fibres = dataclasses.replace(mesh.fibres, stencils=changed(mesh.fibres.stencils, 4))
+    bends = dataclasses.replace(mesh.bends, stencils=changed(mesh.bends.stencils, 3))
+    other = dataclasses.replace(mesh, fibres=fibres, bends=bends)
+    assert (lines.fibre_family(other, 0)[0] == lines.IN_LINES) == is_same
+    assert lines.fibre_family(other, 1)[0] == lines.IN_LINES
+    assert (lines.bends_by_line(other)[0] == lines.bends_by_line(mesh)[0]) == is_same
+    assert lines.bends_by_line(other)[0][0] == (lines.IN_LINES if is_same else 4)

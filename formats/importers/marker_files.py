@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 
 from formats.errors import TakeError
 from formats.importers.c3d_file import read_c3d
+from formats.importers.folders import refuse_folder
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import DECIMALS
@@ -17,6 +17,11 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
+COMMANDS_FOR = {
+    ".mcap": "`hangtime takes show` shows what a take holds",
+    ".partial": "`hangtime takes show` shows what an interrupted recording holds",
+    ".npz": "`hangtime import` makes a take of arrays, and `hangtime takes show` shows it",
+}
 
 
 def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
@@ -29,17 +34,17 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
     """
-    if os.path.isdir(path):
-        raise TakeError("is a folder", where=path, advice="give the files in it")
+    refuse_folder(path, FILE_ENDINGS)
     try:
         check_ends(path)
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     kind = path.suffix.lower()
     if kind not in FILE_ENDINGS:
+        advice = f"give {', '.join(FILE_ENDINGS)}"
         raise TakeError(
             f"{kind or 'a file without ending'} is not a marker file", where=path,
-            advice=f"give {', '.join(FILE_ENDINGS)}",
+            advice="; ".join([*([COMMANDS_FOR[kind]] if kind in COMMANDS_FOR else []), advice]),
         )  # fmt: skip
     if decimal not in ("", *DECIMALS):
         raise TakeError(f"there is no decimal separator {decimal!r}", where="--decimal", advice="give comma or point")

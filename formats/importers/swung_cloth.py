@@ -27,6 +27,8 @@ from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
+from formats.importers.folders import refuse_folder
+from formats.importers.marker_files import FILE_ENDINGS
 from formats.importers.npz import load_arrays
 from formats.importers.path_outliers import refuse_jumps
 from formats.importers.units import other_unit
@@ -254,8 +256,7 @@ def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the needed arrays, with shapes and types checked."""
-    if os.path.isdir(path):
-        raise TakeError("is a folder", where=path, advice="give the files in it")
+    refuse_folder(path, (*FILE_ENDINGS, ".npz"))
     if path.suffix.lower() != ".npz" and os.path.isfile(path):
         ends = f"ends in {path.suffix}" if path.suffix else "has no ending"
         raise TakeError(

@@ -67,7 +67,8 @@ def test_arrays_of_just_so_many_bytes_are_read(tmp_path):
     ("name", "make", "sentence"),
     [
         ("a.csv", lambda path: None, "cannot be read (No such file or directory); check the path"),
-        ("a.csv", lambda path: path.mkdir(), "is a folder; give the files in it"),
+        ("a.csv", lambda path: path.mkdir(), "is a folder without .c3d, .trc, .csv, .tsv or .txt; give files of "
+         "recordings"),
         ("a.csv", os.mkfifo, "cannot be read (it is a pipe or a device, and no file); check the path"),
         ("a.XYZ", lambda path: path.touch(), ".xyz is not a marker file; give .c3d, .trc, .csv, .tsv, .txt"),
         ("a", lambda path: path.touch(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import time
 from dataclasses import replace
 
@@ -49,12 +50,24 @@ def test_an_archive_that_is_cut_off_is_reported_from_another_kind_of_file(tmp_pa
     assert done.stderr == "hangtime: a.npz: is cut off: its archive has no end; copy or export it again\n"
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a"])
-def test_a_folder_is_no_missing_file(tmp_path, name):
+@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a b"])
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        (["x.C3D", "y.csv", "z.csv", "notes.md"], "is a folder; give the files in it, as in NAME/*.C3D NAME/*.csv"),
+        (["x.mcap"], "is a folder of takes; `hangtime takes list NAME` lists them"),
+        ([], "is a folder without .c3d, .trc, .csv, .tsv"),
+    ],
+)
+def test_a_folder_is_refused_with_a_pattern_of_its_files(tmp_path, name, inside, said):
+    """Its files may be of several garments, so that an import takes them by name."""
     (tmp_path / name).mkdir()
+    for one in inside:
+        (tmp_path / name / one).touch()
     (tmp_path / "swatch.toml").write_text(dump_description(GARMENT))
     done = hangtime_here("import", name, "--garment", "swatch.toml", folder=tmp_path)
-    assert done.stderr == f"hangtime: {name}: is a folder; give the files in it\n"
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"hangtime: {name}: {said.replace('NAME', shlex.quote(name))}")
 
 
 def test_an_unknown_subject_is_named_with_those_that_are_there(tmp_path):

@@ -60,19 +60,41 @@ def test_a_position_that_is_no_length_of_a_room_is_shown_in_few_digits(tmp_path)
     ("words", "said"),
     [
         (["gone.csv"], "hangtime: gone.csv: cannot be read (No such file or directory)"),
-        (["."], "hangtime: .: is a folder; give the files in it"),
-        (["a.mcap"], "hangtime: a.mcap: .mcap is not a marker file; give .c3d, .trc, .csv, .tsv, .txt"),
+        (["."], "hangtime: .: is a folder; give the files in it, as in ./*.csv\n"),
+        (
+            ["a.mcap"],
+            "hangtime: a.mcap: .mcap is not a marker file; `hangtime takes show` shows what a take holds; give ",
+        ),
+        (["a.npz"], "hangtime: a.npz: .npz is not a marker file; `hangtime import` makes a take of arrays, and "),
         (["a.csv"], "hangtime: a.csv: "),
         (["a.csv", "--unit", "furlong"], "hangtime: "),
     ],
 )
 def test_what_is_no_marker_file_is_refused_in_one_sentence(tmp_path, words, said):
-    (tmp_path / "a.mcap").write_bytes(b"")
+    for name in ("a.mcap", "a.npz"):
+        (tmp_path / name).write_bytes(b"")
     (tmp_path / "a.csv").write_text("\0")
     done = hangtime_here("takes", "labels", *words, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(said)
     assert done.stderr.count("\n") == 1
+
+
+def test_several_files_are_listed_and_one_that_is_lost_is_named(tmp_path):
+    for name in ("a.csv", "b.csv"):
+        write_marker_csv(tmp_path / name, hanging(60))
+    (tmp_path / "c.csv").write_text("\0")
+    words = ["takes", "labels", "a.csv", "c.csv", "b.csv"]
+    done = hangtime_here(*words, folder=tmp_path)
+    assert done.returncode == 2
+    heads = [line.split(":")[0] for line in done.stdout.splitlines() if " markers, " in line]
+    assert heads == ["a.csv", "b.csv"]
+    assert "\nlost: c.csv: " in done.stdout
+    told = json.loads(hangtime_here(*words, "--json", folder=tmp_path).stdout)
+    assert [(one["file"], len(one["markers"])) for one in told["files"]] == [
+        ("a.csv", len(GARMENT.point_names)), ("b.csv", len(GARMENT.point_names)),
+    ]  # fmt: skip
+    assert [one["file"] for one in told["lost"]] == ["c.csv"]
 
 
 @pytest.mark.parametrize("command", [("takes", "labels"), ("import",)])

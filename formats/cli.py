@@ -17,6 +17,7 @@ from formats.telling import tell, tell_entry, tell_fault
 if TYPE_CHECKING:  # a take needs numpy, and --help does not
     from collections.abc import Mapping
 
+    from formats.errors import HangtimeError
     from formats.take import Take
 
 DESCRIBED_AS = ".toml"
@@ -35,7 +36,7 @@ def add_commands(app: typer.Typer) -> None:
     takes = group_of(app, "takes")
     add_takes_commands(takes)
     takes.command("export")(export_takes)
-    takes.command("labels", short_help="List the markers of a motion capture file.")(list_labels)
+    takes.command("labels", short_help="List the markers of motion capture files.")(list_labels)
     app.command("import", rich_help_panel=TAKES, short_help="Turn other people's recordings into takes.")(
         import_recordings
     )
@@ -223,8 +224,8 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
 
 
 def list_labels(
-    path: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt).")
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv, .txt).")
     ],
     unit: Annotated[
         str | None,
@@ -235,27 +236,50 @@ def list_labels(
         typer.Option("--decimal", show_default="as the file shows", help="Decimal separator of a text file."),
     ] = None,
 ) -> None:  # fmt: skip
-    """List the markers of a motion capture file before a garment is described: names, how often seen, first position.
+    """List the markers of motion capture files before a garment is described: names, how often seen, first position.
 
     The names are those that the points of garment.toml need. The position is that of the first frame in which the
     marker was seen, in metres along the file's axes.
 
+    Exit code 2: at least one file cannot be read. The others are listed.
+
     Example: `hangtime takes labels swing.csv`
+    """
+    from formats.errors import TakeError
+
+    lost: dict[Path, HangtimeError] = {}
+    for path in paths:
+        try:
+            words, facts = _labels_in(path, unit, decimal or "")
+        except TakeError as error:
+            if isinstance(error.where, str) and error.where.startswith("--"):  # an option is wrong for every file
+                raise
+            lost[path] = error
+            continue
+        if len(paths) == 1:
+            tell(words, **facts)
+        else:
+            tell_entry("files", f"{words}\n", **facts)
+    end_with(lost, len(paths))
+
+
+def _labels_in(path: Path, unit: str | None, decimal: str) -> tuple[str, dict[str, object]]:
+    """Return the markers of a file, in words and as facts.
+
+    Raises:
+        TakeError: the file cannot be read.
     """
     import numpy as np
 
     from formats.importers.marker_files import read_marker_tracks
     from formats.plain_text import counted, plain
 
-    tracks = read_marker_tracks(path, unit, decimal or "")
+    tracks = read_marker_tracks(path, unit, decimal)
     seen = np.asarray(np.isfinite(tracks.positions).all(2))
     time = tracks.time
     length = float(time[-1] - time[0]) if len(time) else 0.0
-    tell(
-        f"{plain(path)}: {counted(len(tracks.labels), 'marker')}, {counted(len(time), 'frame')}, {length:.1f} s",
-        file=str(path), frames=len(time), duration_s=length, without_path=list(tracks.without_path),
-        file_doubt=tracks.warning or None,
-    )  # fmt: skip
+    lines = [f"{plain(path)}: {counted(len(tracks.labels), 'marker')}, {counted(len(time), 'frame')}, {length:.1f} s"]
+    markers: list[dict[str, object]] = []
     width = max((len(plain(label)) for label in tracks.labels), default=0)
     for number, label in enumerate(tracks.labels):
         share = float(seen[:, number].mean())
@@ -263,11 +287,17 @@ def list_labels(
         if share:
             first = tracks.positions[int(np.argmax(seen[:, number])), number].tolist()
             words = f"seen {100 * share:3.0f} %, first at {', '.join(map(_millimetres, first))} m"
-        tell_entry("markers", f"{plain(label):<{width}}  {words}", name=label, seen=share, first_m=first)
+        lines.append(f"{plain(label):<{width}}  {words}")
+        markers.append({"name": label, "seen": share, "first_m": first})
     for label in tracks.without_path:
-        tell_entry("markers", f"{plain(label):<{width}}  has no path in the file", name=label, seen=0.0, first_m=None)
+        lines.append(f"{plain(label):<{width}}  has no path in the file")
+        markers.append({"name": label, "seen": 0.0, "first_m": None})
     if tracks.warning:
-        tell(f"Warning: {plain(tracks.warning)}")
+        lines.append(f"Warning: {plain(tracks.warning)}")
+    return "\n".join(lines), {
+        "file": str(path), "frames": len(time), "duration_s": length, "without_path": list(tracks.without_path),
+        "file_doubt": tracks.warning or None, "markers": markers,
+    }  # fmt: skip
 
 
 def _millimetres(metres: float) -> str:

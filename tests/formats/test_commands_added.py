@@ -15,7 +15,7 @@ ADDED = {
     "takes verify": ("Read takes whole, checksums and all.", takes_cli.verify_takes),
     "takes recover": ("Make a sound file of what a damaged take holds.", takes_cli.recover_takes),
     "takes export": ("Write takes for other programs.", export_cli.export_takes),
-    "takes labels": ("List the markers of a motion capture file.", cli.list_labels),
+    "takes labels": ("List the markers of motion capture files.", cli.list_labels),
     "import": ("Turn other people's recordings into takes.", cli.import_recordings),
     "swatch": ("Describe a square swatch with markers.", cli.describe_swatch),
 }

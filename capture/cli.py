@@ -245,12 +245,13 @@ def record_command(
     from capture.recording.condition_lamp import show_condition
     from capture.recording.frame_queue import QueuedSensor
     from capture.recording.frame_reader import ScanPlan
+    from capture.recording.known_garment import check_known_garment
     from capture.recording.precedence import Precedence
     from capture.recording.session import check_sensor, record
     from capture.recording.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
-    from firmware_host.opening import names_live_sensor, open_sensor
+    from firmware_host.opening import garment_in_view, names_live_sensor, open_sensor
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
     from formats.plausible_rig import check_plausible_hold
@@ -261,6 +262,8 @@ def record_command(
     described_rig, described_garment = load_rig(rig, anyway=anyway), load_garment(garment, anyway=anyway)
     if not anyway:
         check_plausible_hold(described_rig, described_garment, rig, offers_anyway=True)
+        if (in_view := garment_in_view(sensor)) is not None:  # before its cloth is simulated, for up to minutes
+            check_known_garment(described_garment, in_view, garment)
     is_terminal = is_watched()
     clear = CLEAR_LINE if is_terminal else ""
     whose = "" if is_terminal else f"{plain(out.name)}: "  # a log may hold the lines of several recordings

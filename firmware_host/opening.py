@@ -6,6 +6,7 @@ from pathlib import Path
 
 from firmware_host.depth_sensor import DepthSensor
 from firmware_host.errors import SensorUnavailableError
+from formats.garment import Garment
 
 ADVICE = "give FILE.oni, openni2:, synthetic:MOTION or live:FILE.oni"
 PLAYED = "live:"
@@ -18,6 +19,19 @@ LIVE = ("openni2:", "openni2")
 def names_live_sensor(uri: str) -> bool:
     """Return whether an address names a connected device."""
     return uri in LIVE or uri.startswith(PLAYED)
+
+
+def garment_in_view(uri: str) -> Garment | None:
+    """Return the garment that a synthetic world swings; None for any other sensor, which knows of none.
+
+    Raises:
+        SensorAddressError: the synthetic world has no such garment.
+    """
+    if not uri.startswith(SYNTHETIC):
+        return None
+    from firmware_host.synthetic.sensor import garment_of
+
+    return garment_of(uri)
 
 
 def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:

@@ -34,7 +34,7 @@ def test_a_picture_is_not_a_recording(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["synthetic:backflip", "synthetic:swing?effect=magic", "synthetic:swing?colour=red",
-    "synthetic:swing?fabric=tweed",
+    "synthetic:swing?fabric=tweed", "synthetic:swing?garment=coat",
 ])  # fmt: skip
 def test_a_synthetic_sensor_that_does_not_exist_lists_what_does(name: str) -> None:
     with pytest.raises(SensorAddressError, match="choose one of"):

@@ -1,0 +1,65 @@
+"""The garment of a synthetic world is known, so that a garment.toml of another outline is refused."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from capture.errors import UntrackableError
+from capture.recording.known_garment import check_known_garment
+from firmware_host.opening import garment_in_view, open_sensor
+from firmware_host.synthetic.garments import shirt, swatch
+from firmware_host.synthetic.scene import RIG, demo_garment
+from formats.descriptions import dump_description
+from tests.fit.here import hangtime_here
+
+
+def moved(garment, *, by=(0.0, 0.0), wider=0.0):
+    """The same outline from another origin, with a fifth corner on its hem, and a hem that is wider at one end [m]."""
+    left, right, low, other = [(x + by[0], y + by[1]) for x, y in garment.outline_m]
+    middle = ((low[0] + other[0]) / 2, low[1])
+    return msgspec.structs.replace(garment, outline_m=(left, right, (low[0] + wider, low[1]), middle, other))
+
+
+def test_the_same_outline_from_another_origin_and_by_4_mm_is_the_same_garment():
+    check_known_garment(moved(demo_garment(), by=(0.3, -1.0), wider=0.004), demo_garment(), "garment.toml")
+
+
+@pytest.mark.parametrize(
+    ("described", "apart"), [(moved(demo_garment(), wider=0.02), 20), (swatch(), 58), (shirt(), 146)]
+)
+def test_another_outline_is_refused_with_its_distance(described, apart):
+    with pytest.raises(UntrackableError, match=f"the demo skirt that .* up to {apart} mm apart; choose a garment"):
+        check_known_garment(described, demo_garment(), "garment.toml")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "garment"), [("synthetic:swing", swatch()), ("synthetic:swing?garment=t-shirt", demo_garment())]
+)
+def test_a_recording_of_another_garment_is_refused_before_the_world_is_simulated(tmp_path, sensor, garment):
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    (tmp_path / "garment.toml").write_text(dump_description(garment))
+    words = ["record", "--sensor", sensor, "--rig", "rig.toml", "--garment", "garment.toml", "--out", "a.mcap"]
+    done = hangtime_here(*words, folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("hangtime: garment.toml: describes another garment than the ")
+    assert done.stderr.endswith("`hangtime sensor synthesise` writes of it, or --anyway\n")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("address", "name", "size"),
+    [
+        ("synthetic:swing?seconds=1", "demo skirt", "0.50 m wide and 0.45 m high"),
+        ("synthetic:swing?seconds=1&garment=swatch", "swatch", "0.40 m wide and 0.42 m high"),
+    ],
+)
+def test_a_synthetic_sensor_says_which_garment_it_swings(address, name, size):
+    assert garment_in_view(address).name == name
+    with open_sensor(address) as sensor:
+        assert sensor.info.notes == (f"the synthetic world swings the {name}, {size}",)
+        assert sensor.world.garment == garment_in_view(address)
+
+
+def test_no_other_sensor_knows_its_garment():
+    assert garment_in_view("a.oni") is garment_in_view("openni2:") is None

@@ -229,7 +229,7 @@ def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_lo
     assert cells.names == ["c <&> ü.mcap", "d.mcap", "b.mcap", "a.mcap"]
     assert cells.links == ["fits/k2.json", "fits/k1.json"]
     assert "98.7 mm" in page
-    struct = f'class="number">{rows[0].result.parameters[1].fitted:g}<br>'
+    struct = f'">{rows[0].result.parameters[1].fitted:g}<br>'
     assert page.count(struct) == 1  # identified in `a` alone; in `b` its interval stands alone
 
 

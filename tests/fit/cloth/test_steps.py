@@ -132,7 +132,7 @@ def folded():
         down = np.clip(y.max() - y, 0, None)
         back = down > 0.15
         z = np.where(back, down - 0.3, -down)
-        hung_so = np.stack([x, np.where(back, 0.1 * (down - 0.15) + 0.001, 0.0) + 0.004 * np.sin(20 * x), z], 1)
+        hung_so = np.stack([x, np.where(back, 0.14 * (down - 0.15) + 0.001, 0.0) + 0.004 * np.sin(20 * x), z], 1)
         return dataclasses.replace(
             hanger(plain.recording)(mesh), start=lambda ends: np.repeat(hung_so[None], len(ends), 0),
             settle_time=0.01, settle_damping=5.0,
@@ -146,11 +146,11 @@ def folded():
 
 
 def test_cloth_in_contact_goes_where_the_documented_steps_go():
-    """Layers of 18 and 3 mm side by side, with friction. Rounding leaves 1e-5 m and 1e-3 N."""
+    """Layers of 28 and 2 mm side by side, with friction. Rounding leaves 1e-5 m and 1e-3 N."""
     simulator = folded()
-    rows, sizes = several(simulator.recording.garment)[::2], np.array([[0.018], [0.003]])
+    rows, sizes = several(simulator.recording.garment)[::2], np.array([[0.028], [0.002]])
     places, force, those = compared(simulator, rows, sizes, steps=StepsInContact)
-    assert min(one.met for one in those) > 500
+    assert min(one.met for one in those) > 200
     assert min(one.leant for one in those) > 500
     assert places.max() < 5e-5
     assert force < 5e-3

@@ -18,6 +18,8 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 BEGINNING = b"PK\x03\x04"  # first bytes of a zip archive (APPNOTE.TXT, 4.3.7)
+FREE = 1 << 27  # bytes that may unpack from any file: half of what the reader of takes may use beyond a file's share
+RATIO = 50  # unpacked to packed bytes beyond; our choice: 2 mm of noise pack 1.1 times, and a bomb of zeros 1000 times
 
 
 def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
@@ -63,7 +65,13 @@ def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_byte
     """Refuse a zip bomb: an archive whose unpacked arrays would take far more memory than any recording."""
     with zipfile.ZipFile(file) as archive:
         wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
-    _refuse_too_many(sum(part.file_size for part in wanted), path, most_bytes)
+    size, packed = sum(part.file_size for part in wanted), sum(part.compress_size for part in wanted)
+    _refuse_too_many(size, path, most_bytes)
+    if size > FREE + RATIO * packed:
+        raise TakeError(
+            f"its arrays grow from {sized(packed)} to {sized(size)}, as those of no recording do", where=path,
+            advice="export the recording again",
+        )  # fmt: skip
 
 
 def _refuse_too_many(size: int, path: Path, most_bytes: int) -> None:

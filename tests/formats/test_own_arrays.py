@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, write_take
+from formats.errors import TakeError
 from formats.exporters.arrays import ARRAYS, write_npz
+from formats.importers import npz
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 from tests.formats.test_export import whole_take
@@ -178,3 +180,14 @@ def test_recordings_in_a_folder_without_permission_keep_no_other_from_being_impo
     assert mixed.stdout.startswith("back/a.mcap: 12 frames")
     told = "lost: {}: cannot be read (Permission denied); get the permission to read it"
     assert alone.stdout.splitlines() == [told.format(name) for name in lost]
+
+
+def test_arrays_that_grow_from_next_to_nothing_are_refused_before_they_are_unpacked(tmp_path, monkeypatch):
+    """A million zeros pack a thousand times smaller; as many random numbers hardly pack at all."""
+    monkeypatch.setattr(npz, "FREE", 1 << 22)
+    wanted = {"most_bytes": 1 << 27, "advice": AGAIN}
+    np.savez_compressed(tmp_path / "sound.npz", t=np.random.default_rng(1).normal(size=1_000_000))
+    assert npz.load_arrays(tmp_path / "sound.npz", ["t"], **wanted)["t"].shape == (1_000_000,)
+    np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(1_000_000))
+    with pytest.raises(TakeError, match=r"its arrays grow from [0-9.]+ kB to 8\.0 MB, as those of no recording do"):
+        npz.load_arrays(tmp_path / "bomb.npz", ["t"], **wanted)

@@ -6,6 +6,7 @@ The sensor gives the frames that the test puts in; threads and queue are those o
 from __future__ import annotations
 
 import dataclasses
+import os
 import queue
 import threading
 
@@ -19,6 +20,14 @@ from tests.capture.garment.towel_scenes import RIG
 from tests.capture.stage import StageSensor
 
 LONG = 20.0  # s; enough on a busy machine
+
+
+@pytest.fixture(autouse=True)
+def ordinary_schedule():
+    """Give the process its own schedule back: a keeper that is never closed leaves its real-time priority."""
+    policy, order = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    os.sched_setscheduler(0, policy, order)
 
 
 class Plugged(DepthSensor):

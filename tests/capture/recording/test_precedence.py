@@ -35,9 +35,15 @@ print(json.dumps(seen | {"after": rank()}))
 
 
 def asked(prepare=None):
-    """Request real-time priority in a separate process."""
+    """Request real-time priority in a separate process, which begins with the ordinary schedule."""
+
+    def begin():
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of tests before, in this process
+        if prepare is not None:
+            prepare()
+
     done = subprocess.run(
-        [sys.executable, "-c", ASK], preexec_fn=prepare, capture_output=True, text=True, check=True,
+        [sys.executable, "-c", ASK], preexec_fn=begin, capture_output=True, text=True, check=True,
         cwd=Path(__file__).parents[3],
     )  # fmt: skip
     return json.loads(done.stdout)

@@ -26,8 +26,8 @@ def test_a_large_text_costs_its_length_and_its_positions_and_a_gap_costs_no_time
     with MeasuredReading() as reading:
         cost = reading("markers", path)
     assert cost["said"] == ""
-    # A piece of text, its lines and the parser's tables take the rest: of 31 to 36 MB in all, 12 to 16.
-    assert cost["megabytes"] < (path.stat().st_size + places) / 2**20 + 18
+    # A piece of text, its lines and the parser's tables take the rest: of 31 to 38 MB in all, 12 to 19.
+    assert cost["megabytes"] < (path.stat().st_size + places) / 2**20 + 24
     assert cost["seconds"] < 2  # 0.7 s on a slow core; with the gap read cell by cell 5 s
 
 

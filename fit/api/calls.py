@@ -67,9 +67,9 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
             raise no_fit from None
 
 
+@ends_in_a_sentence
 @names_checked
 @options_shown(PLAN_DEFAULTS)
-@ends_in_a_sentence
 @arguments_named()
 def fit(
     takes: Takes,
@@ -121,9 +121,9 @@ def fit(
     )
 
 
+@ends_in_a_sentence
 @names_checked
 @options_shown()
-@ends_in_a_sentence
 @arguments_named()
 def diagnose(
     takes: Takes,

@@ -90,7 +90,7 @@ def test_ctrl_c_is_one_sentence_without_inner_frames_and_the_same_call_continues
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0
     assert done.stderr.splitlines()[-1] == f"KeyboardInterrupt: {sentence}"
-    assert done.stderr.count("  File ") == 3  # the caller's line, the check of names, and the call
+    assert done.stderr.count("  File ") == 2  # the caller's line, and the call
     assert "calibrate" not in done.stderr
     assert (tmp_path / "kept.json").exists() is (checkpoint is not None)
     if checkpoint is not None:

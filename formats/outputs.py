@@ -121,9 +121,7 @@ def refuse_to_replace(
         try:
             make_writable(path.parent)
         except OSError as error:
-            raise OutputError(
-                f"cannot be written ({error.strerror})", where=path, advice=_step_in(path.parent, error)
-            ) from error
+            raise unwritable(path, error) from error
 
 
 def refuse_an_input(target: Path, inputs: Iterable[Path], *, instead: str = ANOTHER_NAME) -> None:
@@ -251,4 +249,4 @@ def write_bytes(
 
 def unwritable(path: Path, error: OSError) -> OutputError:
     """Return the error of a file that cannot be written, with a next step for its cause."""
-    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=step_to_write(error))
+    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=_step_in(path.parent, error))

@@ -14,7 +14,6 @@ import pytest
 from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_name
 from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
 from fit.batch.runner import survey
-from fit.batch.store import open_store
 from fit.batch.summary import as_csv, as_facts, as_html, rows_of
 from fit.batch.worker import Errand, run_errand
 from fit.errors import UnreachableError
@@ -29,14 +28,6 @@ from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import a_take
 
 PLAN = Plan(method="kinect-skirt", iterations=1)
-
-
-@pytest.fixture
-def night(tmp_path):
-    """A folder with one take, and one for the results."""
-    (tmp_path / "takes").mkdir()
-    write_take(tmp_path / "takes/a.mcap", a_take(30))
-    return open_store(str(tmp_path / "takes")), open_store(str(tmp_path / "out"))
 
 
 def state_of(night):

@@ -10,27 +10,16 @@ from fit.batch.jobs import diagnosis_key, diagnosis_name, report_name, result_na
 from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
 from fit.batch.morning import morning_of
 from fit.batch.runner import survey
-from fit.batch.store import open_store
 from fit.batch.summary import as_csv, rows_of, sentence_of
 from fit.batch.worker import Errand, run_errand
 from fit.identification.request import Plan
 from fit.provenance import physics_version
-from formats.archive import write_take
 from formats.errors import NewerFormatError
 from formats.results import result_bytes
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
-from tests.formats.test_archive import a_take
 
 PLAN = Plan(method="kinect-skirt", iterations=1)
-
-
-@pytest.fixture
-def night(tmp_path):
-    """A folder with one take, and one for the results."""
-    (tmp_path / "takes").mkdir()
-    write_take(tmp_path / "takes/a.mcap", a_take(30))
-    return open_store(str(tmp_path / "takes")), open_store(str(tmp_path / "out"))
 
 
 def newer_fit(version=b"2"):

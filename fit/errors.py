@@ -12,13 +12,30 @@ HangtimeError
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from formats.errors import HangtimeError
+from formats.meant_units import meant
 
 INCONCLUSIVE = 4  # exit code of a finished `hangtime diagnose` whose takes cannot decide
 
 
 class FitError(HangtimeError):
     """A fit or diagnosis that cannot be started or finished as requested."""
+
+
+def out_of_range(
+    value: float, least: float, most: float, what: str, *, where: str, unit: str, units: Sequence[tuple[str, float]]
+) -> FitError:
+    """Return the error of a number outside its range, with the unit that was probably meant.
+
+    - `what`: what is wrong with the number; `where`: its option
+    - `unit`: of the range, for the next step
+    - `units`: others, as for `meant`
+    """
+    return FitError(
+        f"{what}{meant(value, least, most, units)}", where=where, advice=f"give {least:g} to {most:g} {unit}"
+    )
 
 
 class DriveError(FitError):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fit.cloth.mesh import check_spacing
-from fit.errors import FitError
+from fit.errors import FitError, out_of_range
 from fit.export import caches, presets, tables
 from fit.export.alembic import alembic
 from fit.export.blender_recipe import blender_script
@@ -26,7 +26,7 @@ from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.fit_records import FitResult
 from formats.interrupts import held
-from formats.meant_units import UNITS, meant
+from formats.meant_units import UNITS
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
@@ -195,10 +195,9 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     if kind not in EXPORT_KINDS:
         raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(EXPORT_KINDS)}")
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
-        question = meant(order.thickness, LEAST_THICKNESS, MOST_THICKNESS, UNITS[:1])  # no ruler of inches shows it
-        raise FitError(
-            f"no fabric is {1e3 * order.thickness:g} mm thick{question}", where="--thickness",
-            advice=f"give {LEAST_THICKNESS:g} to {MOST_THICKNESS:g} m, as in 0.0005",
+        raise out_of_range(
+            order.thickness, LEAST_THICKNESS, MOST_THICKNESS, f"no fabric is {1e3 * order.thickness:g} mm thick",
+            where="--thickness", unit="m, as in 0.0005", units=UNITS[:1],  # no ruler of inches shows it
         )  # fmt: skip
     check_spacing(order.spacing)
     _check_used(order, kind)

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, out_of_range
 from fit.export.fabric import Fabric
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats
 from formats.garment import Garment
-from formats.meant_units import MILLISECONDS, meant
+from formats.meant_units import MILLISECONDS
 from formats.rig import Rig
 from formats.swatch import swatch
 from formats.take import Take
@@ -69,11 +69,10 @@ def check_motion(way: str, seconds: float) -> None:
     if way not in NEW_MOTIONS:
         raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
     if not SHORTEST_MOTION <= seconds <= LONGEST_MOTION:
-        raise FitError(
-            f"{seconds:g} s is no length for a motion{meant(seconds, SHORTEST_MOTION, LONGEST_MOTION, MILLISECONDS)}",
-            where="--seconds",
-            advice=f"give {SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s",
-        )
+        raise out_of_range(
+            seconds, SHORTEST_MOTION, LONGEST_MOTION, f"{seconds:g} s is no length for a motion", where="--seconds",
+            unit="s", units=MILLISECONDS,
+        )  # fmt: skip
 
 
 def new_motion(recording: Recording, way: str, seconds: float) -> Recording:

@@ -18,7 +18,7 @@ from fit.cloth.effect import parameter_names
 from fit.cloth.launch import Progress
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
-from fit.errors import BlowUpError, FitError
+from fit.errors import BlowUpError, FitError, out_of_range
 from fit.export.fabric import fabric_of
 from fit.export.moving import CONTACT, Moving, check_engine, known_effects, material_rows
 from fit.export.new_motion import MOTION_FPS, SHORTEST_MOTION, hung_still
@@ -33,7 +33,7 @@ from fit.figure.wearing import DEEPEST, looked_at, wear
 from formats.arrays import Singles
 from formats.fit_records import FitResult
 from formats.garment import Garment
-from formats.meant_units import MILLISECONDS, UNITS, meant
+from formats.meant_units import MILLISECONDS, UNITS
 
 GAITS = ("walk",)
 PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
@@ -75,16 +75,14 @@ class FigureOrder:
         if self.wear not in GARMENTS:
             raise FitError(f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(GARMENTS)}")
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
-            question = meant(self.height, SHORTEST_FIGURE, TALLEST_FIGURE, UNITS)
-            raise FitError(
-                f"nobody is {self.height:g} m tall{question}", where="--height",
-                advice=f"give {SHORTEST_FIGURE:g} to {TALLEST_FIGURE:g} m",
+            raise out_of_range(
+                self.height, SHORTEST_FIGURE, TALLEST_FIGURE, f"nobody is {self.height:g} m tall", where="--height",
+                unit="m", units=UNITS,
             )  # fmt: skip
         if not SHORTEST_MOTION <= seconds <= LONGEST_WALK:
-            question = meant(seconds, SHORTEST_MOTION, LONGEST_WALK, MILLISECONDS)
-            raise FitError(
-                f"{seconds:g} s is no length for a figure's walk{question}", where="--seconds",
-                advice=f"give {SHORTEST_MOTION:g} to {LONGEST_WALK:g} s",
+            raise out_of_range(
+                seconds, SHORTEST_MOTION, LONGEST_WALK, f"{seconds:g} s is no length for a figure's walk",
+                where="--seconds", unit="s", units=MILLISECONDS,
             )  # fmt: skip
         if self.bvh is None:
             check_speed(self.speed)

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import out_of_range
 from fit.figure.skeleton import (
     ANKLE_HEIGHT,
     BALL,
@@ -49,7 +49,7 @@ from fit.figure.skeleton import (
     unit,
 )
 from formats.arrays import Floats
-from formats.meant_units import SPEEDS, meant
+from formats.meant_units import SPEEDS
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
 SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
@@ -86,10 +86,9 @@ def check_speed(speed: float) -> None:
         FitError: it is one.
     """
     if not SLOWEST_WALK <= speed <= FASTEST_WALK:
-        question = meant(speed, SLOWEST_WALK, FASTEST_WALK, SPEEDS)
-        raise FitError(
-            f"nobody walks at {speed:g} m/s{question}", where="--speed",
-            advice=f"give {SLOWEST_WALK:g} to {FASTEST_WALK:g} m/s",
+        raise out_of_range(
+            speed, SLOWEST_WALK, FASTEST_WALK, f"nobody walks at {speed:g} m/s", where="--speed", unit="m/s",
+            units=SPEEDS,
         )  # fmt: skip
 
 

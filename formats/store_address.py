@@ -23,6 +23,8 @@ ENDPOINTS = {
     AZURE: ("AZURE_STORAGE_ENDPOINT", "AZURE_ENDPOINT"),
 }  # fmt: skip
 SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
+KEPT_REASON = re.compile(r"DeleteObjects request failed for key .*: (.*) \(code: (\w+)\)")  # of obstore's errors
+BUSY_CODES = ("InternalError", "ServiceUnavailable", "SlowDown")  # S3's reasons that pass, Amazon S3 "Error responses"
 REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
 CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
 OF_STORE = re.compile(r"^Generic (\w+) error: ")  # begins obstore's errors
@@ -31,6 +33,8 @@ UNREAD = re.compile(r'[Ff]ailed to parse "(.*?)" as (\w+)')
 VALUES_WANTED = {"boolean": ("true or false", "true or false"), "Duration": ("a length of time", "one such as 30s")}
 NO_SERVICE_ACCOUNT = re.compile(r"open service account file from (.*?)(?: \(os error \d+\))?(?:\n|$)")
 CLOUDS_OWN = re.compile(r"http://(169\.254\.|metadata\b|\[fd00:ec2::)")  # servers that give keys to cloud machines
+# HTTP statuses of a server that is busy, full or broken for a while (RFC 9110, RFC 6585); 501 lasts.
+FOR_A_WHILE = re.compile(r"status code: (?:408|429|5(?!01)\d\d)\b")
 BAD_SCHEME = "BadScheme"  # reqwest's error for a server without TLS that no setting allows
 SETTINGS_BEGIN = ("AWS_", "AZURE_", "GOOGLE_")
 KEYS_OF = {
@@ -230,15 +234,18 @@ def is_without_keys(error: Exception) -> bool:
 
 
 def is_out_of_reach(error: Exception) -> bool:
-    """Return whether no server answered, so that a later attempt may succeed.
+    """Return whether no server answered, or one that cannot for a while, so that a later attempt may succeed.
 
-    A server that refuses a request answers with a status. Missing keys and settings that prevent a request do not
-    change by themselves.
+    A server that refuses a request answers with another status. Missing keys and settings that prevent a request do
+    not change by themselves.
     """
     import obstore
 
-    is_here = is_without_tls(error) or is_without_keys(error)
-    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in str(error) and not is_here
+    if is_without_tls(error) or is_without_keys(error) or not isinstance(error, obstore.exceptions.GenericError):
+        return False
+    if kept := KEPT_REASON.search(str(error)):
+        return kept[2] in BUSY_CODES
+    return "status code" not in str(error) or FOR_A_WHILE.search(str(error)) is not None
 
 
 def first_line(error: Exception) -> str:
@@ -246,6 +253,8 @@ def first_line(error: Exception) -> str:
     if reason := SERVERS_REASON.search(str(error)):
         detail = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
         return without_secrets(f"the server says {detail}")[:LONGEST_REASON]
+    if kept := KEPT_REASON.search(str(error)):
+        return without_secrets(f"the server says {kept[2]}: {kept[1]}")[:LONGEST_REASON]
     if is_without_keys(error):
         return "no keys are set, and this computer has none as a machine of the cloud"
     text = OF_STORE.sub("", (str(error).splitlines() or [type(error).__name__])[0].strip())

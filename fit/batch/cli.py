@@ -155,7 +155,7 @@ def batch_command(
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of
     from fit.batch.runner import run, survey
-    from fit.batch.store import open_store
+    from fit.batch.store import open_store, try_writing
     from fit.batch.summary import as_facts, rows_of, sentence_of, write_summary
     from fit.folders import make_folder
     from fit.identification.request import Plan
@@ -198,6 +198,8 @@ def batch_command(
         found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
         if (own := results.path("summary.html")) is not None:
             make_folder(own.parent, "summary.csv", own.name)
+        else:
+            try_writing(results)
         say(f"{counted(len(found.keys), 'take')}, {len(found.jobs)} to fit.")
         try:
             is_interrupted = work(found, "takes")

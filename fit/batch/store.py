@@ -19,6 +19,8 @@ from formats.system_causes import FULL, step_to_read, step_to_write
 from formats.take_reader import LARGEST_FILE
 from formats.whole_files import check_ends, write_whole
 
+TRIAL = "trial-of-writing"  # name of the file that `try_writing` leaves only where it cannot be removed
+
 
 class Store(Protocol):
     """Files by name; names have slashes and no other meaning."""
@@ -200,6 +202,16 @@ class Bucket:
     def _failure(self, what: str, where: str, error: Exception) -> BatchError:
         kind = UnreachableError if is_out_of_reach(error) else BatchError
         return kind(f"{what} ({first_line(error)})", where=where, advice=advice_on(error))
+
+
+def try_writing(store: Store) -> None:
+    """Write and remove an empty file, so that a store that refuses results is noticed before the first fit.
+
+    Raises:
+        BatchError: the store refuses either. UnreachableError: it cannot be reached, or cannot write now.
+    """
+    store.write(TRIAL, b"")
+    store.remove(TRIAL)
 
 
 def store_is_full(error: OSError, where: object) -> UnreachableError:

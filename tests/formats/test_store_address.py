@@ -268,7 +268,7 @@ def test_a_server_that_does_not_answer_is_named_with_the_cause():
     assert first_line(caught.value) == f"{address} does not answer: Connection refused"
     assert is_out_of_reach(caught.value)
     assert not is_out_of_reach(OSError("Connection refused"))
-    assert not is_out_of_reach(obstore.exceptions.GenericError("Server returned non-2xx status code: 503"))
+    assert not is_out_of_reach(obstore.exceptions.GenericError("Server returned non-2xx status code: 403"))
 
 
 def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):

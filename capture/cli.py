@@ -82,8 +82,7 @@ def print_command(
         numbers = numbers if ids else list(hanger.ids)
     if size > 0 and not anyway:
         check_plausible_marker(size, "--size", offers_anyway=True)
-    if not overwrite:
-        refuse_to_replace(out)
+    refuse_to_replace(out, overwrite=overwrite)
     sheet = write_sheet(out, dictionary, numbers, size)
     words = f"{sheet}: {len(numbers)} markers of {1e3 * size:g} mm"
     tell(words, file=str(sheet), ids=numbers, dictionary=dictionary, size_m=size)

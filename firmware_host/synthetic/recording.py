@@ -44,9 +44,8 @@ def make_recording(
         out / f"{name}.oni", out / f"{name}.truth.npz", out / "rig.toml", out / "garment.toml"
     ]  # fmt: skip
     described = {rig: dump_description(RIG), description: dump_description(worn)}
-    if not overwrite:
-        for path in paths:
-            refuse_to_replace(path, described.get(path))
+    for path in paths:
+        refuse_to_replace(path, described.get(path), overwrite=overwrite)
     with output_folder(out):
         world = make_world(
             motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,

@@ -154,9 +154,8 @@ def make_silhouette_take(
     _check(faults, seconds, seed)
     check_stem(name)
     paths = [out / f"{name}.npz", out / f"{name}.truth.npz"]
-    if not overwrite:
-        for path in paths:
-            refuse_to_replace(path)
+    for path in paths:
+        refuse_to_replace(path, overwrite=overwrite)
     with output_folder(out):
         made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
         _write(paths, faults, made)

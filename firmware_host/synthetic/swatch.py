@@ -100,9 +100,8 @@ def make_swatch_take(
     garment = swatch(round(true.density * SWATCH_SIDE**2, 6), name=fabric)
     stem, described = f"{fabric}-{motion}", dump_description(garment)
     marks, truth, description = paths = [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
-    if not overwrite:
-        for path in paths:
-            refuse_to_replace(path, described if path == description else None)
+    for path in paths:
+        refuse_to_replace(path, described if path == description else None, overwrite=overwrite)
     with output_folder(out):
         time = np.arange(FRAMES) / SWATCH_FPS
         nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)

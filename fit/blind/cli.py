@@ -296,8 +296,7 @@ def report_command(
 
     read_manifest(folder)
     check_page_name(out, (folder, answers))
-    if not overwrite:
-        refuse_to_replace(out)
+    refuse_to_replace(out, overwrite=overwrite)
     page = write_page(answers, out)
     tell(f"Report: {plain(page)}", report=str(page))
 

@@ -119,8 +119,7 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
             advice=f"give even numbers from {SMALLEST_SIDE} to {LARGEST_SIDE}, as in 960x720",
         )  # fmt: skip
     check_name(path)
-    if not overwrite:
-        refuse_to_replace(path)
+    refuse_to_replace(path, overwrite=overwrite)
     for library in LIBRARIES_OF_FILMS.get(suffix, ()):
         if find_spec(library) is None:
             raise ModuleNotFoundError(f"No module named {library!r}", name=library)

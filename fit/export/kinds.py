@@ -220,9 +220,8 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
             advice=f"give a name that ends in {chosen.suffix}",
         )
     names = {suffix: path.with_suffix(suffix) for suffix in beside} | {chosen.suffix: path}
-    if not overwrite:
-        for file in names.values():
-            refuse_to_replace(file)
+    for file in names.values():
+        refuse_to_replace(file, overwrite=overwrite)
     made = chosen.make(order)
     return {names[suffix]: raw for suffix, raw in made.items()}
 

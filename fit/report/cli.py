@@ -83,8 +83,8 @@ def compare_command(
     from formats.outputs import refuse_to_replace, write_text
     from formats.rows import aligned
 
-    if out is not None and not overwrite:
-        refuse_to_replace(out)
+    if out is not None:
+        refuse_to_replace(out, overwrite=overwrite)
     found = compare(paths)
     for remark in found.remarks:
         say(remark)

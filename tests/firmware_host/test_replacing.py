@@ -78,3 +78,23 @@ def test_the_size_of_a_planted_effect_reaches_what_makes_the_recording(tmp_path,
     done = CliRunner().invoke(app, ["sensor", *words])
     assert sentence in str(done.exception)
     assert not list(tmp_path.rglob("*.*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "last", "first"),
+    [
+        (["sensor", "synthesise", "d", "--name", "swing"], "garment.toml", "swing.oni"),
+        (["sensor", "synthesise-swatch", "d", "--fabric", "silk"], "silk-swing.csv", "silk.toml"),
+        (["sensor", "synthesise-silhouette", "d"], "silhouette.truth.npz", "silhouette.npz"),
+    ],
+)
+def test_a_folder_with_a_recordings_name_is_refused_before_the_work_also_with_overwrite(
+    tmp_path, monkeypatch, capfd, words, last, first
+):
+    """The first file is written before the last, so it would be there after the work."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d" / last).mkdir(parents=True)
+    done = CliRunner().invoke(app, [*words, "--overwrite"])
+    assert str(done.exception) == f"d/{last}: is a folder; give another name"
+    assert "%" not in capfd.readouterr().err
+    assert not (tmp_path / "d" / first).exists()

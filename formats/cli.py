@@ -323,8 +323,8 @@ def describe_swatch(
     from formats.swatch import swatch
 
     check_name(path)
-    check_place(path, "a garment is written as TOML", DESCRIBED_AS)
     refuse_to_replace(path, overwrite=overwrite)
+    check_place(path, "a garment is written as TOML", DESCRIBED_AS)
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, "--mass, --side", offers_anyway=True)

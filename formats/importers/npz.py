@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tokenize
 import zipfile
 import zlib
@@ -47,7 +48,9 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
             absent = [name for name in names if name not in archive]
             if absent:
                 raise TakeError(f"has no array {absent[0]!r}", where=path, advice=advice)
-            found = {name: np.asarray(archive[name]) for name in names}
+            found = {name: archive[name] for name in names}
+            if any(not isinstance(one, np.ndarray) for one in found.values()):  # bytes, where no array begins
+                raise ValueError
         _refuse_too_many(8 * sum(array.size for array in found.values()), path, most_bytes)
         return found
     except OSError as error:
@@ -66,6 +69,7 @@ def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_byte
     with zipfile.ZipFile(file) as archive:
         wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
     size, packed = sum(part.file_size for part in wanted), sum(part.compress_size for part in wanted)
+    packed = min(packed, os.fstat(file.fileno()).st_size)  # the archive may state more
     _refuse_too_many(size, path, most_bytes)
     if size > FREE + RATIO * packed:
         raise TakeError(

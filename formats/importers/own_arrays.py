@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from formats.blocks import TICKS, as_arrays, check_columns
 from formats.errors import TakeError
 from formats.importers.npz import load_arrays
+from formats.missing import possible_spans
 from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
 from formats.take_header import described
@@ -67,6 +68,7 @@ def _names_in(path: Path) -> set[str]:
 def _about(text: NDArray[Any], path: Path) -> dict[str, Any]:
     try:
         about = json.loads(str(text)) if text.dtype.kind == "U" and not text.ndim else None
+        json.dumps(about, ensure_ascii=False).encode()  # no file can keep half a character, as of UTF-16
     except (ValueError, RecursionError):
         about = None
     if not isinstance(about, dict):
@@ -84,6 +86,8 @@ def _take(path: Path, about: dict[str, Any], arrays: Arrays, scans: list[int]) -
     if frames == (0,):
         raise TakeError("holds no frame", where=path, advice=AGAIN)
     check_columns({**absent, **unseen, **columns}, points=points, take_id=str(path), first=0, after=-np.inf)
+    if not {*words.missing} <= {*possible_spans(words.missing, columns["time"])}:
+        raise TakeError("its missing_s has a span in which no frames can be missing", where=path, advice=AGAIN)
     values: dict[str, Any] = columns | {
         name: columns[name].astype(bool) for name in ("held_valid", "points_valid", "points_hidden") if name in columns
     }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import struct
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -30,12 +32,16 @@ def bare_take():
 
 
 def exported(folder, take=None, **changed):
-    """Write a.npz, with some arrays changed, or left out where None."""
+    """Write a.npz, with some arrays changed, left out where None, or no array but a text."""
     write_npz(folder / "a.npz", take or a_take(frames=12))
     if changed:
         with np.load(folder / "a.npz") as arrays:
             kept = {name: value for name, value in ({**arrays} | changed).items() if value is not None}
+        texts = {name: kept.pop(name) for name, value in changed.items() if isinstance(value, str)}
         np.savez(folder / "a.npz", **kept)
+        with zipfile.ZipFile(folder / "a.npz", "a") as archive:
+            for name, text in texts.items():
+                archive.writestr(f"{name}.npy", text)
 
 
 def about(**changed):
@@ -98,6 +104,7 @@ CHANGES = [
     ({"about": np.array("[" * 100_000)}, "its array 'about' is no text that describes a take"),
     ({"about": np.zeros(3)}, "its array 'about' is no text that describes a take"),
     ({"about": np.array("{}")}, "its rig is invalid: "),
+    ({"points": "no array"}, "is an .npz archive that is damaged or holds objects"),
     ({"about": np.array(["x"], object)}, "is an .npz archive that is damaged or holds objects"),
     ({"about": np.array("x" * (1 << 22))}, "its arrays have 16.8 MB"),
 ]  # fmt: skip
@@ -123,6 +130,9 @@ def test_an_export_that_was_changed_is_refused_in_one_sentence(tmp_path, changed
         ({"take_id": 3}, "its header is invalid: take_id"),
         ({"garment": {"format": "hangtime-garment/1"}}, "its garment is invalid: "),
         ({"notes": {"a": 3}}, "its header is invalid: "),
+        ({"rig": "\ud800"}, "its array 'about' is no text that describes a take"),
+        ({"notes": {"a": "\ud800"}}, "its array 'about' is no text that describes a take"),
+        ({"missing_s": [[0.0, 1e9]]}, "its missing_s has a span in which no frames can be missing"),
     ],
 )
 def test_a_description_that_was_changed_is_refused_by_its_field(tmp_path, monkeypatch, fields, said):
@@ -191,3 +201,14 @@ def test_arrays_that_grow_from_next_to_nothing_are_refused_before_they_are_unpac
     np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(1_000_000))
     with pytest.raises(TakeError, match=r"its arrays grow from [0-9.]+ kB to 8\.0 MB, as those of no recording do"):
         npz.load_arrays(tmp_path / "bomb.npz", ["t"], **wanted)
+
+
+def test_an_archive_that_overstates_its_packed_bytes_is_measured_by_the_file(tmp_path, monkeypatch):
+    """The directory of a zip archive may state any number; the file has no more bytes than it has."""
+    monkeypatch.setattr(npz, "FREE", 1 << 22)
+    np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(1_000_000))
+    raw = bytearray((tmp_path / "bomb.npz").read_bytes())
+    struct.pack_into("<I", raw, raw.rfind(b"PK\1\2") + 20, 1 << 31)  # compressed size (APPNOTE.TXT, 4.3.12)
+    (tmp_path / "bomb.npz").write_bytes(raw)
+    with pytest.raises(TakeError, match="its arrays grow from"):
+        npz.load_arrays(tmp_path / "bomb.npz", ["t"], most_bytes=1 << 27, advice=AGAIN)

@@ -17,14 +17,13 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fit.batch.jobs import DiagnosisJob, Outcome, diagnosis_key, failure_name
-from fit.batch.kept import has_diagnosis, left_alone
+from fit.batch.jobs import DiagnosisJob, diagnosis_key, failure_name
+from fit.batch.kept import has_diagnosis, known_outcome
 from fit.batch.runner import Survey, kept_sentence
 from fit.batch.store import Store
 from fit.batch.summary import Row
 from fit.provenance import physics_version
 from formats.archive import take_of
-from formats.errors import NewerFormatError
 from formats.garment import Garment
 from formats.motion import kind_of, reach_of
 
@@ -178,15 +177,9 @@ def diagnoses_of(
         key = diagnosis_key(training, held_out, seed, physics)
         found.keys[one.name] = key
         why = kept_sentence(results, key) if results.has(failure_name(key)) and not retry_failed else None
-        try:
-            is_kept = has_diagnosis(results, key)
-        except NewerFormatError as error:
-            found.outcomes[key] = Outcome(key=key, state="newer", sentence=left_alone(error))
-            continue
-        if is_kept:
-            found.outcomes[key] = Outcome(key=key, state="diagnosed")
-        elif why is not None:
-            found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
+        known = known_outcome(results, key, has_diagnosis, "diagnosed", why)
+        if known is not None:
+            found.outcomes[key] = known
         else:
             found.jobs.append(
                 DiagnosisJob(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from fit.batch.jobs import diagnosis_name, digest_of, report_name, result_name
+from fit.batch.jobs import Outcome, diagnosis_name, digest_of, report_name, result_name
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from formats.errors import NewerFormatError, ResultError
@@ -84,6 +84,25 @@ def left_alone(error: NewerFormatError) -> str:
         f"its result {error.what}, and stays as it is: {error.where}; run the batch of the version that wrote it, "
         "or move the file away"
     )
+
+
+def known_outcome(
+    results: Store, key: str, has: Callable[[Store, str], bool], state: str, failure: str | None
+) -> Outcome | None:
+    """Return what the results hold of a job; None if it is to be done.
+
+    - `has`: whether they hold its result; `state`: of the job where they do
+    - `failure`: the recorded reason of an earlier failure, None without one
+
+    Raises:
+        UnreachableError: the results cannot be reached now.
+    """
+    try:
+        if has(results, key):
+            return Outcome(key=key, state=state)
+    except NewerFormatError as error:
+        return Outcome(key=key, state="newer", sentence=left_alone(error))
+    return None if failure is None else Outcome(key=key, state="failed", sentence=failure)
 
 
 def has_fit(results: Store, key: str) -> bool:

@@ -18,14 +18,14 @@ from typing import Any
 from fit.batch.cluster import RETRY, STAGES, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
-from fit.batch.kept import has_fit, left_alone
+from fit.batch.kept import has_fit, known_outcome
 from fit.batch.room import room_here
 from fit.batch.store import Store
 from fit.batch.worker import run_job, words_of
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version
-from formats.errors import HangtimeError, ImplausibleError, NewerFormatError, TakeError
+from formats.errors import HangtimeError, ImplausibleError, TakeError
 from formats.plain_text import counted
 
 POLL = 0.25  # s; our choice: fits take minutes, and Ctrl-C is answered at once
@@ -92,15 +92,9 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         is_new = key not in found.keys.values()
         found.keys[name], found.digests[name] = key, digest
         why = kept_sentence(results, key) if failure_name(key) in failed and not retry_failed else None
-        try:
-            is_kept = has_fit(results, key)
-        except NewerFormatError as error:
-            found.outcomes[key] = Outcome(key=key, state="newer", sentence=left_alone(error))
-            continue
-        if is_kept:
-            found.outcomes[key] = Outcome(key=key, state="known")
-        elif why is not None:
-            found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
+        known = known_outcome(results, key, has_fit, "known", why)
+        if known is not None:
+            found.outcomes[key] = known
         elif is_new and (no_mesh := _refused_mesh(content, name, plan, anyway=anyway)):
             found.outcomes[key] = Outcome(key=key, state="refused", sentence=no_mesh)
         elif is_new:

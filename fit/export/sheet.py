@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.cloth.mesh import MOST_MESH_NODES, build_mesh
-from fit.errors import FitError
+from fit.errors import out_of_range
 from formats.arrays import Floats, Integers
 from formats.garment import Garment
+from formats.meant_units import UNITS
 
 EXPORTED_SIDE = 0.3  # m; our choice: 15 times `SWATCH_SPACING`, several folds wide, half and double were not tried
 SWATCH_SPACING = 0.02  # m: folds of hanging cloth are several times wider
@@ -54,10 +55,8 @@ def check_strip(width: float, height: float, spacing: float) -> None:
     """
     finest, coarsest = np.sqrt(width * height / MOST_MESH_NODES), min(width, height)
     if not finest <= spacing <= coarsest:
-        raise FitError(
-            f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m", where="--spacing",
-            advice=f"give {finest:.2g} to {coarsest:g} m",
-        )  # fmt: skip
+        what = f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m"
+        raise out_of_range(spacing, finest, coarsest, what, where="--spacing", unit="m", units=UNITS)
 
 
 def strip(width: float, height: float, spacing: float, name: str = "swatch") -> Sheet:

@@ -186,3 +186,8 @@ def test_a_strip_has_one_cell_across_at_least(spacing, is_refused):
             strip(0.2, 0.1, spacing)
     else:
         assert len(strip(0.2, 0.1, spacing).rest) == 6
+
+
+def test_a_spacing_in_another_unit_is_asked_for():
+    with pytest.raises(FitError, match=r"were millimetres meant\? Give 0.0006 to 0.3 m"):
+        strip(0.3, 0.3, 50.0)

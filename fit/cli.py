@@ -158,6 +158,9 @@ def fit_command(
 
     Example: `hangtime fit gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
+    from fit.api.takes import check_there
+
+    check_there([*takes, *held_out])  # before the imports below, which take seconds
     from msgspec import to_builtins
 
     from fit.api.shown import fit_tables
@@ -294,6 +297,9 @@ def diagnose_command(
 
     Example: `hangtime diagnose gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
+    from fit.api.takes import check_there
+
+    check_there([*takes, *held_out])  # before the imports below, which take seconds
     from msgspec import to_builtins
 
     from fit.api.shown import diagnosis_tables

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
@@ -10,8 +11,10 @@ from typing import TYPE_CHECKING
 from fit.api.arguments import check_kind, names_of, path_of
 from fit.errors import FitError
 from formats.archive import read_take
+from formats.errors import TakeError
 from formats.plain_text import plain
 from formats.plausible import check_plausible_take
+from formats.system_causes import step_to_read
 from formats.take import Take
 from formats.terminal import say
 
@@ -57,6 +60,8 @@ def sorted_out(
     from fit.recordings.selection import split_by_motion
 
     kinds = names_of(held_out_motion, "held_out_motion")
+    for given in (takes, held_out):
+        check_there([given] if isinstance(given, str | PathLike) else given if isinstance(given, Sequence) else [])
     every, judged = _each(takes, "takes"), _each(held_out, "held_out")
     if not anyway:
         for take in every + judged:
@@ -65,6 +70,26 @@ def sorted_out(
     if training and spacing is not None:
         check_mesh(training[0].garment, spacing)
     return training, moving + judged
+
+
+def check_there(takes: Iterable[object]) -> None:
+    """Refuse the path of a take where no file is, before any take is read.
+
+    takes: other values than paths are passed over
+
+    Raises:
+        TakeError: names the first such path.
+    """
+    for take in takes:
+        if isinstance(take, str | PathLike):
+            try:
+                os.stat(take)
+            except ValueError:  # a null character, which `path_of` refuses
+                continue
+            except OSError as error:
+                raise TakeError(
+                    f"cannot be read ({error.strerror})", where=Path(take), advice=step_to_read(error)
+                ) from error
 
 
 def _each(takes: Takes, name: str) -> list[Take]:

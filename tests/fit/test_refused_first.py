@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
 
-from fit.api.takes import say_takes
+from fit.api.takes import say_takes, sorted_out
 from formats.archive import write_take
+from formats.errors import TakeError
 from tests.fit.here import hangtime_here
 from tests.fit.scenes import sheet
 from tests.fit.test_command_line import a_swung_take
@@ -22,13 +25,14 @@ from tests.fit.test_command_line import a_swung_take
     ],
 )
 def test_an_engine_that_cannot_be_had_is_refused_before_takes_are_read(tmp_path, monkeypatch, words, sentence):
-    """The take is not even there."""
+    """The file is no take, which its reader would say."""
+    (tmp_path / "empty.mcap").touch()
     monkeypatch.setenv("HANGTIME_BLENDER_PYTHON", str(tmp_path / "no-such-python"))
-    done = hangtime_here("fit", "absent.mcap", "--engine", "blender", *words, folder=tmp_path)
+    done = hangtime_here("fit", "empty.mcap", "--engine", "blender", *words, folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert sentence in done.stderr
     assert "Fitting" not in done.stderr
-    assert not list(tmp_path.iterdir())
+    assert [path.name for path in tmp_path.iterdir()] == ["empty.mcap"]
 
 
 @pytest.mark.parametrize("command", ["fit", "diagnose"])
@@ -62,3 +66,21 @@ def test_a_fine_mesh_says_before_the_work_what_it_costs(spacing, words, capsys):
     take = a_swung_take(seconds=2.05)
     say_takes([replace(take, garment=sheet())], [], spacing)
     assert capsys.readouterr().err.endswith(words)
+
+
+@pytest.mark.parametrize("words", [("fit", "a.c3d", "gone.mcap"), ("diagnose", "a.c3d", "--held-out", "gone.mcap")])
+def test_a_take_that_is_not_there_is_named_before_another_is_read_or_taichi_is_loaded(tmp_path, words):
+    """a.c3d is no take, and is refused only when it is read."""
+    (tmp_path / "a.c3d").write_bytes(b"no take")
+    called = [sys.executable, "-X", "importtime", "-m", "hangtime", *words]
+    done = subprocess.run(called, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "| fit.api.takes" in " ".join(done.stderr.split())
+    assert "taichi" not in done.stderr
+    assert done.stderr.endswith("hangtime: gone.mcap: cannot be read (No such file or directory); check the path\n")
+
+
+def test_a_call_from_python_names_the_missing_take_before_it_reads_another(tmp_path):
+    (tmp_path / "a.c3d").write_bytes(b"no take")
+    with pytest.raises(TakeError, match=r"gone\.mcap: cannot be read \(No such file"):
+        sorted_out([str(tmp_path / "a.c3d")], tmp_path / "gone.mcap")

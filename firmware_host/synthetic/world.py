@@ -38,8 +38,9 @@ FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
 BODY = {"t-shirt": (24, 17)}  # nodes down and across, of a garment that is not a panel
 # A sleeve is a tube of two layers with a hem, so it is stiffer than a flat sheet.
 # The fabrics of a skirt. Felt is far from the starting values of fits.
+PLAIN = "plain"
 FABRICS = {
-    "plain": ClothPhysics(),
+    PLAIN: ClothPhysics(),
     "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),
 }
 GARMENT_PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
@@ -127,7 +128,7 @@ class World:
 
 def make_world(
     *, motion: str, effect: str, amplitude: float | None, seconds: float, seed: int,
-    progress: Progress = lambda stage, share: None, garment: Garment | None = None, fabric: str = "plain",
+    progress: Progress = lambda stage, share: None, garment: Garment | None = None, fabric: str = PLAIN,
 ) -> World:  # fmt: skip
     """Simulate the demo's skirt, or another garment, under a named motion with a planted effect.
 
@@ -135,7 +136,8 @@ def make_world(
     the plain fabric alone.
 
     Raises:
-        SensorAddressError: there is no such effect, motion or fabric, or a number is invalid.
+        SensorAddressError: there is no such effect, motion or fabric, the garment takes no other fabric than the plain
+            one, or a number is invalid.
     """
     if fabric not in FABRICS:
         raise SensorAddressError(
@@ -172,6 +174,11 @@ def make_world(
         raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")
     time = np.arange(round(seconds * FPS)) / FPS
     garment = garment or demo_garment()
+    if fabric != PLAIN and garment.kind in GARMENT_PHYSICS:
+        raise SensorAddressError(
+            f"the {garment.name} has a fabric of its own", where="--fabric",
+            advice="leave out the fabric, or swing the skirt or the swatch",
+        )  # fmt: skip
     rows, columns = BODY.get(garment.kind, (ROWS, COLUMNS))
 
     def placed(times: Floats) -> Placement:

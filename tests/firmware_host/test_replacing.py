@@ -69,6 +69,10 @@ def test_what_makes_recordings_refuses_before_it_works(tmp_path):
             ["synthesise", "d", "--effect=hem", "--amplitude=nan"],
             "--amplitude: nan is no size of an effect; give a finite",
         ),
+        (
+            ["synthesise", "d", "--garment=t-shirt", "--fabric=felt"],
+            "--fabric: the T-shirt has a fabric of its own; leave out the fabric, or swing the skirt or the swatch",
+        ),
         (["synthesise-swatch", "d", "--air-drag=inf"], "--air-drag: inf is no drag coefficient; give 0 to 100"),
     ],
 )

@@ -34,6 +34,33 @@ def test_another_outline_is_refused_with_its_distance(described, apart):
 
 
 @pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"mass_kg": 1.06}, "it weighs 37.1 g instead of 35.0 g"),
+        ({"mass_kg": 0.94}, "it weighs 32.9 g instead of 35.0 g"),
+        ({"held": "corners"}, "it is held by its corners instead of its edge"),
+        ({"kind": "swatch"}, "its kind is swatch instead of skirt"),
+        ({"layers": 2}, "its layers differ"),
+        ({"seams": ((1, 2), (3, 0))}, "its seams differ"),
+        ({"holes_m": (((0.0, -0.1), (0.05, -0.1), (0.0, -0.15)),)}, "its holes_m differ"),
+        ({"grain_degrees": 45.0}, "its grain_degrees differ"),
+    ],
+)
+def test_the_same_outline_of_another_cloth_is_refused_with_the_difference(changed, said):
+    """A fit to such a take hides the difference in its parameters, as it does that of an outline."""
+    real = demo_garment()
+    changed = {name: real.mass_kg * new if name == "mass_kg" else new for name, new in changed.items()}
+    with pytest.raises(UntrackableError, match=f"the demo skirt that the synthetic world swings: {said}; choose"):
+        check_known_garment(msgspec.structs.replace(real, **changed), real, "garment.toml")
+
+
+def test_a_weight_by_a_kitchen_scale_and_other_points_are_of_the_same_garment():
+    real = demo_garment()
+    weighed = msgspec.structs.replace(real, name="mine", mass_kg=real.mass_kg + 1e-3, points=real.points[:4])
+    check_known_garment(weighed, real, "garment.toml")
+
+
+@pytest.mark.parametrize(
     ("sensor", "garment"), [("synthetic:swing", swatch()), ("synthetic:swing?garment=t-shirt", demo_garment())]
 )
 def test_a_recording_of_another_garment_is_refused_before_the_world_is_simulated(tmp_path, sensor, garment):

@@ -28,6 +28,7 @@ def shares_of(module):
     return [number.value for number in numbers if isinstance(number, ast.Constant)]
 
 
+@pytest.mark.unmutated
 def test_the_stages_of_a_diagnosis_rise_from_0_to_100_percent():
     """The base fit and the rounds of effects run between stages of the diagnosis."""
     begin, noise, mesh, *rest = shares_of(diagnosis)

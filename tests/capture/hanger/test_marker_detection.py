@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,14 +12,14 @@ from capture.hanger.seen_otherwise import seen_otherwise
 from formats.rig import Hanger
 
 
-def picture(side):
-    """A grey picture with both markers, so many pixels wide."""
+def picture(side, ids=(0, 1)):
+    """A grey picture with two markers, so many pixels wide."""
     image = np.full((240, 320, 3), 200, np.uint8)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    for number in (0, 1):
+    for place, number in enumerate(ids):
         marker = cv2.aruco.generateImageMarker(dictionary, number, 60)
         small = cv2.resize(marker, (side, side), interpolation=cv2.INTER_AREA)
-        image[100 : 100 + side, 80 + 100 * number : 80 + 100 * number + side] = small[..., None]
+        image[100 : 100 + side, 80 + 100 * place : 80 + 100 * place + side] = small[..., None]
     return image
 
 
@@ -62,3 +63,20 @@ def test_markers_are_said_to_be_mirrored_or_inverted_only_where_both_are_seen(sh
     assert sentence in seen_otherwise(np.ascontiguousarray(shown(picture(60))), HANGER)
     for number in (0, 1):
         assert seen_otherwise(np.ascontiguousarray(shown(plain(number))), HANGER) == ""
+
+
+@pytest.mark.parametrize(
+    ("rig", "sentence"),
+    [
+        ({"ids": (2, 3)}, "markers 0 and 1 are seen: set the rig's hanger.ids"),
+        ({"dictionary": "DICT_5X5_100"}, "markers 0 and 1 of DICT_4X4_50 are seen: set the rig's hanger.dictionary"),
+    ],
+)
+def test_markers_of_other_ids_or_another_dictionary_are_named_with_the_rigs_field(rig, sentence):
+    assert seen_otherwise(picture(60), msgspec.structs.replace(HANGER, **rig)) == sentence
+
+
+def test_three_markers_of_other_ids_are_named_in_order():
+    image = np.concatenate([picture(60), picture(60, ids=(4, 7))], axis=0)
+    said = seen_otherwise(image, msgspec.structs.replace(HANGER, ids=(2, 3)))
+    assert said == "markers 0, 1, 4 and 7 are seen: set the rig's hanger.ids"

@@ -45,6 +45,42 @@ def test_every_marker_is_found_on_the_page_at_its_size(dictionary, ids):
         assert sides == pytest.approx(np.full(4, 60.0), abs=0.4)
 
 
+def test_every_line_and_every_background_of_the_page_is_visible_and_named_in_svg():
+    """Black lines of a quarter of a millimetre, a white page, white bits, and labels in letters of 3.6 mm."""
+    page = ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.05))
+    lines = [(line.get("stroke"), line.get("stroke-width")) for line in page.iter(SVG + "line")]
+    assert lines == [("#000", "0.25")] * 6
+    assert page[0].attrib == {"width": "100%", "height": "100%", "fill": "#fff"}
+    groups = [dict(group.attrib) for group in page.iter(SVG + "g")]
+    assert groups == [{"fill": "#fff", "shape-rendering": "crispEdges"}] * 2
+    texts = list(page.iter(SVG + "text"))
+    assert {(text.get("font-family"), text.get("font-size")) for text in texts} == {("sans-serif", "3.6")}
+    assert [text.text for text in texts[:2]] == ["id 0, upright as printed", "id 1, upright as printed"]
+
+
+def markers_that_fit(size):
+    """The largest number of markers of this size [m] that one page holds."""
+    for count in range(1, 60):
+        try:
+            draw_sheet("DICT_4X4_100", list(range(count)), size)
+        except UntrackableError:
+            return count - 1
+    return 59
+
+
+@pytest.mark.parametrize("size_mm", range(26, 125, 3))
+def test_a_page_holds_whole_rows_of_markers_between_its_margins_and_is_full(size_mm):
+    """Printers leave 15 mm; the scale bars take 8 mm at the right and 12 mm at the bottom, and 12 mm part markers."""
+    step = size_mm * (1 + 2 / 6) + 12
+    across, down = (1 + int((free - (step - 12)) / step) for free in (210 - 30 - 8, 297 - 30 - 12))
+    assert markers_that_fit(size_mm / 1e3) == across * down
+    page = ElementTree.fromstring(draw_sheet("DICT_4X4_100", list(range(across * down)), size_mm / 1e3))
+    squares = [one for one in page.iter(SVG + "rect") if one.get("x") is not None]
+    for edge, extent, last in (("x", "width", 210 - 15 - 8), ("y", "height", 297 - 15 - 12)):
+        assert min(float(one.get(edge)) for one in squares) == pytest.approx(15.0)
+        assert max(float(one.get(edge)) + float(one.get(extent)) for one in squares) <= last + 1e-3
+
+
 def test_both_scale_bars_are_a_hundred_millimetres_between_ticks_of_four():
     lines = ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.05)).iter(SVG + "line")
     lengths = [

@@ -98,6 +98,7 @@ class OniSummary:
       a single frame
     - `beyond`: depth frames whose number exceeds the count of depth frames; the player skips them
     - `mirrored`: streams that the recording declares as mirrored
+    - `stands_still`: no stamp of a depth frame exceeds the stamp before it; False for a single frame
     """
 
     depth_frames: int
@@ -106,6 +107,7 @@ class OniSummary:
     interval_us: float | None = None
     mirrored: frozenset[int] = frozenset()
     beyond: int = 0
+    stands_still: bool = False
 
 
 def read_records(path: Path) -> Iterator[Record]:
@@ -206,6 +208,7 @@ def summarise(path: Path) -> OniSummary:
         raise RecordingError(
             "the recording holds no depth frame", where=path, advice="record again with the depth stream switched on"
         )
+    steps = [b[0] - a[0] for a, b in pairwise(stamps)]
     apart = sorted(b[0] - a[0] for a, b in pairwise(stamps) if b[1] == a[1] + 1 and b[0] > a[0])
     cut = min(-(-len(apart) // 4), (len(apart) - 1) // 2)  # a quarter at each end; one of three or four intervals
     return OniSummary(
@@ -213,6 +216,7 @@ def summarise(path: Path) -> OniSummary:
         interval_us=fmean(apart[cut : len(apart) - cut]) if apart else None,
         mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
         beyond=sum(number > counts[NodeType.DEPTH] for _, number in stamps),
+        stands_still=bool(steps) and max(steps) <= 0,
     )  # fmt: skip
 
 

@@ -150,11 +150,16 @@ class OpenNI2Sensor(DepthSensor):
             )
 
     def _check_clock(self) -> None:
-        """Refuse a recording whose timestamps contradict its stated frame rate, or whose rate suits no garment.
+        """Refuse a recording whose timestamps stand still or contradict its frame rate, or whose rate suits no garment.
 
         Frames of consecutive numbers count, so that dropped frames do not look like a slow sensor. A wrong time scale
         would give a wrong fabric, hence `--anyway` alone accepts it.
         """
+        if self._summary is not None and self._summary.stands_still and not self._accepts_stamps:
+            raise self._refused(
+                f"the stamps of its {self._summary.depth_frames} depth frames never increase",
+                "record again, with stamps of a clock in microseconds",
+            )
         interval = None if self._summary is None or self._accepts_stamps else self._summary.interval_us
         if interval is None:
             return

@@ -1,4 +1,4 @@
-"""Diagnose undetected fiducial markers: mirrored, inverted, of other ids or of another dictionary.
+"""Diagnose undetected fiducial markers: seen twice, mirrored, inverted, of other ids or of another dictionary.
 
 A mirrored marker does not belong to its dictionary, so a mirrored image shows no marker at all.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.hanger.marker_detection import MarkerDetector, ids_in
+from capture.hanger.marker_detection import MarkerDetector, times_seen
 from formats.arrays import Bytes
 from formats.rig import Hanger
 
@@ -24,16 +24,27 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger) -> str:
     """
     if colour is None or hanger.marker == "dot":
         return ""
+    seen = times_seen(colour, hanger.dictionary)
+    if doubled := [number for number in hanger.ids if seen[number] > 1]:
+        return _seen_twice(doubled, [number for number in hanger.ids if not seen[number]])
     if _finds(np.ascontiguousarray(colour[:, ::-1]), hanger, hanger.dictionary):
         return "both are seen in the picture's mirror image: switch the sensor's mirror off"
     if _finds(255 - colour, hanger, hanger.dictionary):
         return "both are seen white on black: print them black on white"
-    if len(others := sorted(ids_in(colour, hanger.dictionary) - set(hanger.ids))) >= len(hanger.ids):
+    if len(others := sorted(set(seen) - set(hanger.ids))) >= len(hanger.ids):
         return f"markers {', '.join(map(str, others[:-1]))} and {others[-1]} are seen: set the rig's hanger.ids"
     for name in OTHERS:
         if name != hanger.dictionary and _finds(colour, hanger, name):
             return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"
     return ""
+
+
+def _seen_twice(doubled: list[int], absent: list[int]) -> str:
+    if absent:
+        return f"marker {doubled[0]} is seen twice, and marker {absent[0]} is not: print both markers of the rig"
+    which = " and ".join(map(str, doubled))
+    named = f"marker {which} is" if len(doubled) == 1 else f"markers {which} are"
+    return f"{named} seen twice: leave only the hanger's own in view"
 
 
 def _finds(colour: Bytes, hanger: Hanger, dictionary: str) -> bool:

@@ -53,6 +53,23 @@ def test_stamps_more_than_a_fifth_off_the_stated_rate_are_refused_or_accepted(tm
         assert sensor.info.notes[-1] == f"its frames come at {1e6 / interval:.1f} a second, it states 30"
 
 
+@pytest.mark.parametrize("stamp_of", [lambda k: 0, lambda k: 5, lambda k: 33_333 * (100 - k)])
+def test_stamps_that_never_increase_are_named_as_the_fault_of_the_recording(tmp_path, stamp_of):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), stamp_of)
+    with pytest.raises(RecordingError) as caught:
+        OpenNI2Sensor(path)
+    assert caught.value.what == "the stamps of its 12 depth frames never increase"
+    assert caught.value.advice == "record again, with stamps of a clock in microseconds"
+    OpenNI2Sensor(path, anyway=True).close()
+
+
+def test_a_clock_that_is_set_back_once_does_not_stand_still(tmp_path):
+    path = restamped(
+        write_recording(tmp_path / "a.oni", 12), lambda k: 33_333 * (k + 1) - (k > 5) * 1_000_000 + 1_000_000
+    )
+    OpenNI2Sensor(path).close()
+
+
 def test_a_recording_that_is_refused_leaves_no_stream_behind(tmp_path):
     """A stream that Python collects after its device was closed ends the process."""
     path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 250_000 * (k + 1))

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from capture.hanger.marker_detection import MarkerDetector
+from capture.hanger.seen_otherwise import seen_otherwise
+from formats.rig import Hanger
 
 SIDE = 24  # px
 
@@ -39,3 +41,33 @@ def test_without_a_distance_a_marker_that_is_seen_twice_is_not_taken():
     middle = found((0, 100, 50), (1, 220, 50), (0, 570, 60), apart=None)
     assert np.isnan(middle[0]).all()
     assert np.isfinite(middle[1]).all()
+
+
+HANGER = Hanger(marker_size_m=0.06, marker_distance_m=0.3, held_m=((-0.1, 0.1, 0.0), (0.1, 0.1, 0.0)), ids=(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("placed", "said"),
+    [
+        (
+            ((0, 100, 50), (0, 220, 50)),
+            "marker 0 is seen twice, and marker 1 is not: print both markers of the rig",
+        ),
+        (
+            ((1, 100, 50), (1, 220, 50)),
+            "marker 1 is seen twice, and marker 0 is not: print both markers of the rig",
+        ),
+        (
+            ((0, 100, 50), (1, 220, 50), (0, 340, 50)),
+            "marker 0 is seen twice: leave only the hanger's own in view",
+        ),
+        (
+            ((0, 100, 50), (1, 220, 50), (0, 100, 150), (1, 220, 150)),
+            "markers 0 and 1 are seen twice: leave only the hanger's own in view",
+        ),
+        (((0, 100, 50), (1, 220, 50)), ""),
+        (((0, 100, 50), (7, 220, 50), (7, 340, 50)), ""),
+    ],
+)
+def test_a_marker_that_is_seen_twice_is_named_where_no_take_could_be_kept(placed, said):
+    assert seen_otherwise(picture(*placed), HANGER) == said

@@ -81,15 +81,14 @@ def check_there(takes: Iterable[object]) -> None:
         TakeError: names the first such path.
     """
     for take in takes:
-        if isinstance(take, str | PathLike):
+        if isinstance(take, str | PathLike) and Path(take).name:  # `path_of` refuses others
             try:
                 os.stat(take)
             except ValueError:  # a null character, which `path_of` refuses
                 continue
             except OSError as error:
-                raise TakeError(
-                    f"cannot be read ({error.strerror})", where=Path(take), advice=step_to_read(error)
-                ) from error
+                what = f"cannot be read ({error.strerror})"
+                raise TakeError(what, where=Path(take), advice=step_to_read(error)) from error
 
 
 def _each(takes: Takes, name: str) -> list[Take]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from fit.api.takes import say_takes, sorted_out
+from fit.errors import FitError
 from formats.archive import write_take
 from formats.errors import TakeError
 from tests.fit.here import hangtime_here
@@ -84,3 +85,9 @@ def test_a_call_from_python_names_the_missing_take_before_it_reads_another(tmp_p
     (tmp_path / "a.c3d").write_bytes(b"no take")
     with pytest.raises(TakeError, match=r"gone\.mcap: cannot be read \(No such file"):
         sorted_out([str(tmp_path / "a.c3d")], tmp_path / "gone.mcap")
+
+
+@pytest.mark.parametrize("name", ["", "a\0.mcap"])
+def test_a_name_that_no_file_has_is_named_as_it_was_given(name):
+    with pytest.raises(FitError, match="is the name of no file; give a take"):
+        sorted_out([name])

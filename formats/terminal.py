@@ -15,6 +15,7 @@ from formats.plain_text import lines_of
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 BAR = 24  # characters of a progress bar
 BAR_OF_80 = 10  # characters, below 100 columns; our choice: leaves room for the words
+LEAST_WORDS = 20  # characters beside a bar; our choice: room for a number with its unit, or for the remaining time
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated
 SLOW_AFTER = 60.0  # s: from then on, any share done gives an estimate, and each such time a line where no terminal is
 
@@ -44,14 +45,18 @@ def say(text: str, end: str = "\n", *, begin: str = "", is_error: bool = False) 
     try:
         # One write call, since lines of parallel processes would otherwise mix.
         sys.stderr.write(begin + lines_of(text) + end)
-        sys.stderr.flush()
+        if hasattr(sys.stderr, "flush"):  # a caller's own stream may only write
+            sys.stderr.flush()
     except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
 
 
 def is_watched() -> bool:
     """Return whether stderr is a terminal."""
-    return sys.stderr is not None and sys.stderr.isatty()
+    try:
+        return sys.stderr.isatty()
+    except (AttributeError, ValueError):  # None, a caller's own stream that only writes, or a closed one
+        return False
 
 
 def is_in_notebook() -> bool:
@@ -117,11 +122,14 @@ class ProgressLine:
             columns = min(100, _columns())
             length = BAR if columns == 100 else BAR_OF_80
             filled = round(length * share)
-            bar = "#" * filled + "." * (length - filled)
-            width = max(20, columns - len(self._title) - length - 12)
+            bar = f"[{'#' * filled}{'.' * (length - filled)}] "
+            if columns - 1 - len(head := f"{self._title} {bar}{100 * share:3.0f} %  ") < LEAST_WORDS:
+                head = f"{self._title} {100 * share:3.0f} %  "
+            # A full line would begin a new one, which no later line is written over.
+            width = max(0, columns - 1 - len(head))
             # A narrow terminal leaves out words and never the remaining time.
             words = ", ".join(filter(None, (_whole_words(text, width - len(left) - 2 * bool(left)), left)))
-            say(f"{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", begin="\r", end="")
+            say(f"{head}{words[:width]:<{width}}"[: columns - 1], begin="\r", end="")
         elif share >= self._last + 0.1 or self._now() - self._last_said >= SLOW_AFTER:
             say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")
             self._last, self._last_said = share, self._now()

@@ -126,7 +126,7 @@ def test_names_are_printed_byte_for_byte_and_signs_that_the_terminal_lacks_by_th
 
 
 def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeypatch):
-    """Of 100 columns a bar takes 24, below 10; the rest, but 20 at least, is for whole clauses or words."""
+    """Of 100 columns a bar takes 24, below 10; where 20 are not left for whole clauses or words, there is no bar."""
     monkeypatch.setattr(terminal, "is_watched", lambda: True)
     columns = {"are": 120}
     monkeypatch.setattr(terminal, "_columns", lambda: columns["are"])
@@ -145,12 +145,49 @@ def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeyp
         f"\rannealing [######..................]  25 %  {'88/350':<55}"
         f"\rannealing [#####.....]  50 %  {'a word that is far longer than, about 20 s left':<49}"
         f"\rannealing [#####.....]  50 %  {'31.7 mm on fitted takes, about 20 s left':<49}"
-        f"\rannealing [##########] 100 %  {'done':<20}"
-        f"\rannealing [##########] 100 %  a-name-that-is-longe\n"
+        f"\rannealing 100 %  {'done':<12}"
+        f"\rannealing 100 %  a-name-that-\n"
     )
     columns["are"] = 500
     ProgressLine("fit", clock).show(0.0, "x")
     assert len(capsys.readouterr().err) == len("\rfit [] ") + 24 + len("  0 %  ") + 100 - 3 - 24 - 12
+
+
+@pytest.mark.parametrize("columns", [1, 5, 20, 40, 50, 51, 60, 79, 80, 99, 100])
+def test_progress_never_fills_the_last_column_where_a_terminal_begins_a_new_line(capsys, monkeypatch, columns):
+    monkeypatch.setattr(terminal, "is_watched", lambda: True)
+    monkeypatch.setattr(terminal, "_columns", lambda: columns)
+    clock = Clock()
+    line = ProgressLine("least-squares", clock)
+    for share in (0.0, 0.5, 1.0):
+        line.show(share, "31.7 mm on fitted takes, step 27 of at most 130")
+        clock.now += 10.0
+    shown = capsys.readouterr().err.split("\r")[1:]
+    assert {len(one) for one in shown} == {columns - 1}
+
+
+class OnlyWrites:
+    """What a notebook, a logger or an editor may put in the place of stderr."""
+
+    def __init__(self):
+        self.text = ""
+
+    def write(self, text):
+        self.text += text
+
+
+def test_a_stderr_that_only_writes_or_is_closed_ends_no_work(monkeypatch):
+    plain = OnlyWrites()
+    monkeypatch.setattr(sys, "stderr", plain)
+    ProgressLine("fit").show(0.5, "half")
+    assert plain.text == "fit: 50 %, half\n"
+    assert sys.stderr is plain
+    closed = io.StringIO()
+    closed.close()
+    monkeypatch.setattr(sys, "stderr", closed)
+    assert not terminal.is_displayed()
+    ProgressLine("fit").show(0.5, "half")
+    sys.stderr.close()  # what `say` has put in its place
 
 
 def test_a_terminal_that_states_no_size_counts_as_one_of_80_columns(monkeypatch):

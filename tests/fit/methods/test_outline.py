@@ -51,6 +51,7 @@ def test_only_the_sixteen_points_of_the_edge_count():
     moved[:, :, inner] += 0.3
     moved[..., 1] += 0.2
     assert objective.terms(moved) == pytest.approx(0.0, abs=1e-9)
+    assert objective.remark == ""
 
 
 def test_a_cloth_that_hangs_lower_costs_its_hem_and_its_corners():

@@ -139,6 +139,17 @@ def test_a_lost_marker_bends_no_line_that_it_is_a_point_of():
     assert terms[2:] == pytest.approx([0.0, 0.0], abs=0.02)  # what the ends of the marker's own spline leave
 
 
+@pytest.mark.parametrize(("axis", "part", "left"), [(2, 2, 63 - 4), (0, 3, 63 - 5)])
+def test_a_lost_marker_leaves_out_the_curvatures_of_its_own_column_and_row(axis, part, left):
+    """Row 2, column 4 is lost in the half in which the simulated swatch bends: rows 1 to 4 or columns 2 to 6 of it."""
+    grid = marker_grid(np.array([p.at_m for p in GARMENT.points]), "here")
+    seen, simulated = hanging(), hanging()
+    seen[120:, grid[2, 4]] = np.nan
+    simulated[120:] = rolled(0.4, axis)[120:]
+    with_gap, without = (error_against(real).terms(simulated[None])[0] for real in (seen, hanging()))
+    assert with_gap[part] / without[part] == pytest.approx(left / 63, abs=0.004)
+
+
 def test_a_curvature_needs_the_markers_of_both_segments():
     seen = np.ones(8, bool)
     seen[4] = False

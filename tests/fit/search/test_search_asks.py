@@ -253,3 +253,11 @@ def test_a_search_that_has_not_begun_is_not_finished(name):
     one = begun(name)
     assert one.is_finished is False
     assert all(value is not None for key, value in one.state().items() if key.startswith("is_"))
+
+
+def test_finished_chains_ask_for_nothing_and_say_so_with_an_empty_array():
+    _, several = chains(iterations=3)
+    while not several.is_finished:
+        asked = several.ask(6)
+        several.tell(asked, ((asked - 0.4) ** 2).sum(1))
+    assert several.ask(6).shape == (0, 2)

@@ -70,7 +70,7 @@ def import_recordings(
         DecimalSign | None,
         typer.Option("--decimal", show_default="as the file shows",
                      help="Decimal separator of a text file; the other character separates thousands. Needed where "
-                     "numbers have both, or where 1,234 may be 1234 or 1.234; the import then asks for it."),
+                     "1,234 may be 1234 or 1.234; the import then asks for it."),
     ] = None,
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")

@@ -8,6 +8,8 @@ Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; Opt
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -26,8 +28,11 @@ from formats.importers.stated_values import (
     warning_of_count,
     whole_number,
 )
+from formats.importers.thousands import find_thousands
 from formats.importers.units import metres_of
 from formats.plain_text import counted
+
+Reader = Callable[[Rows, str | None, Path, Wanted], MarkerTracks]
 
 EXPECTED_TYPES = ("rigid body marker", "bone marker")  # types of Motive's columns
 
@@ -43,8 +48,22 @@ def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wa
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
     first, rows = read_lines(path, decimal)
-    programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": read_qualisys, "trajectories": _vicon}
-    return programs.get(first, read_own)(rows, unit, path, wanted)
+    programs: dict[str, Reader] = {
+        "pathfiletype": _trc,
+        "format version": _motive,
+        "no_of_frames": read_qualisys,
+        "trajectories": _vicon,
+    }
+    read = programs.get(first, read_own)
+    try:
+        return read(rows, unit, path, wanted)
+    except TakeError:
+        found = None if decimal else find_thousands(rows[1:])
+        if found is None:
+            raise
+    sign, warning = found
+    tracks = read(read_lines(path, sign)[1], unit, path, wanted)
+    return replace(tracks, warning="; ".join(filter(None, [warning, tracks.warning])))
 
 
 def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:

@@ -10,9 +10,11 @@ import numpy as np
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` also accepts 1_0
 WITH_SIGNS = re.compile(r"[+-]?[\d.,]*[.,][\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
+SIGNED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # with or without separators
 DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in --decimal
 # A space of any width or an apostrophe as the thousands separator, as in 1 500,25 and 1'500.25.
-GROUPED = re.compile(r"[+-]?\d{1,3}([ \u00a0\u2009\u202f'\u2019]\d{3})+([.,]\d*)?", re.ASCII)
+GROUP_SIGNS = " \u00a0\u2009\u202f'\u2019"
+GROUPED = re.compile(rf"[+-]?[1-9]\d{{0,2}}([{GROUP_SIGNS}])\d{{3}}(\1\d{{3}})*([.,]\d*)?", re.ASCII)
 CELL_SHOWN = 40  # characters of a cell in a message
 # Missing values of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
 GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "nan(snan)"}
@@ -51,9 +53,12 @@ def with_point(cell: str, decimal: str) -> str | None:
 
     Return None for a number that contradicts the decimal separator.
 
-    decimal: the decimal separator, comma or point; the other one separates thousands
+    decimal: the decimal separator, comma or point; the other one, a space or an apostrophe separates thousands
     """
     word = cell.strip()
+    if grouped := GROUPED.fullmatch(word):
+        word = word.replace(grouped[1], "")
+        return None if word.strip("+-0123456789") not in ("", decimal) else word.replace(decimal, ".")
     if not WITH_SIGNS.fullmatch(word):
         return cell
     other = "," if decimal == "." else "."

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.number_cells import CELL_SHOWN, number_of
+from formats.importers.number_cells import CELL_SHOWN, DECIMALS, number_of, with_point
 from formats.plain_text import counted
 from formats.plausible import RATES
 
@@ -32,13 +32,20 @@ def cell_at(row: list[str], at: int, *, as_is: bool = False) -> str:
 def whole_number(cell: str, what: str, path: Path) -> int:
     """Return the whole number in a cell; `what` names the quantity in an error.
 
+    A comma or point before three digits is a thousands separator, since a count is whole.
+
     Raises:
-        TakeError: the cell holds no number.
+        TakeError: the cell holds no whole number.
     """
+    plain = next(filter(None, (with_point(cell, sign) for sign in DECIMALS.values() if cell.count(sign) != 1)), cell)
     try:
-        return int(number_of(cell))
+        number = number_of(plain)
+        whole = int(number)
     except (ValueError, OverflowError) as error:
         raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
+    if whole != number:
+        raise TakeError(f"its {what} is {cell.strip()!r}, no whole number", where=path, advice="export it again")
+    return whole
 
 
 def frame_rate(cell: str, path: Path) -> float:

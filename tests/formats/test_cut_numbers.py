@@ -164,7 +164,7 @@ def test_a_trc_without_its_line_of_axes_keeps_its_first_frame(tmp_path):
 
 def test_a_number_of_two_signs_is_reported_as_it_is_written(tmp_path):
     with pytest.raises(TakeError, match=r"holds '1,234\.5', which is no number"):
-        read(tmp_path, TRC + "1\t0.01\t998\t1,234.5\t5\t999\t998\t1\n" * 30, None, "a.trc")
+        read(tmp_path, TRC + "1\t0.01\t998\t1,234.5\t12345\t999\t998\t1\n" * 30, None, "a.trc")
 
 
 @pytest.mark.parametrize("last", ["3.5", "nan"])

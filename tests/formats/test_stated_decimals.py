@@ -20,18 +20,22 @@ SAY_WHICH = "say which with --decimal comma or --decimal point"
 NO_THOUSANDS = "export numbers without a thousands separator"
 
 
-def rows(before, separator, comma):
-    """Lines of whole numbers with a thousands separator, or of 1.200 to 2.000 with the same sign."""
-    quote = '"' if separator == "," else ""
-    return "".join(
-        separator.join([*before(k), *(f"{quote}{value:,.0f}{quote}".replace(",", comma) for value in row)]) + "\n"
-        for k, row in enumerate(PLACES)
-    )
+def files(comma, places=PLACES, write=None):
+    """A file of each program; numbers of its header are written as in a table of that land.
 
-
-def files(comma):
-    """A file of each program; numbers of its header are written as in a table of that land."""
+    - comma: the sign that is not the decimal one
+    - write: formats a position [mm]; by default as a whole number with a thousands separator, or of 1.200 to 2.000
+    """
     point = "." if comma == "," else ","
+    write = write or (lambda value: f"{value:,.0f}".replace(",", comma))
+
+    def rows(before, separator):
+        quote = '"' if separator == "," else ""
+        return "".join(
+            separator.join([*before(k), *(f"{quote}{write(value)}{quote}" for value in row)]) + "\n"
+            for k, row in enumerate(places)
+        )
+
     rate = f"100{point}00"
     trc = (
         f"PathFileType\t4\t(X/Y/Z)\tf.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n{rate}\t30\t2\tmm\n"
@@ -50,11 +54,11 @@ def files(comma):
         return [f"{k / 100:.2f}".replace(".", point)]
 
     return {
-        "a.trc": trc + rows(lambda k: [str(k), *timed(k)], "\t", comma),
-        "vicon.csv": vicon + rows(lambda k: [str(k + 1), "0"], ";", comma),
-        "motive.csv": motive + rows(lambda k: [str(k), f'"{timed(k)[0]}"'], ",", comma),
-        "a.tsv": qualisys + rows(lambda k: [], "\t", comma),
-        "own.csv": own + rows(timed, ";", comma),
+        "a.trc": trc + rows(lambda k: [str(k), *timed(k)], "\t"),
+        "vicon.csv": vicon + rows(lambda k: [str(k + 1), "0"], ";"),
+        "motive.csv": motive + rows(lambda k: [str(k), f'"{timed(k)[0]}"'], ","),
+        "a.tsv": qualisys + rows(lambda k: [], "\t"),
+        "own.csv": own + rows(timed, ";"),
     }
 
 
@@ -150,13 +154,10 @@ def test_the_command_takes_the_option_for_text_alone(tmp_path):
         read_marker_tracks(tmp_path / "m.tsv", decimal=";")
 
 
-@pytest.mark.parametrize(
-    "write", [lambda value: f"{value:,.0f}", lambda value: f"{value:,.1f}"], ids=["1,234-alone", "both-signs"]
-)
-def test_the_help_says_where_the_option_is_needed_and_there_the_import_asks_for_it(tmp_path, write):
+def test_the_help_says_where_the_option_is_needed_and_there_the_import_asks_for_it(tmp_path):
     shown = " ".join(hangtime_here("import", "--help", folder=tmp_path).stdout.split())
-    needed = "Needed where numbers have both, or where 1,234 may be 1234 or 1.234; the import then asks for it."
+    needed = "Needed where 1,234 may be 1234 or 1.234; the import then asks for it."
     assert needed in shown
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
-    (tmp_path / "m.tsv").write_text(table(write)[0])
+    (tmp_path / "m.tsv").write_text(table(lambda value: f"{value:,.0f}")[0])
     assert SAY_WHICH in hangtime_here("import", "m.tsv", "--garment", "g.toml", folder=tmp_path).stderr

@@ -1,0 +1,157 @@
+"""Thousands separators that only one reading of the whole file explains are read; the others are refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.marker_files import read_marker_tracks
+from tests.formats.test_stated_decimals import SAY_WHICH, files
+
+PLACES = 1200 + np.arange(6) * 150 + 400 * np.sin(np.arange(30) / 8)[:, None]  # mm, (frames, 2 markers of x, y, z)
+STYLES = {
+    "en": (",", "."), "de": (".", ","), "fr": ("\u202f", ","), "se": ("\u00a0", ","), "si": (" ", "."),
+    "it": ("\u2009", ","), "ch": ("'", "."), "ch-new": ("\u2019", "."), "at": ("'", ","),
+}  # fmt: skip
+NAMED = {",": "commas", ".": "points", "'": "apostrophes", "\u2019": "apostrophes"}
+NAMES = ["a.trc", "vicon.csv", "motive.csv", "a.tsv", "own.csv"]
+
+
+def in_style(style, digits=2):
+    """A function that writes a number in a style, with a minus sign where Swedish has one."""
+    group, decimal = STYLES[style]
+
+    def write(value):
+        text = f"{value:,.{digits}f}".replace(",", "G").replace(".", decimal).replace("G", group)
+        return text.replace("-", "\u2212") if style == "se" else text
+
+    return write
+
+
+def text_of(name, style, places=PLACES, write=None):
+    """The text of a file whose positions are written in a style."""
+    return files("," if STYLES[style][1] == "." else ".", places, write or in_style(style))[name]
+
+
+@pytest.mark.parametrize("style", list(STYLES))
+@pytest.mark.parametrize("name", NAMES)
+def test_thousands_that_only_one_reading_explains_are_read_exactly(tmp_path, name, style):
+    """Swedish with negative numbers."""
+    path, places = tmp_path / name, PLACES - 3500 * (style == "se")
+    path.write_text(text_of(name, style, places), encoding="utf-8")
+    found = read_marker_tracks(path)
+    assert found.positions.reshape(30, 6) == pytest.approx(np.round(places, 2) / 1000, abs=1e-9)
+    assert np.diff(found.time) == pytest.approx(0.01)
+    example = next(text for value in places.ravel() if len(text := in_style(style)(value)) > 7).replace("\u2212", "-")
+    kind = NAMED.get(STYLES[style][0], "spaces")
+    assert found.warning == f"{kind} were read as thousands separators, as in {example}"
+
+
+@pytest.mark.parametrize("style", ["en", "de", "fr"])
+def test_a_stated_decimal_separator_reads_the_same(tmp_path, style):
+    path = tmp_path / "a.trc"
+    path.write_text(text_of("a.trc", style), encoding="utf-8")
+    found = read_marker_tracks(path, decimal="point" if STYLES[style][1] == "." else "comma")
+    assert found.positions.reshape(30, 6) == pytest.approx(np.round(PLACES, 2) / 1000, abs=1e-9)
+    assert found.warning == ""
+
+
+def test_gaps_stay_gaps_beside_thousands(tmp_path):
+    places, path = np.where(np.arange(180).reshape(30, 6) // 3 % 7 == 2, np.nan, PLACES), tmp_path / "a.trc"
+    for gap in ("", "NaN", "0.00"):
+        path.write_text(text_of("a.trc", "en", places).replace("nan", gap))
+        found = read_marker_tracks(path).positions.reshape(30, 6)
+        assert found == pytest.approx(np.round(places, 2) / 1000, abs=1e-9, nan_ok=True)
+
+
+def spanish(value):
+    """1234,50 and 12.345,60."""
+    return in_style("de")(value).replace(".", "", int(abs(value) < 1e4))
+
+
+def test_languages_that_separate_thousands_from_10000_on_are_read(tmp_path):
+    """As in Spanish and Polish."""
+    path, places = tmp_path / "a.trc", 8 * PLACES
+    path.write_text(text_of("a.trc", "de", places, spanish))
+    assert re.search(r"\t\d{4},", path.read_text())
+    assert re.search(r"\t\d\d\.\d{3},", path.read_text())
+    found = read_marker_tracks(path)
+    assert found.positions.reshape(30, 6) == pytest.approx(np.round(places, 2) / 1000, abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [",", "\u202f"])
+def test_frame_numbers_with_thousands_separators_count_on(tmp_path, sign):
+    """The positions have none, and decimal points."""
+    path = tmp_path / "a.trc"
+    lines = files(",", PLACES / 10, lambda value: f"{value:.2f}")["a.trc"].splitlines()
+    lines[5:] = [f"{k + 990:,}".replace(",", sign) + line[len(str(k)) :] for k, line in enumerate(lines[5:])]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = read_marker_tracks(path)
+    assert found.positions.reshape(30, 6) == pytest.approx(np.round(PLACES / 10, 2) / 1000, abs=1e-9)
+    name = "commas" if sign == "," else "spaces"
+    assert found.warning == f"{name} were read as thousands separators, as in 1{sign}000"
+    lines[20] = lines[20].replace(f"1{sign}00", f"1{sign}50")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if sign == ",":
+        with pytest.raises(TakeError, match=f"which of them is the decimal separator\\? S{SAY_WHICH[1:]}$"):
+            read_marker_tracks(path)
+
+
+def damaged(change, at=12):
+    """A function that changes the text of one line of a file, or of all from a line on."""
+    return lambda lines: [change(line) if k in np.atleast_1d(at) else line for k, line in enumerate(lines)]
+
+
+ALL_LINES = np.arange(5, 35)
+
+
+@pytest.mark.parametrize(
+    ("style", "change", "told"),
+    [
+        ("en", damaged(lambda line: re.sub(r"(\d),(\d{3})\.(\d\d)$", r"\1.\2,\3", line)), "line 13 holds"),
+        ("en", damaged(lambda line: line.replace(",", "\u202f")), "line .* holds"),
+        ("en", damaged(lambda line: line[::-1].replace(",", "", 1)[::-1], ALL_LINES), "line .* holds"),
+        ("en", damaged(lambda line: line.replace(",", "", 5), np.arange(8, 35)), "line .* holds"),
+        ("en", damaged(lambda line: line.replace(",", "", 6), np.arange(7, 35)), "line .* holds"),
+        ("en", damaged(lambda line: line.replace("1,", "1,2", 1)), "line 13 holds '1,2"),
+        ("fr", damaged(lambda line: line.replace("\u202f", " 2", 1)), "line 13 holds '"),
+    ],
+    ids=["other-decimal", "other-sign", "some-unparted", "most-unparted", "two-lines", "four-digits", "after-space"],
+)  # fmt: skip
+def test_a_file_that_no_reading_explains_is_refused_with_the_line(tmp_path, style, change, told):
+    path = tmp_path / "a.trc"
+    lines = text_of("a.trc", style).splitlines()
+    path.write_text("\n".join(change(lines)) + "\n", encoding="utf-8")
+    with pytest.raises(TakeError, match=told):
+        read_marker_tracks(path)
+
+
+def test_two_numbers_that_a_lost_tab_joins_are_no_thousands(tmp_path):
+    """Every line whose tab became a comma has a cell too few."""
+    path = tmp_path / "a.trc"
+    lines = files(",", PLACES / 10, lambda value: f"{value:.2f}")["a.trc"].splitlines()
+    lines[10:20] = [
+        re.sub(r"\t(\d{3}\.\d\d)$", r",\1", re.sub(r"\d+\.\d\d\t(\S+)$", r"7\t\1", one)) for one in lines[10:20]
+    ]
+    assert lines[10].split("\t")[-1].startswith("7,")
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(TakeError, match="line 11 "):
+        read_marker_tracks(path)
+
+
+def test_a_stated_count_with_a_thousands_separator_is_read(tmp_path):
+    """A count is whole, so 1,030 is never 1."""
+    path = tmp_path / "a.trc"
+    text = files(",", PLACES / 10, lambda value: f"{value:.2f}")["a.trc"]
+    for count in ("1,030", "1.030", "1\u202f030", "1'030"):
+        path.write_text(text.replace("\t30\t", f"\t{count}\t"), encoding="utf-8")
+        with pytest.raises(TakeError, match="holds 30 of the 1030 frames that it states"):
+            read_marker_tracks(path)
+    path.write_text(text.replace("\t30\t", "\t30.5\t"))
+    with pytest.raises(TakeError, match=r"its number of frames is '30\.5', no whole number"):
+        read_marker_tracks(path)
+    path.write_text(text.replace("\t30\t", "\t30.0\t"))
+    assert read_marker_tracks(path).warning == ""

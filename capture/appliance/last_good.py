@@ -25,6 +25,7 @@ from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.toml_files import LARGEST_TOML
 from formats.whole_files import make_folders, write_whole
 
 IN_SPOOL = "last-good.json"
@@ -85,7 +86,9 @@ def possible_spools(path: Path) -> list[Path]:
     """
     usual = SpoolPart().folder
     try:
-        found = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
+        with path.open("rb") as file:  # another file given by mistake may be larger than the memory
+            text = file.read(LARGEST_TOML).decode()
+        found = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", text, re.MULTILINE)
     except (OSError, ValueError):
         return [usual]
     return [path.absolute().parent / (found[1] or found[2]), usual] if found else [usual]

@@ -129,6 +129,13 @@ def test_without_an_earlier_configuration_a_bad_one_is_an_error(file):
         load_or_last_good(file)
 
 
+def test_a_configuration_larger_than_the_memory_is_refused_in_one_sentence(file):
+    with file.open("wb") as opened:
+        opened.truncate(1 << 42)  # a sparse file of 4 TB takes no room on the disk
+    with pytest.raises(DescriptionError, match="has more than 1048576 bytes, which no such file has"):
+        load_or_last_good(file)
+
+
 def test_a_last_good_copy_that_was_spoilt_is_not_taken(file):
     load_or_last_good(file)
     kept = copy_of(file)

@@ -124,6 +124,8 @@ def _is_refused(folder, answers):
         Spool(folder).begin()
     except SpoolError as error:
         answers.put(str(error))
+    else:
+        answers.put("it records")
 
 
 def test_one_process_records_and_another_may_look(spool):

@@ -6,24 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from formats.rows import aligned
-
-_HTML = """\
-{%- for table in tables %}
-<table>
-{%- if table.heads %}
-<thead><tr>{% for head in table.heads %}<th>{{ head }}</th>{% endfor %}</tr></thead>
-{%- endif %}
-<tbody>
-{%- for row in table.rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
-{%- endfor %}
-</tbody>
-</table>
-{%- for line in table.remarks %}
-<p>{{ line }}</p>
-{%- endfor %}
-{%- endfor %}
-"""
+from formats.templating import environment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +34,4 @@ def as_text(tables: Iterable[Table]) -> str:
 
 def as_html(tables: Iterable[Table]) -> str:
     """Return tables as HTML, every cell escaped."""
-    from jinja2 import Environment
-
-    return Environment(autoescape=True).from_string(_HTML).render(tables=list(tables))
+    return environment("fit.api", ".", trims_lines=True).get_template("tables.html.j2").render(tables=list(tables))

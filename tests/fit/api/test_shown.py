@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import msgspec
 
 from fit.api.results import Simulation
 from fit.api.shown import diagnosis_tables, effect_table, fit_tables
-from fit.api.tables import as_text
+from fit.api.tables import Table, as_html, as_text
 from fit.recordings.intact import describe_missing
 from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import diagnosis, fit_result
@@ -78,3 +79,9 @@ def test_a_simulation_with_a_fit_prints_no_value_that_the_fit_does_not_identify(
     assert rows["shear_stiffness"] == ["30"]
     assert shown.to_dict()["not_identified"] == ["stretch_stiffness"]
     assert shown.to_dict()["parameters"]["stretch_stiffness"] == 100.0
+
+
+def test_a_cell_of_html_shows_markup_and_control_codes_as_text():
+    """A notebook shows names of old takes, which may hold codes of a terminal."""
+    shown = as_html([Table(heads=("<b>",), rows=(("a\x1b[31m",),), remarks=("r\x07 & s",))])
+    assert re.findall(r"<(?:th|td|p)>(.*?)</", shown) == ["&lt;b&gt;", r"a\x1b[31m", r"r\x07 &amp; s"]

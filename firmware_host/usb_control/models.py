@@ -41,7 +41,7 @@ _PS1080 = Model(
     name="PrimeSense PS1080 (Carmine, Xtion)", protocol=Protocol.PS1080, openni2_driver="PS1080"
 )  # fmt: skip
 _PSLINK = Model(name="PrimeSense PSLink (Carmine 1.25 and relatives)", openni2_driver="PSLink")
-_ORBBEC = Model(name="Orbbec Astra")
+_ASTRA = Model(name="Orbbec Astra")
 
 MODELS: dict[tuple[int, int], Model] = {
     **{(PRIMESENSE, product): _PS1080 for product in (0x0200, 0x0300, 0x0400, 0x0401, 0x0500, 0x0600, 0x0601, 0x0609)},
@@ -53,5 +53,5 @@ MODELS: dict[tuple[int, int], Model] = {
     (MICROSOFT, 0x02BB): Model(name="Kinect for Windows audio", is_camera=False),
     (MICROSOFT, 0x02BE): Model(name="Kinect for Windows audio", is_camera=False),
     (MICROSOFT, 0x02C3): Model(name="Kinect for Windows audio", is_camera=False),
-    **{(ORBBEC, product): _ORBBEC for product in (0x0401, 0x0402, 0x0403, 0x0404, 0x0407)},
+    **{(ORBBEC, product): _ASTRA for product in (0x0401, 0x0402, 0x0403, 0x0404, 0x0407)},
 }

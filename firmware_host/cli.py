@@ -176,7 +176,9 @@ def synthesise_silhouette(
         float, typer.Option("--depth-scale", help="Relative error of depth; above 0: too long.")
     ] = 0.0,
     skewed: Annotated[float, typer.Option("--skewed", help="Share of the frames with a skewed grid.")] = 0.0,
-    eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Width of the invisible border.")] = 0.0,
+    eroded: Annotated[
+        float, typer.Option("--eroded", metavar="METRES", help="Width of the cloth's border that the camera misses.")
+    ] = 0.0,
     eaten: Annotated[
         float,
         typer.Option(

@@ -119,7 +119,7 @@ def refuse_unfinished(file: Path) -> None:
     if kept.exists():
         raise FitError(
             f"holds an unfinished {'fit' if command == 'fit' else 'diagnosis'}, {kept.name}", where=file.parent,
-            advice=f"run the same `hangtime {command}` again: it goes on where it was",
+            advice=f"run the same `hangtime {command}` again; the command continues from its last finished step",
         )  # fmt: skip
 
 

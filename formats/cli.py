@@ -73,7 +73,7 @@ def import_recordings(
                      "1,234 may be 1234 or 1.234; the import then asks for it."),
     ] = None,
     subject: Annotated[
-        str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
+        str, typer.Option("--subject", help="Subject to import, if several share names of markers (motion capture).")
     ] = "",
     hanger: Annotated[
         Path | None,

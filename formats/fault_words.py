@@ -94,7 +94,9 @@ def _left(state: LeftState, prepared: str, name: str) -> str:
     """Return the next step for a description that an import left under its unfinished name."""
     if state == "unreadable":
         return f"{prepared}, which an import left beside it, cannot be read; get the permission to read it"
-    return f"its import ended before {name} beside it was the take's own; rename {prepared} to {name}, or remove it"
+    return (
+        f"its import ended before it replaced {name} beside the take; rename {prepared} to {name}, or remove {prepared}"
+    )
 
 
 def of_another(report: TakeReport) -> str:

@@ -62,7 +62,7 @@ def noted_doubts(notes: Mapping[str, str]) -> list[str]:
 
 def _span(begin: float, end: float) -> str:
     if math.isinf(begin):
-        return f"what was before {end:.2f} s"
+        return f"all frames before {end:.2f} s"
     return f"from {begin:.2f} s on" if math.isinf(end) else span_words(begin, end)
 
 

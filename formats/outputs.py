@@ -80,9 +80,7 @@ def check_stem(name: str) -> None:
         OutputError: the name is empty or has a slash.
     """
     if not name or "/" in name:
-        raise OutputError(
-            f"the name {name!r} is none that a file can have", where="--name", advice="give one without a slash"
-        )
+        raise OutputError(f"no file can have the name {name!r}", where="--name", advice="give one without a slash")
 
 
 def refuse_to_replace(

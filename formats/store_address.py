@@ -145,7 +145,7 @@ def _setting_refused(text: str, config: Mapping[str, str]) -> tuple[str, str] | 
             "set GOOGLE_SERVICE_ACCOUNT to its path",
         )
     if "decode service account" in text:
-        return ("what is given for Google's service account is none", "give its JSON file in GOOGLE_SERVICE_ACCOUNT")
+        return ("the service account for Google is invalid", "give its JSON file in GOOGLE_SERVICE_ACCOUNT")
     return None
 
 

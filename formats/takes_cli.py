@@ -80,7 +80,7 @@ def list_takes(
 
 def show_takes(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap), or what one left (.partial).")
+        list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap), or interrupted ones (.partial).")
     ],
     plot: Annotated[
         Path | None,

@@ -267,7 +267,10 @@ def test_an_old_fit_is_simulated_on_the_usual_mesh_and_says_so(takes, fitted):
         (lambda take: hangtime.simulate(take, {7: 1.0}), "^parameters: there is no parameter named 7; known"),
         (lambda take: hangtime.simulate(take, {"velocity_damping": "a"}), "^velocity_damping: is of the kind str"),
         (lambda take: hangtime.simulate(take, {"velocity_damping": math.nan}), "= nan is outside its range"),
-        (lambda take: hangtime.report(hangtime.load(take), "r.html"), "^outcome: is of the kind Take; give what `fit`"),
+        (
+            lambda take: hangtime.report(hangtime.load(take), "r.html"),
+            "^outcome: is of the kind Take; give a result of",
+        ),
         (lambda take: hangtime.export(take, "csv", "a.csv"), "is a binary file, and no result"),
         (lambda take: hangtime.export(None, "csv", "a.csv"), "^outcome: is None; give the path of a file"),
     ],

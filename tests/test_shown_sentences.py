@@ -44,8 +44,13 @@ def texts_of_template(source: str) -> Iterator[tuple[int, str]]:
 
 
 def faults_shown(texts: Iterator[tuple[int, str]]) -> list[str]:
-    """Lines and beginnings of the sentences that break a rule, in texts that are no markup."""
-    return faults_of((line, DEFINITION.sub("\n\n", text)) for line, text in texts if not MARKUP.search(text))
+    """Lines and beginnings of the sentences that break a rule, in texts that are no markup.
+
+    An error's words begin behind its place, in lower case, and may not begin with a "what" clause either.
+    """
+    plain = [(line, DEFINITION.sub("\n\n", text)) for line, text in texts if not MARKUP.search(text)]
+    clauses = [f"line {line}, a clause: {text[:60]}" for line, text in plain if re.match(r"what(?:ever)? \S", text)]
+    return faults_of(plain) + clauses
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -78,11 +83,13 @@ def test_a_long_message_a_clause_and_a_long_note_of_a_template_are_found() -> No
     many = " ".join(["word"] * 23)
     source = (
         f'"""{many} {many}"""\nA = "What is cut."\nB = f"{many} {{A}} and" " on."\nC = "own: {many}. none: {many}."\n'
-        f'D = "Go on; what is cut stays."\nE = "{many}\\nto the end."\nF = "import re\\n{many} <p>{many}"\n'
+        f'D = "Go on; what is cut stays."\nG = "what was cut can be read"\nH = "what"\n'
+        f'E = "{many}\\nto the end."\nF = "import re\\n{many} <p>{many}"\n'
     )
     assert faults_shown(strings(ast.parse(source))) == [
         "line 2, 3 words: What is cut.", f"line 3, 26 words: {many[:60]}",
-        "line 5, 6 words: Go on; what is cut stays.", f"line 6, 26 words: {many[:60]}",
+        "line 5, 6 words: Go on; what is cut stays.", f"line 8, 26 words: {many[:60]}",
+        "line 6, a clause: what was cut can be read",
     ]  # fmt: skip
     template = f'<p aria-label="{many} {{{{ a }}}} and on.">{{% if b %}}What is cut.{{% endif %}}</p>'
     assert [fault.split(":")[0] for fault in faults_shown(texts_of_template(template))] == [

@@ -232,7 +232,7 @@ class Appliance:
         else:
             error = SensorStalledError(
                 f"the sensor has sent no frame for {silent:.1f} s", where=info.uri,
-                advice="check its cable; it is tried again",
+                advice="check the sensor's cable; the recorder tries the sensor again",
             )  # fmt: skip
             if self.faults.set("sensor_silent", self._blamed(error, now), now):
                 LOG.warning("%s", error)

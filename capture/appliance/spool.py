@@ -146,7 +146,7 @@ class Spool:
         return self._give_name(running.sequence, finished, facts)  # its writer synced it before it had this name
 
     def salvage(self) -> list[KeptTake]:
-        """Keep what a crash left, and remove what it left over; returns the takes that were kept by this.
+        """Keep the takes that a crash interrupted, and remove all other unfinished files; return the kept takes.
 
         Raises:
             SpoolError: another process records here, or no number is left, after what was found is kept.

@@ -247,7 +247,7 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str, cause: BaseExce
         return OutputError(what, where=writer.path, advice=advice)
     writer.keep()
     return OutputError(
-        what, where=writer.partial, advice="what was recorded until then can be read with `hangtime takes show`"
+        what, where=writer.partial, advice="`hangtime takes show` shows the frames that were recorded until then"
     )
 
 

@@ -25,10 +25,11 @@ def doctor(
         ),
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option("--rig", metavar="RIG.toml", help="Whose markers must be visible.")
+        Path | None, typer.Option("--rig", metavar="RIG.toml", help="Rig; its markers must be visible.")
     ] = None,
     device: Annotated[
-        str | None, typer.Option("--device", metavar="BUS:ADDRESS", help="Which of several sensors to look at.")
+        str | None,
+        typer.Option("--device", metavar="BUS:ADDRESS", help="Sensor to check, as `hangtime sensor list` shows it."),
     ] = None,
     anyway: Anyway = False,
 ) -> None:

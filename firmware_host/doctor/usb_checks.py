@@ -86,7 +86,10 @@ def driver_is_there(examination: Examination) -> Finding:
     if file is None:
         return problem(f"OpenNI2's driver lib{name}.so is not installed", openni2_library.INSTALL_ADVICE)
     if camera is not None and camera.kernel_driver:
-        return problem("a driver of the kernel holds the sensor", "`lsusb -t` names it, `sudo modprobe -r` removes it")
+        return problem(
+            "a driver of the kernel holds the sensor",
+            "`lsusb -t` names the driver, and `sudo modprobe -r` removes the driver",
+        )
     return ok(f"OpenNI2 and its driver {file.name}")
 
 

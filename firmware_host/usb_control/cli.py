@@ -11,7 +11,7 @@ from formats.telling import tell
 
 Place = Annotated[
     str | None,
-    typer.Option("--device", metavar="BUS:ADDRESS", help="Which one, as `hangtime sensor list` shows it."),
+    typer.Option("--device", metavar="BUS:ADDRESS", help="Sensor to use, as `hangtime sensor list` shows it."),
 ]
 
 
@@ -30,7 +30,7 @@ def info(device: Place = None) -> None:
     from firmware_host.usb_control.report import information, place_lines, tell_sensor
 
     found = devices.find_devices()
-    for chosen in devices.choose(found, (Protocol.PS1080, Protocol.KINECT_MOTOR), "what it knows of itself", device):
+    for chosen in devices.choose(found, (Protocol.PS1080, Protocol.KINECT_MOTOR), "its properties", device):
         tell_sensor(chosen.model.name, place_lines(chosen) + information(chosen))
 
 

@@ -263,10 +263,10 @@ def report(
     from fit.report.kept import place_beside
     from fit.runtime import one_thread_of_algebra
 
-    check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "what `fit` or `diagnose` returned")
+    check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "a result of `fit` or `diagnose`")
     path, first = path_of(path, "path"), outcome.training[0] if outcome.training else None
     if fit is not None:
-        check_kind(fit, "fit", FitOutcome, "what `fit` returned")
+        check_kind(fit, "fit", FitOutcome, "a result of `fit`")
     findings = outcome.findings if isinstance(outcome, DiagnosisOutcome) else None
     if findings is not None and fit is not None and not findings.takes.are_of(fit.result):
         raise FitError("is of other takes", where="fit", advice="fit these takes first, or leave it out")

@@ -181,7 +181,7 @@ def animate_command(
         typer.Option("--bvh", metavar="FILE", help="The figure moves as this BVH file says, after two seconds' lead."),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option("--speed", help="Speed of a walk by rule [m/s].", show_default="1.2")
+        float | None, typer.Option("--speed", help="Speed of the computed walk [m/s].", show_default="1.2")
     ] = None,
     height: Annotated[
         float | None, typer.Option("--height", help="Height of the figure [m].", show_default="1.7")
@@ -220,7 +220,9 @@ def animate_command(
     is_worn = bool(figure or bvh)
     _refuse_unused("--wear", wear, "only a figure wears a garment", "--figure walk", is_used=is_worn)
     _refuse_unused("--wear", wear, "the take has a garment", "no --take", is_used=take is None)
-    _refuse_unused("--speed", speed, "a walk by rule has a speed", "--figure walk", is_used=is_worn and bvh is None)
+    _refuse_unused(
+        "--speed", speed, "only a computed walk has a speed", "--figure walk", is_used=is_worn and bvh is None
+    )
     _refuse_unused("--height", height, "a figure has a height", "--figure walk", is_used=is_worn)
     _refuse_unused(
         "--seconds", seconds, "a take lasts as long as it does", "--motion or --figure", is_used=is_worn or bool(motion)

@@ -57,8 +57,8 @@ Progress = Callable[[int, int, float], None]
 
 CHECKPOINT_EVERY = 10.0  # s; our choice: a crash loses ten seconds of a search of minutes, half and double untried
 TOO_SHORT = (
-    "Warning: 90 % intervals of this search are too short, and it may call parameters identified that are not: it "
-    "explores one local minimum. Where they matter, use --search least-squares."
+    "Warning: this search explores one local minimum. So its 90 % intervals are too short, and parameters that it "
+    "calls identified may not be identifiable. Where intervals matter, use --search least-squares."
 )
 FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "

@@ -67,7 +67,7 @@ def _short(one: CameraFinding) -> str:
         low, high = one.interval or (one.figure, one.figure)
         return f"stamps {_late(one.figure)} [{low:.3f} to {high:.3f} s]"
     return {
-        "publish_time": f"stamps of when frames were published, {one.figure:.2f} of the interval before them",
+        "publish_time": f"time stamps that are late by {one.figure:.2f} of the excess of the frame interval",
         "frame_offsets": f"whole frames that are off by {1e3 * one.figure:.0f} mm rms",
         "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",

@@ -63,7 +63,7 @@ def results_in(folder: Path) -> Results:
 
 def _foreign(file: Path, its: list[str], whose: str, others: list[str]) -> str:
     named = f"{', '.join(its)}; the {whose} is of {', '.join(others)}" if its != others else "under the same names"
-    return plain(f"{file} is of other takes than the {whose} ({named}): it is left out.")
+    return plain(f"{file} is of other takes than the {whose} ({named}): the report leaves out {file.name}.")
 
 
 def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, list[ReportMotion]]:

@@ -162,8 +162,8 @@ def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
     [
         ("mine", "take", r"mine: cannot be made or written to \(File exists\)"),
         ("/proc", "take", r"/proc/take.oni: cannot be written \(.*\); choose another folder: this one takes no"),
-        ("new", "a/b", "--name: the name 'a/b' is none that a file can have"),
-        ("new", "", "--name: the name '' is none that a file can have"),
+        ("new", "a/b", "--name: no file can have the name 'a/b'"),
+        ("new", "", "--name: no file can have the name ''"),
     ],
 )
 def test_a_path_where_no_recording_can_be_is_reported_before_the_world_is_simulated(

@@ -206,7 +206,7 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
     fitted = hangtime_here("fit", *words, "--search", "annealing", folder=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert "Fitting to a; judging on the same, as none is held out." in fitted.stderr
-    assert "90 % intervals of this search are too short" in fitted.stdout
+    assert "its 90 % intervals are too short" in fitted.stdout
     assert "minimised" not in fitted.stdout
     assert "90 % interval, if the model holds" in fitted.stdout
     assert "neither missing physics nor the mesh's error" in fitted.stdout

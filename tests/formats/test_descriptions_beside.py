@@ -200,8 +200,8 @@ def test_a_users_files_beside_a_take_are_not_replaced_by_files_of_a_killed_impor
     assert settle(tmp_path) == []
     assert os.lstat(tmp_path / "rig.toml") == before
     assert told_of(tmp_path / "a.mcap") == [
-        "its import ended before rig.toml beside it was the take's own; rename a.rig.toml.partial to rig.toml, or "
-        "remove it"
+        "its import ended before it replaced rig.toml beside the take; rename a.rig.toml.partial to rig.toml, or "
+        "remove a.rig.toml.partial"
     ]
     (tmp_path / "rig.toml").unlink()
     assert settle(tmp_path) == [tmp_path / "rig.toml"]

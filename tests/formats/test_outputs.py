@@ -54,7 +54,7 @@ def test_a_stem_of_names_is_not_empty_and_has_no_slash():
     for name in ("", "a/b", "/"):
         with pytest.raises(OutputError) as refused:
             check_stem(name)
-        assert str(refused.value) == f"--name: the name {name!r} is none that a file can have; give one without a slash"
+        assert str(refused.value) == f"--name: no file can have the name {name!r}; give one without a slash"
     for name in ("swing", ".", "a b"):
         check_stem(name)
 

@@ -213,7 +213,7 @@ def test_a_server_without_tls_that_is_not_allowed_is_no_server_that_does_not_ans
          "account is not in base64; copy AZURE_STORAGE_ACCOUNT_KEY again, all of it"),
         ("gs://b/x", {"GOOGLE_SERVICE_ACCOUNT": "/absent"}, "the file of Google's service account cannot be opened: "
          "/absent: No such file or directory; set GOOGLE_SERVICE_ACCOUNT to its path"),
-        ("gs://b/x", {"GOOGLE_SERVICE_ACCOUNT_KEY": "{"}, "what is given for Google's service account is none; give "
+        ("gs://b/x", {"GOOGLE_SERVICE_ACCOUNT_KEY": "{"}, "the service account for Google is invalid; give "
          "its JSON file in GOOGLE_SERVICE_ACCOUNT"),
     ],
 )  # fmt: skip

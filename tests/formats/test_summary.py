@@ -176,7 +176,7 @@ def test_a_summary_names_what_was_calibrated_and_nothing_else(known, words):
         ((), ""),
         (((12.0, 13.5),), "2.00 to 3.50 s"),
         (((12.0, np.inf),), "from 2.00 s on"),
-        (((-np.inf, 12.0),), "what was before 2.00 s"),
+        (((-np.inf, 12.0),), "all frames before 2.00 s"),
         (((14.028, 14.032), (16.0, 17.0)), "at 4.03 s and 6.00 to 7.00 s"),
         (((11.0, 12.0), (13.0, 14.0), (15.0, np.inf)), "1.00 to 2.00 s, 3.00 to 4.00 s and from 5.00 s on"),
         (((8.0, 9.0), (11.0, 12.0)), "0.00 to 1.00 s and 3.00 to 4.00 s"),  # before the first frame that is left

@@ -256,7 +256,7 @@ def test_the_command_writes_a_gif(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--motion", "twist", "--speed", "1.0"], "--speed: changes nothing here: a walk by rule has a speed"),
+        (["--motion", "twist", "--speed", "1.0"], "--speed: changes nothing here: only a computed walk has a speed"),
         (["--motion", "twist", "--height", "1.6"], "--height: changes nothing here: a figure has a height"),
         (["--bvh", "a.bvh", "--speed", "1.0"], "--speed: changes nothing here"),
         (["--seconds", "3"], "--seconds: changes nothing here: a take lasts as long as it does"),

@@ -70,8 +70,8 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
         assert finding.take_ids == (["b"] if finding.figure == 0.03 and finding.name == "latency" else ["a"])
         assert not finding.is_fault
     assert camera_clause(told) == (
-        " Taken out before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]; stamps of when frames were "
-        "published, 0.80 of the interval before them; 5 % skewed grids; a held edge 5 mm from where the path has it; "
+        " Taken out before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]; time stamps that are late by "
+        "0.80 of the excess of the frame interval; 5 % skewed grids; a held edge 5 mm from where the path has it; "
         "whole frames that are off by 9 mm rms; points that slide over the cloth, by 5 mm rms; a border eroded by 6.0 "
         "mm; an outline that depends on pose, by 30 mm per unit of lean."
     )

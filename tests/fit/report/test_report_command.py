@@ -128,7 +128,7 @@ def test_a_fit_of_other_takes_than_the_diagnosis_is_left_out(folder, tmp_path):
     save_fit_result(folder / "fit.json", msgspec.structs.replace(fit_result(), take_ids=["elsewhere"]))
     done = hangtime_here("report", "out", folder=tmp_path)
     assert "out/fit.json is of other takes than the diagnosis (elsewhere; the diagnosis is of " in done.stderr
-    assert done.stderr.splitlines()[0].endswith("it is left out.")
+    assert done.stderr.splitlines()[0].endswith(": the report leaves out fit.json.")
     assert "kinect-skirt" not in words_of((folder / "report.html").read_text())
 
 

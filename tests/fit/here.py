@@ -10,6 +10,7 @@ import sys
 from dataclasses import dataclass
 
 from formats import command
+from formats.interrupts import forget_interruption
 
 whole = functools.cache(command.whole)  # to put a command together takes hundredths of a second
 
@@ -42,4 +43,5 @@ def hangtime_here(*words: object, folder: object) -> Done:
     finally:
         os.chdir(before)
         sys.argv, command.take_streams, command.whole = arguments, streams, anew
+        forget_interruption()  # as the end of a process does; else it would end the progress of a later test
     return Done(code if isinstance(code, int) else int(code is not None), out.getvalue(), err.getvalue())

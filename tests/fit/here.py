@@ -6,7 +6,9 @@ import contextlib
 import functools
 import io
 import os
+import signal
 import sys
+import threading
 from dataclasses import dataclass
 
 from formats import command
@@ -27,6 +29,7 @@ class Done:
 def hangtime_here(*words: object, folder: object) -> Done:
     """Run the command with these words in a folder, as its own `main` does; only its streams are left as they are."""
     before, arguments, streams, anew = os.getcwd(), sys.argv, command.take_streams, command.whole
+    handler = signal.getsignal(signal.SIGINT)
     out, err = io.StringIO(), io.StringIO()
     os.chdir(str(folder))
     sys.argv = ["hangtime", *map(str, words)]
@@ -44,4 +47,6 @@ def hangtime_here(*words: object, folder: object) -> Done:
         os.chdir(before)
         sys.argv, command.take_streams, command.whole = arguments, streams, anew
         forget_interruption()  # as the end of a process does; else it would end the progress of a later test
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, handler)
     return Done(code if isinstance(code, int) else int(code is not None), out.getvalue(), err.getvalue())

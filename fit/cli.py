@@ -159,7 +159,10 @@ def fit_command(
     Example: `hangtime fit gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from fit.api.takes import check_there
+    from fit.report.places import may_draw
 
+    if plot is not None:
+        may_draw(plot, overwrite=overwrite, takes=[*takes, *held_out], folder=out)
     check_there([*takes, *held_out])  # before the imports below, which take seconds
     from msgspec import to_builtins
 
@@ -172,13 +175,11 @@ def fit_command(
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
-    from fit.report.again import may_draw, plot_of, tiles_in_words
+    from fit.report.again import plot_of, tiles_in_words
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
     from formats.results import save_fit_result
 
-    if plot is not None:
-        may_draw(plot, overwrite=overwrite, takes=[*takes, *held_out], folder=out)
     request = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
@@ -298,7 +299,12 @@ def diagnose_command(
     Example: `hangtime diagnose gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from fit.api.takes import check_there
+    from fit.report.places import may_draw
 
+    for picture, other in ((plot, arrows), (arrows, plot)):
+        if picture is not None:
+            others = [other] if other is not None else []
+            may_draw(picture, overwrite=overwrite, takes=[*takes, *held_out], folder=out, others=others)
     check_there([*takes, *held_out])  # before the imports below, which take seconds
     from msgspec import to_builtins
 
@@ -314,15 +320,11 @@ def diagnose_command(
     from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
     from fit.recordings.ready import ready
-    from fit.report.again import may_draw, plot_of
+    from fit.report.again import plot_of
     from fit.report.gather import draw_left, write_diagnosis_report
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
-    for picture, other in ((plot, arrows), (arrows, plot)):
-        if picture is not None:
-            others = [other] if other is not None else []
-            may_draw(picture, overwrite=overwrite, takes=[*takes, *held_out], folder=out, others=others)
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)

@@ -103,10 +103,11 @@ def refuse_to_replace(
     check_length(path, [partial if path.suffix in NAMED_PARTIAL else name_of_its_own(path)])
     try:
         is_left = path.suffix == ".mcap" and is_left_over(path, instead=instead)  # takes alone are written like this
+        is_no_file = is_folder(path) or is_device(path)
     except OSError as error:
         raise unwritable(path, error) from error
     if overwrite:
-        if is_folder(path) or is_device(path):
+        if is_no_file:
             raise already_there(path, instead=instead)
     elif os.path.lexists(path):
         if text is not None and holds(path, text.encode()):
@@ -152,7 +153,11 @@ def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
         OutputError: it is one of them.
     """
     for option, path in inputs.items():
-        if out.exists() and Path(path).exists() and out.samefile(path):
+        try:
+            is_one = out.samefile(path)
+        except OSError:  # it is not there, and whoever reads or writes it says why
+            is_one = False
+        if is_one:
             raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
 
 

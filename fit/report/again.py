@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.folders import PARTIAL, refuse_unfinished
+from fit.folders import refuse_unfinished
 from fit.report.answer import fit_figures, run_names
 from fit.report.kept import created_of, load_motions
 from fit.report.motion import ReportMotion
 from fit.report.page import write_report
 from fit.report.plot import draw_plot
 from formats.diagnosis_records import Diagnosis
-from formats.errors import HangtimeError, OutputError
+from formats.errors import HangtimeError
 from formats.fit_records import FitResult
-from formats.outputs import refuse_an_input, refuse_to_replace
 from formats.plain_text import plain
 from formats.results import load_diagnosis, load_fit_result
-from formats.unfinished import ANOTHER_NAME
 from formats.whole_files import loop_words
-
-# Files of a results folder, which no picture may replace.
-RESULT_FILES = ("fit.json", "diagnosis.json", "report.html", "report.motion.npz", *PARTIAL.values())
 
 
 @dataclass(frozen=True)
@@ -87,33 +80,6 @@ def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, l
     path = out or folder / "report.html"
     write_report(path, fit=found.fit, diagnosis=found.diagnosis, motions=motions, origin=origin)
     return path, found, motions
-
-
-def may_draw(
-    picture: Path,
-    *,
-    overwrite: bool,
-    takes: Sequence[Path] = (),
-    folder: Path | None = None,
-    others: Sequence[Path] = (),
-) -> None:
-    """Check that a picture can be drawn, before the work that it is to show.
-
-    - `takes`: archives that the command reads; `folder`: of its results; `others`: further files that it writes
-
-    Raises:
-        ModuleNotFoundError: Pillow is not installed.
-        OutputError: a file exists and is not to be overwritten, or the command reads or writes it itself.
-    """
-    import PIL  # noqa: F401
-
-    refuse_an_input(picture, takes)
-    where = os.path.realpath(picture)
-    if where in {os.path.realpath(folder / name) for name in RESULT_FILES if folder is not None}:
-        raise OutputError("is a file of the results, and no picture", where=picture, advice=ANOTHER_NAME)
-    if where in map(os.path.realpath, others):
-        raise OutputError("is named by two options", where=picture, advice="give each file a name of its own")
-    refuse_to_replace(picture, overwrite=overwrite)
 
 
 def plot_of(

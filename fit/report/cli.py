@@ -43,13 +43,15 @@ def report_command(
 
     Example: `hangtime report results --plot error.png`
     """
-    from fit.report.again import may_draw, write_again
+    from fit.report.again import write_again
     from fit.report.answer import run_names
+    from fit.report.places import may_draw
     from fit.report.plot import draw_plot
-    from formats.outputs import refuse_to_replace
+    from formats.outputs import check_place, refuse_to_replace
 
     if out is not None:
         refuse_to_replace(out, overwrite=overwrite)
+        check_place(out)
     if plot is not None:
         may_draw(plot, overwrite=overwrite, folder=folder, others=[out] if out is not None else [])
     report, found, motions = write_again(folder, out)
@@ -80,11 +82,12 @@ def compare_command(
     Example: `hangtime compare results other-results`
     """
     from fit.report.compare import compare
-    from formats.outputs import refuse_to_replace, write_text
+    from formats.outputs import check_place, refuse_to_replace, write_text
     from formats.rows import aligned
 
     if out is not None:
         refuse_to_replace(out, overwrite=overwrite)
+        check_place(out)
     found = compare(paths)
     for remark in found.remarks:
         say(remark)

@@ -29,6 +29,18 @@ DOORS = [
     ("swatch gone/x.toml --mass 0.05", ABSENT.format(".toml")),
     ("calibrate --sensor none.oni --rig none.toml --out x.json", "x.json: a rig is written as TOML; give a name that"),
     ("calibrate --sensor none.oni --rig none.toml --out gone/x.toml", ABSENT.format(".toml")),
+    (
+        f"calibrate --sensor none.oni --rig none.toml --out {'n' * 300}.toml",
+        "(File name too long)",
+    ),
+    (f"record --sensor none.oni --rig none.toml --garment none.toml --out {'n' * 300}.mcap", "(File name too long)"),
+    ("swatch damaged.mcap/x.toml --mass 0.05 --overwrite", "x.toml: cannot be written (Not a directory)"),
+    ("fit damaged.mcap --out results --plot gone/x.png", ABSENT.format(".png")),
+    ("diagnose damaged.mcap --out results --plot gone/x.png", ABSENT.format(".png")),
+    ("diagnose damaged.mcap --out results --arrows damaged.mcap/x.png --overwrite", "written (Not a directory)"),
+    ("report none --plot gone/x.png", ABSENT.format(".png")),
+    ("report none --out gone/x.html", ABSENT.format(".html")),
+    ("compare none none --out gone/x.html", ABSENT.format(".html")),
     ("record --sensor none.oni --rig none.toml --garment none.toml --out gone/x.mcap", ABSENT.format(".mcap")),
 ]
 
@@ -87,3 +99,10 @@ def test_a_picture_is_drawn_of_one_take(tmp_path):
     done = hangtime_here("takes", "show", "a.mcap", "b.mcap", "--plot", "x.png", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hangtime: --plot: draws one take; give one take, or leave out --plot\n"
+
+
+def test_a_picture_in_the_folder_of_the_results_needs_no_folder_yet(tmp_path):
+    """The command makes that folder, so the first fault is that of the take."""
+    (tmp_path / "damaged.mcap").write_bytes(b"no take")
+    done = hangtime_here("fit", "damaged.mcap", "--out", "results", "--plot", "results/x.png", folder=tmp_path)
+    assert done.stderr.startswith("hangtime: damaged.mcap: is not a take archive")

@@ -11,9 +11,10 @@ import pytest
 
 from fit.errors import FitError
 from fit.report import sections
-from fit.report.again import _is_together, may_draw, results_in
+from fit.report.again import _is_together, results_in
 from fit.report.compare import _agree, _columns, _diagnosis_rows, _fit_rows, _in_order, _short, _take_rows
 from fit.report.methods import method_figures
+from fit.report.places import may_draw
 from fit.report.tables import effect_table, parameter_table
 from formats.errors import OutputError
 from formats.fit_records import Combination, ErrorFigure, FitParameter, ObjectiveFigure

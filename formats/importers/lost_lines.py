@@ -4,6 +4,11 @@ Lost bytes may begin within one line and end within a later one. Their rests may
 whole line: the time of the first line, and positions of the second. Then some coordinates lie off the straight lines
 through the two positions before. A whole line before a pause continues all trajectories, and keeps its positions.
 
+One frame misses where a step of the times is two intervals, and all later times come an interval later. A late stamp
+differs from that, since the next one is on time. Times rounded to about an interval show no single frame.
+
+Frame numbers that go on across a pause in the times show that no line was lost. The pause is reported all the same.
+
 Programs that leave out frames do so in many places, so a file with many missing frames gets no warning.
 """
 
@@ -13,14 +18,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.importers.broken_numbers import STRETCH
 from formats.importers.path_outliers import straight_lines
 
 MOST_HOLES = 3  # of a file; our choice: more are gaps that a program left
 FEWEST_TIMES = 10  # our choice: fewer do not show the interval of frames
 LONGEST_STEP_IN_TURN = 2.5  # median intervals: times rounded to 0.01 s at 99.7 frames a second have steps of 2
+LEAST_STEP_OF_TWO = 1.5  # median intervals: halfway between one and two
+FINEST_OF_INTERVAL = 0.25  # of the interval, which the digits of times must resolve; our choice: half a jump to see
+LASTING_DELAY = 0.6  # intervals; our choice: half is a late stamp at the end of the lines around, one a missing frame
+AROUND_A_STEP = 10, 3  # lines on each side; our choice: at most, and fewer than the second show no lasting delay
 FEWEST_DEVIATIONS = 8  # lines around; our choice: the largest of fewer tells little of the usual deviation
+DIGITS_OF_TIMES, SAME_STAMP = 6, 1e-3  # tried, of seconds behind the point; intervals, for the rounding of floats
 FARTHER = 2.0  # times the largest of 50 deviations; our choice: 4.5 standard deviations of noise
 
 
@@ -35,17 +45,49 @@ def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Ca
         return ""
     numbers = np.diff(first)
     are_numbered = bool((first == np.rint(first)).all()) and np.median(numbers) == 1
-    is_hole = numbers > 1 if are_numbered else steps > LONGEST_STEP_IN_TURN * np.median(steps)
-    holes = np.flatnonzero(is_hole).tolist()
+    usual = float(np.median(steps))
+    is_pause = steps > LONGEST_STEP_IN_TURN * usual
+    is_hole = numbers > 1 if are_numbered else is_pause | _are_steps_of_two(time, steps, usual)
+    holes = np.flatnonzero(is_hole | is_pause).tolist()
     if len(holes) > MOST_HOLES:
         return ""
-    joined = [at for at in holes if not _goes_on(time, positions, at, holes)]
+    seen = [at for at in holes if is_hole[at] and np.isfinite(positions[at]).any()]
+    joined = [at for at in seen if not _goes_on(time, positions, at, holes)]
     positions[joined] = np.nan
-    return "; ".join(
-        f"{_missing(first[at : at + 2], float(steps[at]), are_numbered=are_numbered)} missing behind {line(at)}"
-        + ", so its markers count as not seen" * (at in joined)
+    told = (
+        _missing(first[at : at + 2]) if are_numbered and is_hole[at] else f"{steps[at] - usual:.3g} s are"
         for at in holes
     )
+    return "; ".join(
+        f"{what} missing behind {line(at)}" + ", so its markers count as not seen" * (at in joined)
+        for at, what in zip(holes, told, strict=True)
+    )
+
+
+def _are_steps_of_two(time: Floats, steps: Floats, usual: float) -> Booleans:
+    """Return behind which lines one frame is missing, (steps,), by steps of two usual intervals [s] that last."""
+    found = np.zeros(len(steps), bool)
+    maybe = np.flatnonzero((steps >= LEAST_STEP_OF_TWO * usual) & (steps <= LONGEST_STEP_IN_TURN * usual)).tolist()
+    if not maybe or len(maybe) > MOST_HOLES or _resolution(time, usual) > FINEST_OF_INTERVAL * usual:
+        return found
+    most, fewest = AROUND_A_STEP
+    interval = float(np.median((time[most:] - time[:-most]) / most)) if len(time) > most else usual
+    for at in maybe:
+        before, after = time[max(at + 1 - most, 0) : at + 1], time[at + 1 : at + 1 + most]
+        if min(len(before), len(after)) >= fewest:
+            later = (after - interval * np.arange(len(after))).mean() - interval
+            later -= (before + interval * np.arange(len(before))[::-1]).mean()
+            found[at] = later > LASTING_DELAY * interval
+    return found
+
+
+def _resolution(time: Floats, usual: float) -> float:
+    """Return the coarsest power of ten [s] of which all times are multiples, a small one where none is."""
+    for digits in range(DIGITS_OF_TIMES):
+        coarse = 10.0**-digits
+        if (np.abs(time - coarse * np.rint(time / coarse)) < SAME_STAMP * usual).all():
+            return coarse
+    return 0.0
 
 
 def _goes_on(time: Floats, positions: Floats, at: int, holes: list[int]) -> bool:
@@ -66,9 +108,7 @@ def _goes_on(time: Floats, positions: Floats, at: int, holes: list[int]) -> bool
     return bool(is_led.any() and (off[own, is_led] <= FARTHER * usual).all())
 
 
-def _missing(around: Floats, step: float, *, are_numbered: bool) -> str:
-    """Return the missing frame numbers between two frames in words, or the missing time."""
+def _missing(around: Floats) -> str:
+    """Return the missing frame numbers between two frames in words."""
     begin, end = int(around[0]) + 1, int(around[1]) - 1
-    if not are_numbered:
-        return f"{step:.3g} s are"
     return f"frame {begin} is" if begin == end else f"frames {begin} to {end} are"

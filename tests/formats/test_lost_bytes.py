@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -112,7 +114,7 @@ def test_a_pause_in_the_times_keeps_every_position(tmp_path, name):
         head = TRC.replace("\t30\t", "\t150\t")
         (tmp_path / name).write_text(head + "".join(f"{row}\n" for row in rows).replace("nan", ""))
     found = read_marker_text(tmp_path / name, None)
-    assert found.warning == (HOLE.format("2.01 s are", 61) if name == "a.csv" else "")
+    assert found.warning == HOLE.format("2 s are", 61 if name == "a.csv" else 65)
     np.testing.assert_allclose(found.positions, where, atol=1e-6)
     np.testing.assert_allclose(found.time, time, atol=1e-6)
 
@@ -124,8 +126,38 @@ def test_times_without_numbers_of_frames_show_two_and_more(tmp_path, lost, is_re
     head = "time_s," + ",".join(f"{name}_{axis}_m" for name in "ab" for axis in "xyz") + "\n"
     text = head + "\n".join([*lines[:AT], *lines[AT + lost :]]) + "\n"
     found = read(tmp_path, text, None, "own.csv")
-    assert found.warning == (HOLE.format(f"{0.01 + lost / 100:.3g} s are", 61) if is_reported else "")
+    assert found.warning == (HOLE.format(f"{lost / 100:.3g} s are", 61) if is_reported else "")
     assert unseen(found) == []
+
+
+def own_table(times, where):
+    """Hangtime's CSV of two markers; `where` [mm], (lines, 6)."""
+    head = "time_s," + ",".join(f"{name}_{axis}_mm" for name in "ab" for axis in "xyz") + "\n"
+    lines = [",".join([time, *map("{:.4f}".format, row)]) for time, row in zip(times, where, strict=True)]
+    return head + "\n".join(lines).replace("nan", "") + "\n"
+
+
+@pytest.mark.parametrize("digits", [3, 6])
+@pytest.mark.parametrize("at", [30, AT, AT + 5, 146])
+@pytest.mark.parametrize("rate", [59.94, 99.7, 200.0])
+def test_a_line_lost_before_a_stretch_of_empty_ones_shows_by_the_times(tmp_path, digits, at, rate):
+    """Nothing was seen for ten frames from the 61st on, whose lines are there."""
+    where, kept = places(), np.arange(150) != at
+    where[AT : AT + 10] = np.nan
+    times = [f"{k / rate:.{digits}f}" for k in range(150)]
+    lines = [time for time, is_kept in zip(times, kept, strict=True) if is_kept]
+    found = read(tmp_path, own_table(lines, where[kept]), None, "own.csv")
+    told = re.fullmatch(HOLE.format(r"(0\.\d+) s are", at + 1), found.warning)
+    assert told is not None, found.warning
+    assert float(told[1]) == pytest.approx(1 / rate, abs=1.1e-3)
+    np.testing.assert_allclose(found.positions, where[kept].reshape(-1, 2, 3) / 1000, atol=1e-7)
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_late_stamps_and_rounded_times_are_no_lost_lines(tmp_path, digits):
+    late = np.arange(150) / 99.7 + 0.007 * (np.arange(150) == AT)
+    found = read(tmp_path, own_table([f"{t:.{digits}f}" for t in late], places()), None, "own.csv")
+    assert (found.warning, unseen(found)) == ("", [])
 
 
 def test_programs_that_leave_out_frames_at_many_times_lost_no_bytes(tmp_path):

@@ -14,9 +14,11 @@ from formats.plain_text import counted, sized
 
 NEEDED = 5e8  # bytes; our choice: twice the peak of a worker that fits `si` to the swatch of `tests/fit/batch/night.py`
 MEMORY = Path("/proc/meminfo")
-GROUPS = Path("/sys/fs/cgroup")  # control groups, version 2; in a container, its own group
+GROUPS = Path("/sys/fs/cgroup")  # control groups; in a container, its own group. Version 1 has a folder per controller
 OWN_GROUP = Path("/proc/self/cgroup")  # the name of this process' group below `GROUPS`, as of a service with a limit
-RECLAIMABLE = ("active_file", "inactive_file")  # lines of `memory.stat`: pages of files, which the kernel drops at need
+# The files of a group's limit and use, and the lines of `memory.stat` with the pages of files, which the kernel drops.
+VERSION_2 = ("memory.max", "memory.current", ("active_file", "inactive_file"))
+VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", ("total_active_file", "total_inactive_file"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,7 @@ class Room:
 def room_here() -> Room:
     """Return the room of this machine, container or service."""
     known = [free for ask in (_free_of_machine, _free_of_group) if (free := ask()) is not None]
-    return Room(processors=len(os.sched_getaffinity(0)), memory=min(known, default=None))
+    return Room(processors=min([len(os.sched_getaffinity(0)), *_shares()]), memory=min(known, default=None))
 
 
 def _free_of_machine() -> int | None:
@@ -62,19 +64,38 @@ def _free_of_group() -> int | None:
 
     The group of this process and those above it count. Cached pages of files are free, as in the machine's own figure.
     """
-    own = PurePosixPath("/")
-    with contextlib.suppress(OSError):
-        names = [line[3:] for line in OWN_GROUP.read_text().splitlines() if line.startswith("0::")]
-        own = PurePosixPath("/", *names)
-    found = [_left_of(GROUPS / str(group).lstrip("/")) for group in (own, *own.parents)]
+    found = [_left_of(group, *VERSION_2) for group in _groups("")]
+    found += [_left_of(group, *VERSION_1) for group in _groups("memory")]
     return min((left for left in found if left is not None), default=None)
 
 
-def _left_of(group: Path) -> int | None:
+def _shares() -> list[int]:
+    """Return the whole processors that each control group may use, one at least; a group without a limit has none."""
+    found = []
+    for controller, names in (("", ("cpu.max",)), ("cpu", ("cpu.cfs_quota_us", "cpu.cfs_period_us"))):
+        for group in _groups(controller):
+            with contextlib.suppress(OSError, ValueError, ZeroDivisionError):  # `max` is no number
+                quota, period = (int(word) for name in names for word in (group / name).read_text().split())
+                found += [max(1, quota // period)] * (quota > 0)
+    return found
+
+
+def _groups(controller: str) -> list[Path]:
+    """Return the folders of this process' control group and of those above it; '' for version 2."""
+    words = []
+    with contextlib.suppress(OSError):
+        words = [line.split(":", 2) for line in os.fsdecode(OWN_GROUP.read_bytes()).splitlines()]
+    own = [(names, path) for _, names, path in (word for word in words if len(word) == 3)]  # number, names, path
+    names, path = next((one for one in own if controller in one[0].split(",")), (controller, "/"))
+    group = PurePosixPath("/", path)
+    return [GROUPS / names / str(one).lstrip("/") for one in (group, *group.parents)]
+
+
+def _left_of(group: Path, most: str, used_now: str, reclaimable: tuple[str, ...]) -> int | None:
     with contextlib.suppress(OSError, ValueError):
-        limit, used = (int((group / name).read_text()) for name in ("memory.max", "memory.current"))
+        limit, used = (int((group / name).read_text()) for name in (most, used_now))
         with contextlib.suppress(OSError, ValueError):
             lines = (line.split() for line in (group / "memory.stat").read_text().splitlines())
-            used -= sum(int(size) for name, size in lines if name in RECLAIMABLE)
+            used -= sum(int(size) for name, size in lines if name in reclaimable)
         return min(max(0, limit - used), limit)
     return None

@@ -72,6 +72,64 @@ def test_cached_pages_of_files_are_free_memory_and_a_services_own_limit_and_its_
     assert room_here().memory == 100_000_000
 
 
+@pytest.fixture
+def limits(tmp_path, monkeypatch):
+    """Write the files of control groups; 9.2 GB are free, and this process may use eight processors."""
+    (tmp_path / "meminfo").write_text("MemAvailable:    9000000 kB\n")
+    monkeypatch.setattr(room, "MEMORY", tmp_path / "meminfo")
+    monkeypatch.setattr(room, "GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(room, "OWN_GROUP", tmp_path / "cgroup")
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)))
+
+    def write(own, files):
+        (tmp_path / "cgroup").write_bytes(own)
+        for name, text in files.items():
+            (tmp_path / "groups" / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / "groups" / name).write_text(text)
+
+    return write
+
+
+@pytest.mark.parametrize("group", ["memory", "memory/docker/7f"])
+def test_the_memory_limit_of_version_1_counts(limits, group):
+    """In a container its own group is the root of what it sees, whatever /proc calls it."""
+    files = {"limit_in_bytes": "4000000000\n", "usage_in_bytes": "3900000000\n",
+             "stat": "active_file 7\ntotal_active_file 300000000\ntotal_inactive_file 2900000000\n"}  # fmt: skip
+    limits(b"9:name=systemd:/\n4:memory:/docker/7f\n", {f"{group}/memory.{name}": text for name, text in files.items()})
+    assert room_here().memory == 4_000_000_000 - 700_000_000
+
+
+def test_no_limit_of_version_1_is_none(limits):
+    """It states the largest number of whole pages, 2^63 - 4096 (kernel, memcontrol.c)."""
+    limits(b"4:memory:/\n", {"memory/memory.limit_in_bytes": "9223372036854771712\n",
+                             "memory/memory.usage_in_bytes": "5\n"})  # fmt: skip
+    assert room_here().memory == 9_216_000_000
+
+
+@pytest.mark.parametrize(
+    ("files", "processors"),
+    [
+        ({"a/cpu.max": "250000 100000\n"}, 2),
+        ({"cpu.max": "50000 100000\n", "a/cpu.max": "max 100000\n"}, 1),
+        ({"a/cpu.max": "9900000 100000\n"}, 8),
+        ({"a/cpu.max": "max 100000\n"}, 8),
+        ({"a/cpu.max": "many\n"}, 8),
+        ({"a/cpu.max": "100000 0\n"}, 8),
+        ({"a/cpu.max": ""}, 8),
+        ({"cpu,cpuacct/b/cpu.cfs_quota_us": "300000\n", "cpu,cpuacct/b/cpu.cfs_period_us": "100000\n"}, 3),
+        ({"cpu,cpuacct/b/cpu.cfs_quota_us": "-1\n", "cpu,cpuacct/b/cpu.cfs_period_us": "100000\n"}, 8),
+    ],
+)
+def test_a_containers_share_of_the_processors_counts(limits, files, processors):
+    limits(b"3:cpu,cpuacct:/b\n0::/a\n", files)
+    assert room_here().processors == processors
+
+
+def test_a_group_whose_name_is_no_utf_8_has_its_limit(limits):
+    limits(b"0::/\xff\n", {"\udcff/memory.max": "2000000000\n", "\udcff/memory.current": "500000000\n"})
+    assert room_here().memory == 1_500_000_000
+
+
 def test_three_hundred_workers_of_one_processor_are_one_and_the_batch_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr("fit.batch.runner.room_here", lambda: Room(processors=1, memory=None))
     started = []

@@ -82,7 +82,7 @@ def test_the_files_become_a_take_of_a_silhouette(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("folder", "name", "says"), [("file", "a", "cannot be made"), ("new", "a/b", "none that a file can have")]
+    ("folder", "name", "says"), [("file", "a", "cannot be made"), ("new", "a/b", "no file can have the name")]
 )
 def test_a_folder_that_cannot_be_written_is_reported_before_the_cloth_is_simulated(
     tmp_path, monkeypatch, folder, name, says

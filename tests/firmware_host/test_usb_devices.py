@@ -132,7 +132,7 @@ def test_the_real_libusb_starts_where_it_is_installed() -> None:
 @pytest.mark.parametrize(
     ("models", "words", "says"),
     [
-        ([KinectCameraModel], "info", "Hangtime cannot ask it for what it knows"),
+        ([KinectCameraModel], "info", "Hangtime cannot ask it for its properties"),
         ([KinectMotorModel], "log", "Hangtime cannot ask it for a log"),
         ([KinectMotorModel], "reset", "Hangtime cannot ask it for a reset"),
         ([KinectMotorModel], "led purple", "no state 'purple'; choose one of off, green, red, yellow, blink-green, "),

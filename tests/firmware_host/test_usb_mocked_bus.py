@@ -186,7 +186,7 @@ def test_each_reply_on_the_wire_becomes_its_answer_or_its_error(stage: str, answ
         ),
         pytest.param("ps1080:magic", "log", "starts with 0x1234, not 0x4252", marks=IN_PROCESS),
         pytest.param(
-            "camera", "info", "Kinect v1 camera at USB 1:4: Hangtime cannot ask it for what it knows", marks=IN_PROCESS
+            "camera", "info", "Kinect v1 camera at USB 1:4: Hangtime cannot ask it for its properties", marks=IN_PROCESS
         ),
         pytest.param("motor", "log", "Kinect v1 motor at USB 1:4: Hangtime cannot ask it for a log", marks=IN_PROCESS),
         pytest.param("motor", "reset", "Hangtime cannot ask it for a reset", marks=IN_PROCESS),

@@ -134,7 +134,7 @@ def test_stamps_of_publishing_and_shifts_of_frames_are_reported_for_what_was_ret
     assert "by 35 ms rms" in shifts.sentence
     assert found(late(0.0, is_retimed=False, share=0.8, share_interval=(0.7, 0.9), deviation=0.03)) == []
     assert found(late(0.0, share=0.1, share_interval=(-0.1, 0.3))) == []
-    assert "published, 0.80 of the interval" in camera_clause([publish])
+    assert "late by 0.80 of the excess of the frame interval" in camera_clause([publish])
 
 
 def test_skewed_grids_are_reported_as_a_share_of_all_frames():

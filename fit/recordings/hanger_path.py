@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fit.errors import DriveError, ImpossiblePathError
+from fit.errors import DriveError, FitError, ImpossiblePathError
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
 from formats.findings import FEWEST_SEEN
@@ -89,6 +89,27 @@ def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
     for begin, end in gaps:
         known &= ~((instants > begin) & (instants < end + SETTLING))
     return known
+
+
+def check_sights(name: str, seen: int, left: int, *, has_gaps: bool) -> None:
+    """Refuse a recording with too few judged sightings of the garment, and name the gaps where they are the cause.
+
+    seen: sightings in the whole take; left: those that `is_known` leaves
+
+    Raises:
+        FitError: fewer than a fit needs are left.
+    """
+    if left >= FEWEST_SEEN:
+        return
+    if has_gaps and seen >= FEWEST_SEEN:
+        raise FitError(
+            f"no stretch between its gaps is long enough: {SETTLING:g} s after each gap are not judged",
+            where=name, advice="record again with both held ends in view from beginning to end",
+        )  # fmt: skip
+    raise FitError(
+        "hardly any point of the garment below the held edge was seen", where=name,
+        advice="check with `hangtime takes show`, then record again with all of the garment in view",
+    )  # fmt: skip
 
 
 def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True) -> None:

@@ -30,7 +30,7 @@ from fit.recordings.camera import (
     straightened,
 )
 from fit.recordings.grids import Grid, grid_of, length_seen
-from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
+from fit.recordings.hanger_path import check_path, check_sights, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import HeldEdge
 from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
@@ -224,8 +224,8 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         DriveError: the hanger's path has a jump, or is hardly seen.
         FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
-    origin = origin_of(take)
-    take = intact_part(take)
+    origin, whole = origin_of(take), take
+    take = intact_part(whole)
     if len(take.time) < FEWEST_SEEN:
         raise FitError(
             f"the take has {len(take.time)} frames, at least {FEWEST_SEEN} are needed",
@@ -279,12 +279,8 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     seen = frames.points if at_place is None else at_place
     seen = np.where(is_known(time, gaps)[:, None, None], seen, np.nan)
     valid = np.asarray(np.isfinite(seen).all(2))
-    if valid[:, judged].sum() < FEWEST_SEEN:
-        raise FitError(
-            "hardly any point of the garment below the held edge was seen",
-            where=take.take_id,
-            advice="check with `hangtime takes show`, then record again with all of the garment in view",
-        )
+    sights, left = int(whole.points_valid[:, judged].sum()), int(valid[:, judged].sum())
+    check_sights(take.take_id, sights, left, has_gaps=bool(gaps) or take is not whole)
     held = held_curve(held_time, held_seen, cut_off)
     on_row = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
     turn, turn_rms = on_row.turn()

@@ -9,6 +9,7 @@ from time import process_time
 import numpy as np
 import pytest
 
+from fit.errors import FitError
 from fit.recordings.intact import FRAME_FIELDS, describe_missing, intact_part
 from fit.recordings.recording import prepare
 from formats.sights import SETTLING
@@ -115,6 +116,18 @@ def test_a_take_whose_first_frames_are_lost_begins_with_cloth_of_unknown_state()
         )
         still = replace(lost, held=np.zeros_like(lost.held), points=np.ones_like(lost.points))
         assert intact_part(still).points_valid[:75].mean() > 0.9
+
+
+def test_holes_that_leave_nothing_to_judge_are_named_as_the_cause():
+    """Ten seconds, every other one of which is lost: each stretch ends before it would be judged."""
+    time = np.arange(0, 10, 1 / 20)
+    whole = swung(silhouette_sheet("material"), time, time)
+    kept = time.astype(int) % 2 == 1
+    arrays = {name: values[kept] for name in FRAME_FIELDS if (values := getattr(whole, name)) is not None}
+    spans = tuple((k - 0.05 if k else -np.inf, k + 1.0) for k in range(0, 10, 2))
+    with pytest.raises(FitError) as caught:
+        prepare(replace(whole, **arrays, missing=spans, is_complete=False))
+    assert caught.value.what == "no stretch between its gaps is long enough: 2.5 s after each gap are not judged"
 
 
 def first_part_lost():

@@ -181,11 +181,13 @@ def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
     """Check that a take's name ends in .mcap, that its folder exists, and that it is not an input file.
 
     Raises:
-        OutputError: it does not end in .mcap, the ending of takes, its folder is absent, or an input would be replaced.
+        OutputError: it is not UTF-8, does not end in .mcap, the ending of takes, its folder is absent, or an input
+            would be replaced.
     """
     from formats.errors import OutputError
-    from formats.outputs import check_is_no_input, check_place
+    from formats.outputs import check_is_no_input, check_name, check_place
 
+    check_name(out)
     if out.suffix != ".mcap":
         raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
     check_place(out)

@@ -15,9 +15,9 @@ from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitResult
+from formats.outputs import step_to_make
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
-from formats.system_causes import step_to_write
 from formats.whole_files import make_writable
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
@@ -35,7 +35,7 @@ def make_folder(folder: Path, *files: str) -> Path:
         make_writable(folder)
     except OSError as error:
         raise FitError(
-            f"cannot be used as a folder for results ({error.strerror})", where=folder, advice=step_to_write(error)
+            f"cannot be used as a folder for results ({error.strerror})", where=folder, advice=step_to_make(error)
         ) from error
     for name in files:
         if (folder / name).is_dir():

@@ -171,15 +171,16 @@ def make_output_folder(folder: Path) -> None:
         make_writable(folder)
     except OSError as error:
         raise OutputError(
-            f"cannot be made or written to ({error.strerror})", where=folder, advice=_step_in(folder, error)
+            f"cannot be made or written to ({error.strerror})", where=folder, advice=step_to_make(error)
         ) from error
 
 
-def _step_in(folder: Path, error: OSError) -> str:
-    """Return the next step for a folder that refused a file; /proc is there and refuses all as absent."""
-    if error.errno == errno.ENOENT and folder.is_dir():
-        return "choose another folder: this one takes no files"
-    return step_to_write(error)
+def step_to_make(error: OSError) -> str:
+    """Return the next step for a folder that could not be made with its parents, or refused a file.
+
+    A new name can then be absent only in a place such as /proc, which is there and refuses every name.
+    """
+    return "choose another folder: this one takes no files" if error.errno == errno.ENOENT else step_to_write(error)
 
 
 @contextlib.contextmanager
@@ -217,7 +218,7 @@ def make_parent(path: Path) -> None:
         make_folders(path.parent)
     except OSError as error:
         raise OutputError(
-            f"cannot be made ({error.strerror})", where=path.parent, advice=step_to_write(error)
+            f"cannot be made ({error.strerror})", where=path.parent, advice=step_to_make(error)
         ) from error
 
 
@@ -252,4 +253,5 @@ def write_bytes(
 
 def unwritable(path: Path, error: OSError) -> OutputError:
     """Return the error of a file that cannot be written, with a next step for its cause."""
-    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=_step_in(path.parent, error))
+    advice = step_to_make(error) if os.path.isdir(path.parent) else step_to_write(error)
+    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=advice)

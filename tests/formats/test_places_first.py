@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from fit.errors import FitError
+from fit.folders import make_folder
 from formats.archive import write_take
 from formats.errors import OutputError
 from formats.outputs import check_place
@@ -14,6 +17,7 @@ from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_take
 from tests.formats.unprivileged import hangtime_unprivileged
 
+NO_FILES = "(No such file or directory); choose another folder: this one takes no files"
 ABSENT = "gone/x{}: cannot be written (No such file or directory); make its folder first"
 PNG = "pictures are written as PNG; give a name that ends in .png"
 DOORS = [
@@ -41,6 +45,10 @@ DOORS = [
     ("report none --plot gone/x.png", ABSENT.format(".png")),
     ("report none --out gone/x.html", ABSENT.format(".html")),
     ("compare none none --out gone/x.html", ABSENT.format(".html")),
+    ("record --sensor none.oni --rig none.toml --garment none.toml --out bad\udcff.mcap", "a name that is not UTF-8"),
+    ("sensor synthesise /proc/x", f"/proc/x: cannot be made or written to {NO_FILES}"),
+    ("takes export damaged.mcap --to npz --out /proc/x/y", f"/proc/x/y: cannot be made or written to {NO_FILES}"),
+    ("report damaged.mcap --plot /proc/x.png", NO_FILES),
     ("record --sensor none.oni --rig none.toml --garment none.toml --out gone/x.mcap", ABSENT.format(".mcap")),
 ]
 
@@ -99,6 +107,13 @@ def test_a_picture_is_drawn_of_one_take(tmp_path):
     done = hangtime_here("takes", "show", "a.mcap", "b.mcap", "--plot", "x.png", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hangtime: --plot: draws one take; give one take, or leave out --plot\n"
+
+
+def test_a_folder_of_results_that_cannot_be_made_has_no_false_next_step():
+    """/proc refuses each new name as absent, so that no folder can be made first."""
+    with pytest.raises(FitError, match="cannot be used as a folder for results") as refused:
+        make_folder(Path("/proc/x"))
+    assert str(refused.value).endswith(NO_FILES)
 
 
 def test_a_picture_in_the_folder_of_the_results_needs_no_folder_yet(tmp_path):

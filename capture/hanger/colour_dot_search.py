@@ -111,7 +111,7 @@ def _judge(
     mark = np.median(colour[inside], axis=0).astype(float)
     ray = np.array([(middle[0] - sensor.cx) / sensor.fx, (middle[1] - sensor.cy) / sensor.fy, 1.0])
     fault = abs(np.log(area)) + abs(fill - 0.25 * np.pi)
-    return _Candidate(Dot(np.asarray(middle, float), diameter, mark), z * ray, _tint(mark), float(fault))
+    return _Candidate(Dot(np.array(middle), diameter, mark), z * ray, _tint(mark), float(fault))
 
 
 def _best_of_each_place(candidates: list[_Candidate]) -> list[_Candidate]:

@@ -168,7 +168,7 @@ def minimise(
 
     def evaluate(asked: list[Floats]) -> list[Floats]:
         batches = [asked[0][k : k + settings.width] for k in range(0, len(asked[0]), settings.width)]
-        return [np.concatenate([np.asarray(residuals(batch), dtype=float) for batch in batches])]
+        return [np.concatenate([residuals(batch) for batch in batches])]
 
     return side_by_side([search(start, space, prior=prior, settings=settings, jacobian=jacobian)], evaluate)[0]
 

@@ -54,7 +54,6 @@ class Tempering(RecordedSearch):
         self.current = np.tile(self.start, (chains, 1))
         self.logs = np.full(chains, np.inf)  # ln D
         self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=4)
-        self.swaps = 0
         self._turn: list[tuple[Floats, float]] = []
         self._proposed = np.empty((0, len(self.start)))
         self._draws: list[Floats] = []
@@ -111,4 +110,3 @@ class Tempering(RecordedSearch):
             if self._generator.random() < math.exp(min(gain, 0.0)):
                 self.current[[k, k + 1]] = self.current[[k + 1, k]]
                 self.logs[[k, k + 1]] = self.logs[[k + 1, k]]
-                self.swaps += 1

@@ -133,6 +133,14 @@ def test_objects_of_the_same_colour_but_another_size_are_no_dots():
     assert sight.positions == pytest.approx(MIDDLE + SIDES, abs=8e-3)
 
 
+def test_specks_of_a_dots_colour_above_it_hide_no_dot():
+    """Components are numbered from the top: specks of 3 x 3 px come first and are too small."""
+    depth, colour = view(*dots())
+    for left, tone in zip((4, 14), (RED, GREEN), strict=True):
+        colour[2:5, left : left + 3] = tone
+    assert DotTracker(RIG).track(colour, depth, 0.0).positions == pytest.approx(MIDDLE + SIDES, abs=8e-3)
+
+
 def test_a_dot_that_is_partly_covered_is_marked_and_not_guessed():
     """A finger over 45 % of the left dot: its visible part's middle would be 3 mm off."""
     tracker = DotTracker(RIG)

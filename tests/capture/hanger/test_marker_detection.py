@@ -80,3 +80,12 @@ def test_three_markers_of_other_ids_are_named_in_order():
     image = np.concatenate([picture(60), picture(60, ids=(4, 7))], axis=0)
     said = seen_otherwise(image, msgspec.structs.replace(HANGER, ids=(2, 3)))
     assert said == "markers 0, 1, 4 and 7 are seen: set the rig's hanger.ids"
+
+
+def test_a_window_without_its_marker_and_one_beside_the_picture_have_no_corners():
+    detector = MarkerDetector("DICT_4X4_50", (0, 1))
+    image = picture(30)
+    for middle in ([40.0, 40.0], [-400.0, 40.0]):
+        corners = detector.in_window(image, 0, np.array(middle), 30.0, 30.0)
+        assert corners.shape == (4, 2)
+        assert np.isnan(corners).all()

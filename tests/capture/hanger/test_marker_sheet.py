@@ -89,6 +89,22 @@ def test_both_scale_bars_are_a_hundred_millimetres_between_ticks_of_four():
     assert sorted(lengths) == [4.0, 4.0, 4.0, 4.0, 100.0, 100.0]
 
 
+def test_both_scale_bars_end_in_the_lower_corners_between_the_margins():
+    """Printers leave 15 mm of A4, 210 x 297 mm; a tick of 4 mm reaches 2 mm to either side of its bar."""
+    lines = ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.05)).iter(SVG + "line")
+    ends = [tuple(float(line.get(name)) for name in ("x1", "y1", "x2", "y2")) for line in lines]
+    assert ends == [
+        (15, 282, 115, 282), (15, 280, 15, 284), (115, 280, 115, 284),
+        (195, 182, 195, 282), (193, 182, 197, 182), (193, 282, 197, 282),
+    ]  # fmt: skip
+
+
+def test_a_refused_id_names_the_option_and_the_ids_that_are_there():
+    with pytest.raises(UntrackableError) as refused:
+        draw_sheet("DICT_4X4_50", [0, 50], 0.05)
+    assert str(refused.value) == "--ids: there is no marker 50 in DICT_4X4_50; use ids from 0 to 49"
+
+
 @pytest.mark.parametrize(
     ("ids", "size", "sentence"),
     [

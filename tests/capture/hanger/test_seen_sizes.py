@@ -83,3 +83,11 @@ def test_depth_at_the_end_of_its_bits_is_no_distance_and_a_wrong_length_of_the_r
     assert told == "depth at the markers is 65535, the end of its 16 bits and no distance; record depth in millimetres"
     assert wrong_unit(drawn(0, 1), DEPTH, stated(marker_size_m=0.006)) == ""
     assert wrong_unit(drawn(0), np.full_like(DEPTH, 72), stated()) == ""
+
+
+def test_depth_at_the_nearest_distance_is_no_distance():
+    """Sensors write small values where they measure nothing: 300 mm is left out and 301 mm counts."""
+    depth = np.full_like(DEPTH, 300)
+    assert sizes_seen(drawn(0, 1), depth, stated()) is None
+    depth[::2] = 301
+    assert sizes_seen(drawn(0, 1), depth, stated())[0] == pytest.approx(24 * 0.301 / 288, rel=0.05)

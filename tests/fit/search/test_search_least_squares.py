@@ -94,10 +94,16 @@ def test_a_search_far_above_the_known_cost_is_stopped_after_a_few_steps():
 
 @pytest.mark.parametrize(
     ("history", "is_hopeless"),
-    [((500, 400, 300, 200, 150, 109), False), ((500, 400, 300, 200, 150, 111), True), ((200, 150, 130, 111), False)],
+    [
+        ((500, 400, 300, 200, 150, 109), False),
+        ((500, 400, 300, 200, 150, 111), True),
+        ((200, 150, 130, 111), False),
+        ((200, 198), False),
+        ((200, 199), True),
+    ],
 )
 def test_a_search_that_falls_is_given_up_a_tenth_above_the_known_cost_and_after_four_steps(history, is_hopeless):
-    """Of a known cost of 100."""
+    """Of a known cost of 100; a fall by a hundredth is no slow one."""
     one = _Search(box([0], [1]), None, LeastSquaresSettings(known_cost=100.0))
     assert one._is_hopeless(list(history), has_moved=True) == is_hopeless
 
@@ -144,6 +150,38 @@ def test_an_optimum_beyond_the_bounds_ends_exactly_on_its_bound():
 def test_a_start_on_a_bound_is_left_again():
     found = minimise(decay, np.array([10.0, 0.1]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE)
     assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-5)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_a_bound_is_left_at_however_small_a_slope(start):
+    """0.1 (x - 1/2): the slope at either end is 0.005."""
+    found = minimise(lambda candidates: 0.1 * (candidates - 0.5), np.array([start]), box([0.0], [1.0]), settings=FINE)
+    assert found.parameters == pytest.approx([0.5], abs=1e-6)
+
+
+def asked_of(width, start, step=0.25):
+    """The first two batches of one parameter's search in [0, 1] for the zero of x - 1/10."""
+    asked = []
+
+    def residuals(candidates):
+        asked.append(candidates[:, 0].tolist())
+        return candidates - 0.1
+
+    minimise(residuals, np.array([start]), box([0.0], [1.0]), settings=LeastSquaresSettings(width=width, step=step))
+    return asked
+
+
+def test_a_difference_that_ends_on_the_upper_bound_is_made_towards_it_and_one_beyond_turns_back():
+    assert asked_of(8, 0.75)[1] == [1.0]
+    assert asked_of(8, 0.8)[1] == pytest.approx([0.55])
+
+
+@pytest.mark.parametrize("width", [1, 2, 5])
+def test_a_ladder_of_dampings_fills_the_batch(width):
+    """A step of a linear residual by damping l is 0.65 / (1 + l): 1e-3 alone, or 1e-2 spread by 10^(+-3/2)."""
+    tried = asked_of(width, 0.75)[2]
+    dampings = 1e-2 * (10.0 ** np.linspace(-1.5, 1.5, width) if width > 1 else np.array([0.1]))
+    assert tried == pytest.approx((0.75 - 0.65 / (1 + dampings)).tolist(), abs=1e-8)
 
 
 def test_a_prior_of_equal_weight_meets_the_data_half_way():

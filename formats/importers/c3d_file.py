@@ -55,6 +55,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     header, parameters = read_header(path, size)
     layout, rate = header.layout, _rate(parameters, header)
     labels, units = ([text for part in SUFFIXES for text in parameters.texts("POINT", name + part)] for name in TEXTS)
+    _refuse_two_values(parameters, path)
     points = layout.points
     frames = min(header.held, layout.frames)
     if points and frames <= 0 and header.held:
@@ -107,6 +108,16 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         tuple(labels), time, positions, header.rate, "; ".join(filter(None, warnings)), has_times=False,
         without_path=without_path, zeros=gaps.zeros.sum(0),
     )  # fmt: skip
+
+
+def _refuse_two_values(parameters: Parameters, path: Path) -> None:
+    """Refuse two values of a parameter that the header does not repeat, and that changes names, lengths or times."""
+    names = {name + part for name in TEXTS for part in SUFFIXES} | {"RATE"}
+    if twice := sorted(name for group, name in parameters.differ if group == "POINT" and name in names):
+        raise TakeError(
+            f"states POINT:{twice[0]} twice, with two values", where=path,
+            advice="export it again, or remove the parameter that is not valid",
+        )  # fmt: skip
 
 
 def _warning_of_names(points: int, without_path: tuple[str, ...]) -> str:

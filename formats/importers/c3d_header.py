@@ -62,8 +62,10 @@ class HeaderWords:
         return has_wrapped or (self.last == MOST_FRAMES and frames > self.frames)
 
 
-def read_words(path: Path) -> HeaderWords:
-    """Return the words of a file's header.
+def read_words(path: Path, parameters_at: int | None = None) -> HeaderWords:
+    """Return the words of a file's header, with other parameters than the header states where they are given.
+
+    parameters_at [bytes]: offset of the parameters, whose byte order is the header's as well
 
     Raises:
         TakeError: the file is no C3D file.
@@ -74,7 +76,7 @@ def read_words(path: Path) -> HeaderWords:
             is_text = bool(head) and not head.translate(None, TEXT_BYTES)
             advice = "it is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
             raise TakeError("is no C3D file that can be read (it lacks a C3D header)", where=path, advice=advice)
-        parameters_at = BLOCK_BYTES * (head[0] - 1)
+        parameters_at = BLOCK_BYTES * (head[0] - 1) if parameters_at is None else parameters_at
         file.seek(parameters_at + 3)
         processor = (file.read(1) or b"\0")[0]
     order = ">" if processor == SGI else "<"

@@ -29,10 +29,9 @@ from formats.importers.c3d_header import (
     counts_of,
     first_of,
     is_word_of,
-    read_parameters,
-    read_words,
 )
 from formats.importers.c3d_parameters import Parameters
+from formats.importers.c3d_sections import find_parameters
 
 FASTEST_RATE = 10_000.0  # frames a second; our choice: ten times what can be used (`formats.plausible`)
 SAME_SCALE = 1e-3  # relative difference: a copy has the same digits
@@ -103,8 +102,7 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
         TakeError: the file is no C3D file, is malformed, ends before its last frame, or contradicts itself so that its
             size cannot decide.
     """
-    words = read_words(path)
-    parameters, malformed = read_parameters(path, words)
+    (words, parameters, malformed), moved = find_parameters(path)
     rotations, start = (int(first_of(parameters.numbers("ROTATION", name))) for name in ("USED", "DATA_START"))
     if rotations > 0 and start % WORDS > 1:  # some programs state a section of no rotations
         first = BLOCK_BYTES * (start % WORDS - 1)  # the word of a block wraps round in large files
@@ -118,6 +116,7 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     layout = _choice(layouts, words, size)
     agrees = layout.agrees(_end(words, size, layout))
     doubts = [
+        moved,
         *_doubts(words, layout, counts, parameters, path, agrees=agrees),
         _doubt_of_scales(scale, copy, layout, path, agrees=agrees),
     ]

@@ -74,6 +74,7 @@ class Parameters:
         self._order = ">" if self.processor == SGI else "<"
         groups: dict[int, str] = {}
         found: dict[tuple[int, str], tuple[int, list[int], bytes] | None] = {}
+        differ: set[tuple[int, str]] = set()
         at = SECTION_HEAD
         while at + 2 <= len(section) and section[at] and section[at + 1]:
             length, group = abs(_signed(section[at])), _signed(section[at + 1])
@@ -82,11 +83,15 @@ class Parameters:
             if group < 0:
                 groups[-group] = name
             else:
-                found[group, name] = _parameter(section, offset_at + 2)
+                value = _parameter(section, offset_at + 2)
+                if found.setdefault((group, name), value) != value:
+                    differ.add((group, name))
+                found[group, name] = value
             if not offset:
                 break
             at = self._next(section, offset_at, offset, is_group=group < 0)
         self._found = {}
+        self.differ = {(groups.get(group, ""), name) for group, name in differ}  # in the file twice, with two values
         for (group, name), value in found.items():
             if value is not None:
                 self._found[groups.get(group, ""), name] = value
@@ -118,6 +123,10 @@ class Parameters:
         if at + 2 > len(section):
             raise NoParametersError
         return int.from_bytes(section[at : at + 2], "big" if self._order == ">" else "little")
+
+    def has(self, group: str) -> bool:
+        """Return whether the file has any parameter of a group."""
+        return any(one == group for one, _ in self._found)
 
     def numbers(self, group: str, name: str) -> Floats:
         """Return the numbers of a parameter, an empty array where the file lacks it."""

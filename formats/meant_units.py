@@ -19,7 +19,8 @@ TIMES = {
     "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "min": 60.0, "minutes": 60.0,
     "h": 3600.0, "hours": 3600.0, "d": 86_400.0, "days": 86_400.0,
 }  # fmt: skip
-WEIGHTS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3}
+OUNCE = 0.028349523125  # kg: NIST Handbook 44, appendix C, avoirdupois
+WEIGHTS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3, "oz": OUNCE, "ounces": OUNCE}
 # By the end of a field's name, the units that may stand behind a number, in the field's own unit.
 UNITS_OF = {
     "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": WEIGHTS,

@@ -12,11 +12,12 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import ImplausibleError
 from formats.garment import Garment
-from formats.meant_units import step_or_anyway, unit_of
+from formats.meant_units import NEAR_A_RANGE, OUNCE, step_or_anyway, unit_of
 from formats.plausible_rig import check_plausible_rig
 from formats.take import Take
 
 LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer: the module states the fabrics
+HEAVY_UNITS = (("grams", 1e-3), ("ounces", OUNCE))  # kg of each, the likelier first: some densities fit both
 MOST_USUAL_LAYERS = 2  # front and back
 # m, the longer side of the flat garment. Our choice: a swatch's side, and beyond a person's height. A wrong unit is
 # off 39 times or more, so half and twice of either would tell units as well.
@@ -58,12 +59,12 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
         )  # fmt: skip
     density = garment.areal_density / garment.layers
     if not LIGHTEST <= density <= HEAVIEST:
-        in_grams = density / 1000
         layers = f" in {garment.layers} layers" if garment.layers > MOST_USUAL_LAYERS else ""
-        meant = (
-            f"; were {garment.mass_kg:g} grams meant, mass_kg = {garment.mass_kg / 1000:g} ({in_grams:.2g} kg/m2)?"
-            if LIGHTEST <= in_grams <= HEAVIEST
-            else ""
+        is_far = density > NEAR_A_RANGE * HEAVIEST  # a nearer weight has the right unit
+        fitting = [(name, kg) for name, kg in HEAVY_UNITS if is_far and LIGHTEST <= density * kg <= HEAVIEST][:1]
+        meant = "".join(
+            f"; were {garment.mass_kg:g} {name} meant, mass_kg = {garment.mass_kg * kg:g} ({density * kg:.2g} kg/m2)?"
+            for name, kg in fitting
         )
         raise ImplausibleError(
             f"mass_kg = {garment.mass_kg:g}{layers} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}"

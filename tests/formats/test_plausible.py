@@ -82,6 +82,17 @@ def test_grams_instead_of_kilograms_are_named_with_the_number_that_was_meant():
     )
 
 
+def test_ounces_instead_of_kilograms_are_named_with_the_number_that_was_meant():
+    """1.2 oz of 28.3495 g are 34.02 g, on 0.2 m2."""
+    assert refused(check_plausible_garment, panel(0.5, 0.4, 1.2)) == (
+        "a file: mass_kg = 1.2 makes 6 kg/m2, fabric has 0.02 to 1.5; were 1.2 ounces meant, mass_kg = 0.0340194 "
+        "(0.17 kg/m2)? Weigh it and give kilograms"
+    )
+    assert "ounces" not in refused(check_plausible_garment, panel(0.5, 0.4, 0.59))  # 2.95 kg/m2, near the range
+    assert "ounces" in refused(check_plausible_garment, panel(0.5, 0.4, 0.61))
+    assert "were" not in refused(check_plausible_garment, panel(0.5, 0.4, 0.001))
+
+
 NARROW = (-0.1, 0.02, 0.0), (0.1, 0.02, 0.0)
 HANGER = Hanger(marker_size_m=0.05, marker_distance_m=0.3, held_m=((-0.2, 0.02, 0.0), (0.2, 0.02, 0.0)))
 

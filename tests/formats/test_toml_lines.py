@@ -145,6 +145,11 @@ def test_text_that_is_no_toml_is_named_by_its_line(tmp_path, raw, says):
             A_SWATCH.replace("0.04", '"35 g"'),
             "line 4: mass_kg must be a number (got text); was mass_kg = 0.035 meant? See docs",
         ),
+        (
+            load_garment,
+            A_SWATCH.replace("0.04", '"1.2 oz"'),
+            "line 4: mass_kg must be a number (got text); was mass_kg = 0.03401942775 meant? See docs",
+        ),
         (load_garment, A_SWATCH.replace("0.04", '"heavy"'), "line 4: mass_kg must be a number (got text); see docs"),
         (load_garment, A_SWATCH.replace("0.04", '"35 stone"'), "line 4: mass_kg must be a number (got text); see docs"),
         (

@@ -24,6 +24,7 @@ from formats.rows import named_in_cell
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 TIME = "time_s"
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
+SPACED_TRC = re.compile(r"\s*pathfiletype +\d", re.IGNORECASE)  # its first line, with spaces between cells
 UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
 FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
@@ -42,6 +43,11 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
     while len(head) > 1 and not head[-1]:  # a separator at the end of the line
         head.pop()
     words = [word.strip(f"{COMMENT} ").lower() for word in head[:2]]
+    if TIME not in words and SPACED_TRC.match(head[0]):
+        raise TakeError(
+            f"line {line} is that of a TRC file, whose cells must be between tabs", where=path,
+            advice="export it again, or write a tab in place of the spaces between cells",
+        )  # fmt: skip
     if TIME not in words:
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,

@@ -19,8 +19,8 @@ from formats.errors import TakeError
 from formats.importers.marker_lines import LOOKED_AT, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
-from formats.importers.number_cells import GAP_WORDS, is_number, number_of
-from formats.importers.stated_values import frame_rate, names_of, warning_of_count, whole_number
+from formats.importers.number_cells import CELL_SHOWN, GAP_WORDS, is_number, number_of
+from formats.importers.stated_values import frame_rate, names_of, rate_beside_times, warning_of_count, whole_number
 from formats.importers.units import metres_of
 
 LONGEST_HEAD = 1000  # lines above the first frame: one for each event
@@ -44,17 +44,24 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
     def value(name: str) -> str:
         return next(iter(stated.get(name, [])), "")
 
+    kind = value("DATA_INCLUDED").strip().upper()
+    if kind not in ("", "3D") and "MARKER_NAMES" not in stated:
+        raise TakeError(
+            f"its DATA_INCLUDED is {kind[:CELL_SHOWN]!r}, and it names no markers", where=path,
+            advice="export the 3D data, with the trajectories of markers",
+        )  # fmt: skip
     names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
     if (count := whole_number(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    rate = frame_rate(value("FREQUENCY"), path)
     count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path)
     body, width = rows[len(head) :], 3 * len(names)
     titles = body[0] if len(body) else [""]
     has_clock = titles[0].strip().lower() == "frame"
+    # FREQUENCY is EXT where another device triggers each frame; frames with times need no rate.
+    rate = rate_beside_times(value("FREQUENCY")) if has_clock else frame_rate(value("FREQUENCY"), path)
     if has_clock or _are_titles(titles, names):
         body = body[1:]
-    has_clock = has_clock or _begin_with_a_clock(body, width, rate)
+    has_clock = has_clock or (rate is not None and _begin_with_a_clock(body, width, rate))
     end = len(body)
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
@@ -63,7 +70,7 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
     begin = CLOCK_CELLS * has_clock
 
     def clock(first: Floats) -> Floats:
-        return first[:, 1] if has_clock else np.arange(len(first)) / rate
+        return first[:, 1] if has_clock or rate is None else np.arange(len(first)) / rate
 
     table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
     frames = read_frames(body, table, path, wanted)

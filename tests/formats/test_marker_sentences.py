@@ -63,6 +63,10 @@ ONE = "0,1.5,2,3,4,5,6\n"
          f"its frame rate is '10000'; 5 to 1000 can be used; {RATE}"),
         (QTM.replace("FREQUENCY\t50", "FREQUENCY\tx"), None, f"its frame rate is 'x'; {RATE}"),
         (QTM.replace("FREQUENCY\t50\n", ""), None, f"its frame rate is ''; {RATE}"),
+        (QTM.replace("NO_OF_MARKERS", "DATA_INCLUDED\t6D\nNO_OF_BODIES").replace("MARKER_NAMES", "BODY_NAMES"), None,
+         "its DATA_INCLUDED is '6D', and it names no markers; export the 3D data, with the trajectories of markers"),
+        (TRC.replace("\t", "  "), None, "line 1 is that of a TRC file, whose cells must be between tabs; export it "
+         "again, or write a tab in place of the spaces between cells"),
         (QTM, "cm", f"states its lengths in mm, not cm; leave out --unit, or {MEND_UNIT}"),
         (VICON.replace(",,mm,mm", ",,m,mm"), None, "states several units: m, mm; export in one"),
         (VICON.replace("Trajectories\n100", "Trajectories\n0"), None, f"its frame rate is '0'; {RATE}"),

@@ -227,6 +227,16 @@ QTM = (
 )
 
 
+def test_a_table_of_qualisys_with_times_needs_no_rate(tmp_path):
+    """Where another device triggers each frame, the program writes EXT for the rate."""
+    lines = "".join(f"{k + 1}\t{k / 80:.5f}\t1\t2\t3\t4\t5\t{k}\n" for k in range(3))
+    text = QTM[: QTM.index("1\t2\t3")].replace("FREQUENCY\t50", "FREQUENCY\tEXT")
+    found = read(tmp_path, text + "Frame\tTime\tone X\tone Y\tone Z\ttwo X\ttwo Y\ttwo Z\n" + lines, name="a.tsv")
+    assert (found.rate, found.has_times, found.time.tolist()) == (None, True, [0.0, 0.0125, 0.025])
+    with pytest.raises(TakeError, match="its frame rate is 'EXT'; export it with its frame rate"):
+        read(tmp_path, text + lines, name="a.tsv")
+
+
 def test_a_table_of_qualisys_has_a_clock_by_its_rate_or_of_its_own(tmp_path):
     found = read(tmp_path, QTM, name="a.tsv")
     assert (found.labels, found.rate) == (("one", "two"), 50.0)

@@ -35,6 +35,7 @@ from fit.api.watched import (
     diagnosis_shown,
     ends_in_a_sentence,
     fit_shown,
+    one_at_a_time,
 )
 from fit.errors import FitError
 from formats.archive import read_take
@@ -69,6 +70,7 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
 
 @ends_in_a_sentence
 @names_checked
+@one_at_a_time
 @options_shown(PLAN_DEFAULTS)
 @arguments_named()
 def fit(
@@ -123,6 +125,7 @@ def fit(
 
 @ends_in_a_sentence
 @names_checked
+@one_at_a_time
 @options_shown()
 @arguments_named()
 def diagnose(
@@ -192,6 +195,7 @@ def diagnose(
 
 
 @names_checked
+@one_at_a_time
 @options_shown(OF_THE_FIT)
 @arguments_named()
 def simulate(
@@ -242,6 +246,7 @@ def simulate(
 
 
 @names_checked
+@one_at_a_time
 @arguments_named()
 def report(
     outcome: FitOutcome | DiagnosisOutcome,
@@ -289,6 +294,7 @@ def report(
 
 
 @names_checked
+@one_at_a_time
 @arguments_named()
 def export(
     outcome: FitOutcome | Path | str,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 FitProgress = Callable[[int, int, float], None]
 StageProgress = Callable[[str, float], None]
 _Call = TypeVar("_Call", bound=Callable[..., object])
+_RUNNING = threading.RLock()  # a function of progress may call Hangtime itself
 
 
 def fit_words(request: Request, done: int, total: int, best: float) -> str:
@@ -82,6 +83,21 @@ def _line(title: str, *, is_wanted: bool) -> Iterator[ProgressLine | None]:
     finally:
         if line is not None:
             line.end()
+
+
+def one_at_a_time(call: _Call) -> _Call:
+    """Return the call with one more promise: in another thread it waits for the one that runs.
+
+    The solver has one memory for the whole process, and breaks where two threads begin to use it at once.
+    """
+
+    @functools.wraps(call)
+    def alone(*arguments: Any, **options: Any) -> object:
+        __tracebackhide__ = True
+        with _RUNNING:
+            return call(*arguments, **options)
+
+    return cast("_Call", alone)
 
 
 def ends_in_a_sentence(call: _Call) -> _Call:

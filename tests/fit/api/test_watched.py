@@ -167,3 +167,26 @@ def test_a_stream_of_ipykernel_is_a_notebooks(monkeypatch):
     for stream, is_one in ((in_a_notebook(), True), (io.StringIO(), False), (None, False)):
         monkeypatch.setattr(sys, "stderr", stream)
         assert terminal.is_in_notebook() is is_one
+
+
+THREADS = """
+import sys, threading
+import hangtime
+
+found = []
+def fit():
+    outcome = hangtime.fit(sys.argv[1], spacing=0.2, method="kinect-skirt", iterations=2)
+    found.append([one.fitted for one in outcome.result.parameters])
+
+threads = [threading.Thread(target=fit) for _ in range(2)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+print(len(found), found[0] == found[-1])
+"""
+
+
+def test_two_fits_in_threads_of_a_new_process_come_one_after_the_other(take):
+    done = subprocess.run([sys.executable, "-c", THREADS, take], capture_output=True, text=True, check=False)
+    assert done.stdout == "2 True\n", done.stderr

@@ -103,18 +103,17 @@ def refuse_to_replace(
     check_length(path, [partial if path.suffix in NAMED_PARTIAL else name_of_its_own(path)])
     try:
         is_left = path.suffix == ".mcap" and is_left_over(path, instead=instead)  # takes alone are written like this
-        is_no_file = is_folder(path) or is_device(path)
+        is_no_file = overwrite and (is_folder(path) or is_device(path))
     except OSError as error:
         raise unwritable(path, error) from error
-    if overwrite:
-        if is_no_file:
-            raise already_there(path, instead=instead)
-    elif os.path.lexists(path):
+    if is_no_file:
+        raise already_there(path, instead=instead)
+    if not overwrite and os.path.lexists(path):
         if text is not None and holds(path, text.encode()):
             return
         left = f", and {partial.name} is what an interrupted recording or import of it left" * is_left
         raise already_there(path, instead=instead, what=f"is already there{left}")
-    elif is_left:
+    if not overwrite and is_left:
         raise left_unfinished(partial, instead=instead)
     if os.path.isdir(path.parent):
         try:

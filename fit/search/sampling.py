@@ -106,15 +106,19 @@ def _distance(candidate: Floats, others: Floats) -> float:
     return float(np.abs(others - candidate).max(1).min())
 
 
+def emulated_cost(
+    candidate: Floats, emulator: Emulator, caution: float, start: Floats
+) -> tuple[float, Floats]:  # fmt: skip
+    """Return the emulated cost with the prior's part, and its slopes, (parameters,), of one candidate in box shares."""
+    values, slopes = emulator.costs(candidate[None], caution)
+    return float(values[0] + prior_cost(candidate, start)), slopes[0] + 2 * (candidate - start) / PRIOR_SD**2
+
+
 def _least(
     emulator: Emulator, caution: float, best: Floats, start: Floats, random: np.random.Generator
 ) -> list[Floats]:
     """Return candidates of least emulated cost: ends of descents on the emulator, then randomly drawn candidates."""
     from scipy.optimize import minimize
-
-    def cost(candidate: Floats) -> tuple[float, Floats]:
-        values, slopes = emulator.costs(candidate[None], caution)
-        return float(values[0] + prior_cost(candidate, start)), slopes[0] + 2 * (candidate - start) / PRIOR_SD**2
 
     about = zip(DRAWN[1:], WIDTHS, strict=True)
     near = [np.clip(best + width * random.normal(size=(count, len(best))), 0, 1) for count, width in about]
@@ -122,7 +126,10 @@ def _least(
     drawn = drawn[np.argsort(emulator.costs(drawn, caution)[0] + prior_cost(drawn, start), kind="stable")]
     box = [(0.0, 1.0)] * len(best)
     ends = [
-        minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=box, options={"maxiter": 30})
+        minimize(
+            emulated_cost, begin, (emulator, caution, start), jac=True, method="L-BFGS-B", bounds=box,
+            options={"maxiter": 30},
+        )
         for begin in (best, *drawn[:DESCENTS])
-    ]
+    ]  # fmt: skip
     return [*(end.x for end in sorted(ends, key=lambda end: float(end.fun))), *drawn]

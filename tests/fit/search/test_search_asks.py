@@ -40,7 +40,7 @@ def test_chains_share_a_batch_and_the_first_have_what_is_left_over():
     assert [count for _, count in several._asked] == [3, 3, 2]
     assert asked[[0, 3, 6]].tolist() == starts.tolist()
     asked = several.ask(3)
-    several.tell(asked, np.array([3.0, 1.0, 2.0]))
+    assert several.tell(asked, np.array([3.0, 1.0, 2.0])) == 0  # starts are no iterations
     assert several.is_started
     assert (several.best_distance, several.best.tolist()) == (1.0, starts[1].tolist())
     assert several.winner is several.chains[1]
@@ -258,6 +258,8 @@ def test_a_search_that_has_not_begun_is_not_finished(name):
 def test_finished_chains_ask_for_nothing_and_say_so_with_an_empty_array():
     _, several = chains(iterations=3)
     while not several.is_finished:
-        asked = several.ask(6)
-        several.tell(asked, ((asked - 0.4) ** 2).sum(1))
+        before, asked = [len(chain.steps) for chain in several.chains], several.ask(6)
+        done = several.tell(asked, ((asked - 0.4) ** 2).sum(1))
+        started = before[0] > 0
+        assert not started or done == sum(len(chain.steps) for chain in several.chains) - sum(before)
     assert several.ask(6).shape == (0, 2)

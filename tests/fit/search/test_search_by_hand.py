@@ -49,6 +49,13 @@ def test_reflection_between_10_and_20(beyond, folded):
     assert reflect(np.array([beyond]), low, high) == pytest.approx([folded])
 
 
+def test_reflection_never_leaves_the_bounds_by_rounding():
+    """In binary numbers 0.03 + (0.33 - 0.03) is above 0.33."""
+    low, high = np.array([0.03]), np.array([0.33])
+    assert low + (high - low) > high
+    assert reflect(high, low, high) == high
+
+
 def test_a_redrawn_step_is_the_quantile_of_a_cauchy_distribution_cut_off_at_the_bounds():
     """Centre 0, spread 1, from -1 to 1, where the uncut distribution has a quarter and three quarters of its mass."""
     one = np.ones(1)

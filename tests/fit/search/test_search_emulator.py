@@ -53,6 +53,25 @@ def test_far_from_two_samples_caution_costs_their_unbiased_variance():
     assert caution == pytest.approx([25 / (2 * (whole - k)) * (1 + (whole + k) / 2)])
 
 
+@pytest.mark.parametrize("caution", [0.0, 1.0])
+def test_the_slopes_of_the_emulated_cost_are_its_differences(emulator, caution):
+    """Central differences of 1e-4 of the box, to a five-hundredth, at three candidates far from the start."""
+    start, step = np.full(3, 0.2), 1e-4
+    for candidate in np.random.default_rng(4).uniform(0.3, 0.9, (3, 3)):
+        _, slopes = sampling.emulated_cost(candidate, emulator, caution, start)
+        ends = [
+            [sampling.emulated_cost(candidate + sign * step * axis, emulator, caution, start)[0] for sign in (1, -1)]
+            for axis in np.eye(3)
+        ]
+        assert slopes == pytest.approx([(above - below) / (2 * step) for above, below in ends], rel=2e-3, abs=0.5)
+
+
+def test_the_prior_adds_the_squared_distance_from_the_start_in_deviations(emulator):
+    start, candidate = np.full(3, 0.2), np.array([0.2, 0.5, 0.2])
+    cost, _ = sampling.emulated_cost(candidate, emulator, 0.0, start)
+    assert cost - emulator.costs(candidate[None], 0.0)[0][0] == pytest.approx((0.3 / PRIOR_SD) ** 2)
+
+
 def test_caution_costs_least_at_samples(samples, emulator):
     def doubt(units):
         return emulator.costs(units, 1.0)[0] - emulator.costs(units, 0.0)[0]

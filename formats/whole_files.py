@@ -10,8 +10,11 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from formats.plain_text import sized
+
 NO_PLACE = "a device, a pipe or a socket is no place for a file"
 AT_FDCWD, RENAME_NOREPLACE = -100, 1  # Linux, fcntl.h and fs.h
+LARGEST_STATE = 1 << 20  # bytes; our choice: hundreds of times a note, a receipt or a key that a program keeps
 MOST_NAME_BYTES = 255  # bytes of a file's name: Linux, limits.h
 
 
@@ -181,6 +184,22 @@ def check_ends(path: Path) -> None:
     kind = path.stat().st_mode
     if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
         raise OSError(errno.EINVAL, "it is a pipe or a device, and no file", str(path))
+
+
+def read_bounded(path: Path, most: int = LARGEST_STATE) -> bytes:
+    """Return the bytes of a file, which is refused before it is read if it is larger than `most` bytes.
+
+    Raises:
+        OSError: it is larger, a pipe or a device, or cannot be read.
+    """
+    check_ends(path)
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        raw = file.read(most + 1) if size <= most else b""
+    if max(size, len(raw)) > most:  # it may have grown since
+        what = f"it has {sized(max(size, len(raw)))}, and such a file {sized(most)} at most"
+        raise OSError(errno.EINVAL, what, str(path))
+    return raw
 
 
 def make_folders(folder: Path) -> None:

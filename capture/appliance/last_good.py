@@ -24,9 +24,11 @@ from capture.appliance.config_tables import SpoolPart
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
+from formats.outputs import holds
+from formats.results import LARGEST_RESULT
 from formats.rig import Rig
 from formats.toml_files import LARGEST_TOML
-from formats.whole_files import make_folders, write_whole
+from formats.whole_files import make_folders, read_bounded, write_whole
 
 IN_SPOOL = "last-good.json"
 
@@ -65,7 +67,7 @@ def keep(found: InForce, path: Path) -> None:
     )
     for copy in (copy_of(path), found.config.spool.folder / IN_SPOOL):
         with contextlib.suppress(OSError):
-            if not copy.is_file() or copy.read_bytes() != content:
+            if not holds(copy, content):
                 make_folders(copy.parent)
                 write_whole(copy, content)
             for litter in copy.parent.glob(f"{copy.name}*.partial"):  # a partial file that a power cut left
@@ -97,7 +99,7 @@ def possible_spools(path: Path) -> list[Path]:
 def _read(copy: Path) -> InForce | None:
     """Return the configuration of a copy, None if the copy is missing or damaged."""
     try:
-        whole = msgspec.json.decode(copy.read_bytes(), type=dict[str, Any])
+        whole = msgspec.json.decode(read_bounded(copy, LARGEST_RESULT), type=dict[str, Any])
         config = converted(whole["config"], copy.parent)
         rig, garment = msgspec.convert(whole["rig"], Rig), msgspec.convert(whole["garment"], Garment)
         check_rig(rig, copy)

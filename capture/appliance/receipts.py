@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from formats.whole_files import make_folders, write_whole
+from formats.whole_files import make_folders, read_bounded, write_whole
 
 DEFAULT_URL = "file:///var/lib/hangtime/server"  # the address if `[sync]` names no server
 READ_BACK = "read back"  # the object was fetched and its SHA-256 is that of what was sent
@@ -61,7 +61,7 @@ def write_receipt(spool: Path, stem: str, receipt: Receipt) -> None:
 def read_receipt(spool: Path, stem: str) -> Receipt | None:
     """Return a take's receipt, None if it is missing or unreadable; the take is then verified again."""
     with contextlib.suppress(OSError, msgspec.DecodeError):
-        return msgspec.json.decode(receipt_path(spool, stem).read_bytes(), type=Receipt)
+        return msgspec.json.decode(read_bounded(receipt_path(spool, stem)), type=Receipt)
     return None
 
 

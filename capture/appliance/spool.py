@@ -47,7 +47,7 @@ from formats.archive import read_take, verify_take, write_take
 from formats.errors import TakeError
 from formats.store_address import without_secrets
 from formats.unfinished import unfinished_name
-from formats.whole_files import make_folders, sync_folder, write_whole
+from formats.whole_files import make_folders, read_bounded, sync_folder, write_whole
 
 NAME = re.compile(r"take-([0-9]{6,12})\.")
 LAST_NUMBER = 10**12 - 1  # a name has at most 12 digits; nobody would find a take with more
@@ -308,7 +308,7 @@ class Spool:
 
     def _facts(self, number: int) -> dict[str, Any]:
         with contextlib.suppress(OSError, msgspec.DecodeError):
-            return msgspec.json.decode(self._file(number, "json").read_bytes(), type=dict[str, Any])
+            return msgspec.json.decode(read_bounded(self._file(number, "json")), type=dict[str, Any])
         return {}
 
     def _numbers(self, ending: str) -> set[int]:
@@ -343,7 +343,7 @@ class Spool:
         """Return the last number that was given: the file says so, and no take or receipt may have a higher one."""
         given = 0
         with contextlib.suppress(OSError, ValueError):
-            given = int((self.folder / "sequence").read_text(encoding="ascii"))
+            given = int(read_bounded(self.folder / "sequence"))
         received = (
             int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := NAME.match(path.name))
         )

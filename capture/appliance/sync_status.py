@@ -17,7 +17,7 @@ import msgspec
 from capture.appliance.receipts import STORE_CHECKSUM
 from capture.errors import SyncError
 from formats.plain_text import counted
-from formats.whole_files import write_whole
+from formats.whole_files import read_bounded, write_whole
 
 FILE, LOCK = "sync-status.json", "sync.lock"
 WEEK = timedelta(days=7)
@@ -92,7 +92,7 @@ def write_status(spool: Path, status: SyncStatus) -> None:
 def read_status(spool: Path) -> SyncStatus | None:
     """Return the status of sync; None if it never ran or its file is unreadable."""
     with contextlib.suppress(OSError, msgspec.DecodeError):
-        return msgspec.json.decode((spool / FILE).read_bytes(), type=SyncStatus)
+        return msgspec.json.decode(read_bounded(spool / FILE), type=SyncStatus)
     return None
 
 

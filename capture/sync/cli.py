@@ -69,12 +69,13 @@ def show_sync(
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
     from capture.sync.rounds import now_here
     from capture.sync.settings import load_settings
+    from formats.whole_files import read_bounded
 
     folder = spool or load_settings(config).spool
     _check_folder(folder)
     status = read_status(folder)
     if json:
-        typer.echo("null" if status is None else (folder / FILE).read_text().strip())
+        typer.echo("null" if status is None else read_bounded(folder / FILE).decode().strip())
         return
     if is_syncing(folder):
         tell("Syncing now.")

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from capture.errors import SyncError
-from formats.toml_files import parse_toml
+from formats.toml_files import LARGEST_TOML, parse_toml
+from formats.whole_files import check_ends, read_bounded
 
 PREFIX = "store_"  # systemd's file names for `LoadCredential=store:FOLDER`
 SHORTEST_SECRET = 6  # characters; a region or a user's name is no secret, and shorter words occur in texts
@@ -46,7 +47,7 @@ def find_credentials(file: Path | None) -> Credentials:
         found = {}
         for path in sorted(Path(folder).glob(f"{PREFIX}*")):
             try:
-                found[path.name[len(PREFIX) :]] = path.read_text(encoding="utf-8").strip()
+                found[path.name[len(PREFIX) :]] = read_bounded(path).decode("utf-8").strip()
             except (OSError, UnicodeDecodeError) as error:
                 raise SyncError(
                     "a credential cannot be read", where=path, advice="check the unit's LoadCredential"
@@ -58,15 +59,18 @@ def find_credentials(file: Path | None) -> Credentials:
 
 def _of_file(file: Path) -> Credentials:
     try:
+        check_ends(file)
         with file.open("rb") as opened:
             about = os.fstat(opened.fileno())
-            raw = opened.read()
+            raw = opened.read(LARGEST_TOML + 1)
     except OSError as error:
         raise SyncError(
             f"the credentials cannot be read ({error.strerror})", where=file, advice="check path and owner"
         ) from error
     if stat.S_IMODE(about.st_mode) & 0o077:
         raise SyncError("others may read these credentials", where=file, advice=f"chmod 600 {file}")
+    if len(raw) > LARGEST_TOML:
+        raise SyncError("is too large for a file of keys", where=file, advice="check the path")
     try:
         found = parse_toml(raw, file, SyncError)
     except SyncError:

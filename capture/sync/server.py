@@ -19,7 +19,7 @@ from capture.sync.faults import ReadRefusedError, ServerError, fault_of
 from capture.sync.pace import Rate
 from capture.sync.settings import SyncSetup
 from formats.store_address import folder_of, open_bucket, without_secrets
-from formats.whole_files import make_folders, sync_folder
+from formats.whole_files import make_folders, read_bounded, sync_folder
 
 PART = 5 << 20  # bytes: the smallest part of an upload in parts that S3 accepts
 CONNECT_TIMEOUT = "10s"
@@ -75,7 +75,7 @@ def _certificate(file: Path) -> bytes:
     from capture.errors import SyncError
 
     try:
-        return file.read_bytes()
+        return read_bounded(file)
     except OSError as error:
         raise SyncError(
             f"the server's authority cannot be read ({error.strerror})", where=file, advice="check ca in [sync]"

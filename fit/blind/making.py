@@ -23,7 +23,9 @@ from fit.blind.plants import Plant
 from fit.blind.real import RealTruth, find_takes, plan_real, write_real_case
 from fit.blind.seal import load_key, seal, sha256_of, unseal
 from fit.errors import FitError
-from formats.whole_files import write_whole
+from formats.results import LARGEST_RESULT
+from formats.system_causes import step_to_read
+from formats.whole_files import read_bounded, write_whole
 
 
 class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -157,7 +159,11 @@ def open_labels(folder: Path) -> Labels:
         raise FitError("there are no sealed labels", where=path, advice="give a folder that `blind make` wrote")
     if sha256_of(path) != manifest.sealed:
         raise FitError("the sealed labels are not those of the manifest", where=path, advice="make a new set")
-    raw = unseal(path.read_bytes(), load_key(folder / SEALED_KEY), where=path)
+    try:
+        sealed = read_bounded(path, LARGEST_RESULT)
+    except OSError as error:
+        raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
+    raw = unseal(sealed, load_key(folder / SEALED_KEY), where=path)
     return msgspec.json.decode(raw, type=Labels)
 
 
@@ -169,11 +175,13 @@ def read_manifest(folder: Path) -> Manifest:
     """
     path = folder / MANIFEST
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Manifest)
-    except OSError as error:
+        return msgspec.json.decode(read_bounded(path, LARGEST_RESULT), type=Manifest)
+    except FileNotFoundError as error:
         raise FitError(
             "there is no set of cases", where=folder, advice="make one with `hangtime blind make`"
         ) from error
+    except OSError as error:
+        raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     except msgspec.MsgspecError as error:
         raise FitError(f"is not a manifest: {error}", where=path, advice="make a new set") from error
 

@@ -24,7 +24,9 @@ from fit.blind.real_scoring import REAL_SCORE_FORMAT, RealScore, real_headline, 
 from fit.blind.running import DIAGNOSIS, FAILURE
 from fit.blind.seal import sha256_of
 from fit.errors import FitError
-from formats.whole_files import write_whole
+from formats.results import LARGEST_RESULT
+from formats.system_causes import step_to_read
+from formats.whole_files import read_bounded, write_whole
 
 ANSWERS_HASHES, SCORE, LOOKS_FILE = "answers.sha256", "score.json", "looks.jsonl"
 HEADLINE_BIN = "2 to 4"
@@ -126,7 +128,10 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
     hashed, answered = hash_answers(folder, answers, some=some)
     labels = open_labels(folder)
     looks = folder / LOOKS_FILE
-    before = looks.read_text() if looks.exists() else ""
+    try:
+        before = read_bounded(looks, LARGEST_RESULT).decode() if looks.exists() else ""
+    except (OSError, UnicodeDecodeError) as error:
+        raise FitError("the openings of the seal cannot be read", where=looks, advice="put this file back") from error
     look = 1 + len(before.splitlines())
     score: Score | RealScore
     if labels.real:
@@ -160,17 +165,20 @@ def load_score(answers: Path) -> Score:
         FitError: the answers are not scored, or are of real takes.
     """
     try:
-        raw = (answers / SCORE).read_bytes()
+        raw = read_bounded(answers / SCORE, LARGEST_RESULT)
         if msgspec.json.decode(raw, type=Headed).format == REAL_SCORE_FORMAT:
             raise FitError(
                 "is of real takes, which are scored by pairs of answers", where=answers / SCORE,
                 advice="`hangtime blind score` prints all of it",
             )  # fmt: skip
         return msgspec.json.decode(raw, type=Score)
-    except OSError as error:
+    except FileNotFoundError as error:
         raise FitError(
             "the answers are not scored", where=answers, advice="score them first: `hangtime blind score`"
         ) from error
+    except OSError as error:
+        what = f"cannot be read ({error.strerror})"
+        raise FitError(what, where=answers / SCORE, advice=step_to_read(error)) from error
     except msgspec.MsgspecError as error:
         raise FitError(f"is not a score: {error}", where=answers / SCORE, advice="score the answers again") from error
 

@@ -18,6 +18,9 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 
 from fit.errors import FitError
+from formats.plain_text import sized
+from formats.take_reader import LARGEST_FILE
+from formats.whole_files import read_bounded
 
 SEAL_MAGIC = b"hangtime-seal/2\n"
 NONCE, TAG, KEY = 12, 16, 32  # bytes
@@ -64,7 +67,7 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
             error.filename = str(path)
             raise
     try:
-        key = bytes.fromhex(path.read_text().strip())
+        key = bytes.fromhex(read_bounded(path).decode().strip())
     except (OSError, ValueError) as error:
         raise FitError(
             "holds no key", where=path, advice="put the key file back: without it the labels stay closed"
@@ -75,5 +78,15 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file, in hex."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Return the SHA-256 of a file, in hex.
+
+    Raises:
+        FitError: it is larger than any take, or a pipe or a device.
+        OSError: it cannot be read.
+    """
+    if not path.is_file():
+        raise FitError("is no file", where=path, advice="check the path")
+    if (size := path.stat().st_size) > LARGEST_FILE:
+        raise FitError(f"has {sized(size)}, which no take or answer has", where=path, advice="check the path")
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

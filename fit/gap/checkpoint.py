@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import BinaryIO
 from zipfile import BadZipFile
 
 import numpy as np
@@ -20,7 +22,8 @@ from fit.errors import FitError
 from fit.gap.fitting import Fitted, Pinned
 from fit.provenance import other_than
 from formats.arrays import Floats
-from formats.whole_files import write_whole
+from formats.results import LARGEST_RESULT
+from formats.whole_files import read_bounded, write_whole
 
 Key = dict[str, object]
 
@@ -29,8 +32,10 @@ UNREADABLE = (
     OSError,
     ValueError,
     EOFError,
+    MemoryError,
     BadZipFile,
-)  # of a file that a power cut left empty or truncated
+)  # of a file that a power cut left empty or truncated, or that is another one
+LARGEST_KEPT = 1 << 30  # bytes; our choice: derivatives by 59 parameters over an hour of 7 points at 30 a second
 
 
 class Checkpoint:
@@ -49,12 +54,12 @@ class Checkpoint:
         if folder is None:
             return
         with contextlib.suppress(*UNREADABLE):
-            simulations, seconds = json.loads((folder / SPENT).read_text())
+            simulations, seconds = json.loads(read_bounded(folder / SPENT))
             self._earlier = (int(simulations), float(seconds))
         note = folder / "key.json"
         if note.exists() and not (note.stat().st_size == 0 and next(folder.glob("*.np?"), None) is None):
             try:
-                kept = json.loads(note.read_text())
+                kept = json.loads(read_bounded(note, LARGEST_RESULT))
             except (OSError, ValueError) as error:
                 raise FitError("the kept fits cannot be read", where=folder, advice="delete the folder") from error
             if (other := other_than(kept, key)) is not None:
@@ -95,15 +100,22 @@ class Checkpoint:
             return make()
         path = self.folder / f"{name}.npy"
         with contextlib.suppress(*UNREADABLE), path.open("rb") as file:
-            return np.asarray(np.load(file), float)
+            return np.asarray(np.load(_bounded(file)), float)
         found, content = make(), io.BytesIO()
         np.save(content, found)
         write_whole(path, content.getvalue())
         return found
 
 
+def _bounded(file: BinaryIO) -> BinaryIO:
+    """Return a file, which NumPy reads whole, or refuse it: no kept fit is so large."""
+    if os.fstat(file.fileno()).st_size > LARGEST_KEPT:
+        raise ValueError("too large for a kept fit")
+    return file
+
+
 def _read(path: Path) -> Fitted:
-    with path.open("rb") as file, np.load(file) as kept:
+    with path.open("rb") as file, np.load(_bounded(file)) as kept:
         decided = kept["pinned"]
         pinned = Pinned(decided[0], decided[1], float(kept["trust"])) if len(decided) else None
         return Fitted(

@@ -11,7 +11,8 @@ from typing import Any
 
 from fit.errors import FitError
 from fit.provenance import other_than
-from formats.whole_files import write_whole
+from formats.results import LARGEST_RESULT
+from formats.whole_files import read_bounded, write_whole
 
 
 class SavedSearch:
@@ -35,7 +36,7 @@ class SavedSearch:
         if self._path is None or not self._path.exists():
             return None
         try:
-            saved = json.loads(self._path.read_text())
+            saved = json.loads(read_bounded(self._path, LARGEST_RESULT))
             state, key, before = saved["search"], saved["key"], float(saved.get("seconds", 0.0))
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise FitError(

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from fit.kernel_cache.index import INDEX, LARGEST_INDEX, LOCK, sizes_of_kernels
-from formats.whole_files import write_whole
+from formats.whole_files import read_bounded, write_whole
 
 NOTED = "hangtime-kernels.json"  # this program's own file in Taichi's cache, see `note_kernels`
 HASH = 64  # letters of the SHA-256 with which Taichi ends the file of a kernel
@@ -28,7 +28,7 @@ def note_kernels(folder: Path, since: float = math.inf) -> None:
     if (folder / LOCK).exists() or not (folder / INDEX).is_file():
         return
     before, now = noted_hashes(folder), {}
-    for name in sizes_of_kernels((folder / INDEX).read_bytes()) or {}:
+    for name in sizes_of_kernels(read_bounded(folder / INDEX, LARGEST_INDEX)) or {}:
         file = folder / f"{name}.tic"
         if file.is_file():
             is_known = name in before and file.stat().st_mtime < since

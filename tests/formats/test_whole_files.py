@@ -16,7 +16,7 @@ import pytest
 from formats.archive import write_take
 from formats.errors import OutputError
 from formats.outputs import write_bytes
-from formats.whole_files import is_hidden, make_folders, write_whole
+from formats.whole_files import is_hidden, make_folders, read_bounded, write_whole
 from tests.formats.test_archive import a_take
 
 
@@ -184,3 +184,18 @@ def test_only_a_path_into_a_folder_without_permission_is_hidden(tmp_path, monkey
 
     monkeypatch.setattr(Path, "stat", refused)
     assert is_hidden(tmp_path / "a")
+
+
+def test_a_file_is_read_up_to_a_bound_and_refused_above_it(tmp_path):
+    path = tmp_path / "note"
+    path.write_bytes(b"0123456789")
+    assert read_bounded(path, 10) == b"0123456789"
+    with pytest.raises(OSError, match="it has 10 bytes, and such a file 9 bytes at most"):
+        read_bounded(path, 9)
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "pipe"])
+def test_a_file_without_an_end_is_not_read(tmp_path, path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="it is a pipe or a device"):
+        read_bounded(tmp_path / path)

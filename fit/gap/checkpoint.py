@@ -100,7 +100,7 @@ class Checkpoint:
             return make()
         path = self.folder / f"{name}.npy"
         with contextlib.suppress(*UNREADABLE), path.open("rb") as file:
-            return np.asarray(np.load(_bounded(file)), float)
+            return np.asarray(np.load(_bounded(file)))
         found, content = make(), io.BytesIO()
         np.save(content, found)
         write_whole(path, content.getvalue())
@@ -128,7 +128,7 @@ def _read(path: Path) -> Fitted:
 def _write(path: Path, fitted: Fitted) -> None:
     content, pinned = io.BytesIO(), fitted.pinned
     np.savez(
-        content, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, str),
+        content, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active),
         residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
         is_converged=fitted.is_converged,
         pinned=np.array([pinned.amplitudes, pinned.sd] if pinned else []), trust=pinned.trust if pinned else 0.0,

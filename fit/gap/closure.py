@@ -93,7 +93,7 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     millimetres = 1e3 * observer.layout.metres(residual)
     squared = millimetres**2
     count = np.bincount(block) / 3.0
-    sums = np.asarray(np.bincount(block, squared), float)
+    sums = np.bincount(block, squared).astype(float)
     seen = np.flatnonzero(count > 0)
     correlation = correlation_of(observer, residual)[np.ix_(seen, seen)]
     return BlockErrors(sums[seen], count[seen], millimetres, observer.edge_errors(residual), correlation)

@@ -75,7 +75,7 @@ def driven_by_edge(recording: Recording) -> Recording | None:
     if recording.garment.held != "edge" or len(on_edge) < 2:
         return None
     places = np.array([recording.garment.points[k].at_m for k in on_edge])
-    share, _ = place_along(places, np.asarray(recording.garment.outline_m[:2], float))
+    share, _ = place_along(places, np.array(recording.garment.outline_m[:2]))
     design = np.stack([1 - share, share], 1)
     weight = recording.valid[:, on_edge].astype(float)
     normal = np.einsum("fp,pa,pb->fab", weight, design, design)

@@ -18,7 +18,7 @@ from fit.gap.closure import (
     solver_draws,
 )
 from fit.gap.correlation import FREE_DIRECTIONS
-from fit.gap.fitting import Fitted, amplitude_of
+from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.floor import NOISE_REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
@@ -151,8 +151,7 @@ def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -
 
 def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: float) -> bool:
     """Return whether an effect's size exceeds noise and the error of mesh and solver, `wrong` (90 %, effect's unit)."""
-    _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
-    return low * high > 0
+    return excludes_zero(size_within(observer, hypothesis.fitted, effect, wrong)[1])
 
 
 @dataclass(frozen=True)
@@ -319,9 +318,9 @@ class Evidence:
             or not is_shown_by_edge(self.observer, self.base, self.base, found)
         ):
             return False
-        _, (low, high) = self.amplitude(effect, any_law=False)
+        _, interval = self.amplitude(effect, any_law=False)
         by_law = edge_left_by_law(self.observer, self.base, found)
-        return low * high > 0 and is_edge_explained(found.errors.edge, by_law)
+        return excludes_zero(interval) and is_edge_explained(found.errors.edge, by_law)
 
     def alike(self, one: str, other: str) -> bool:
         """Return whether two effects are collinear on the residual, so that a small mesh error can swap them."""

@@ -199,6 +199,12 @@ def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquare
     )  # fmt: skip
 
 
+def excludes_zero(interval: tuple[float, float]) -> bool:
+    """Return whether an interval lies on one side of zero, without touching it."""
+    low, high = interval
+    return low * high > 0
+
+
 def from_prior(jacobian: Floats, prior_sd: Floats) -> Floats:
     """Return the prior's part of the deviations, (parameters,)."""
     inverse = np.linalg.inv(jacobian.T @ jacobian + np.diag(prior_sd**-2))

@@ -41,8 +41,10 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     (own, noise), of_own = min((max((_own_motion(r), _noise(r)) for r in group), of) for group, of in groups)
     least = LEAST_OWN_MOTION * noise
     # s: a take that is too short is rounded down, so that it never seems long enough
-    lasts = shortest if shortest >= SHORTEST_DIAGNOSED else np.floor(10 * shortest + 1e-6) / 10
+    is_long = shortest >= SHORTEST_DIAGNOSED
+    lasts = shortest if is_long else np.floor(10 * shortest + 1e-6) / 10
     repeated = max(_repeated(r) for r in every)
+    is_swung, is_moved, is_fresh = swing >= HARDLY_MOVED, own >= least, repeated <= MOST_REPEATED
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
     imported = sum(r.is_imported for r in every)
@@ -53,21 +55,20 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=_measured(imported) if guessed == 0 else
              f"The rig of {guessed} takes was never measured, so a wrong number in it would pass for an effect. Run "
              "`hangtime calibrate` and record with the rig that it writes."),
-        Gate(name="length", passed=shortest >= SHORTEST_DIAGNOSED, figure=shortest, limit=SHORTEST_DIAGNOSED, unit="s",
+        Gate(name="length", passed=is_long, figure=shortest, limit=SHORTEST_DIAGNOSED, unit="s",
              sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_DIAGNOSED:g} s are needed."
-             + _unless(shortest >= SHORTEST_DIAGNOSED, "Record longer.")),
-        Gate(name="motion", passed=swing >= HARDLY_MOVED, figure=1e3 * swing, limit=1e3 * HARDLY_MOVED, unit="mm",
+             + _unless(is_long, "Record longer.")),
+        Gate(name="motion", passed=is_swung, figure=1e3 * swing, limit=1e3 * HARDLY_MOVED, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at least "
-             f"{1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(swing >= HARDLY_MOVED, "Swing it wider.")),
-        Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
+             f"{1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(is_swung, "Swing it wider.")),
+        Gate(name="cloth motion", passed=is_moved, figure=1e3 * own, limit=1e3 * least, unit="mm",
              sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take{of_own}. At "
              f"least {LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."
-             + _unless(own >= least, "Swing faster, or come nearer to the sensor.")),
-        Gate(name="repeated frames", passed=repeated <= MOST_REPEATED, figure=100 * repeated,
-             limit=100 * MOST_REPEATED, unit="%",
+             + _unless(is_moved, "Swing faster, or come nearer to the sensor.")),
+        Gate(name="repeated frames", passed=is_fresh, figure=100 * repeated, limit=100 * MOST_REPEATED, unit="%",
              sentence=f"{100 * repeated:.0f} % of the frames repeat the one before; at most "
              f"{100 * MOST_REPEATED:.0f} % may."
-             + _unless(repeated <= MOST_REPEATED, "Record with a tracker that leaves out frames that it did not see.")),
+             + _unless(is_fresh, "Record with a tracker that leaves out frames that it did not see.")),
         Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
              limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
         Gate(name="clocks", passed=strange is None, figure=len(strange.take_ids) if strange else 0, limit=0.0,
@@ -128,7 +129,7 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
         tried.append((_apart(observer.with_frequency(frequency), vector, observer.off), frequency))
         if tried[-1][0] <= most:
             break
-    apart, frequency = tried[-1] if tried[-1][0] <= most else min(tried)
+    apart, frequency = min(tried)  # the last one, if it was near enough
     return frequency, _predictability_gate(observer, apart, frequency)
 
 

@@ -285,7 +285,10 @@ def _series_of_edges(layout: Layout, recordings: list[Recording]) -> list[_Serie
 
 
 def shapes_of(recording: Recording) -> Floats:
-    """The lowest shapes of a hanging sheet at the points of a garment, (points, shapes), of mean square 1 in all."""
+    """The lowest shapes of a hanging sheet at the points of a garment, (points, shapes), of mean square 1 in all.
+
+    The mean is over judged points, of which a series has one at least.
+    """
     at = np.array([point.at_m for point in recording.garment.points], float)
     outline = np.array(recording.garment.outline_m, float)
     low, high = outline.min(0), outline.max(0)
@@ -296,7 +299,7 @@ def shapes_of(recording: Recording) -> Floats:
         for k, zero in enumerate(jn_zeros(0, DOWN), 1)
     ]
     shapes = np.array(rows).T
-    size = float((shapes[recording.judged] ** 2).sum(1).mean()) if recording.judged.any() else 1.0
+    size = float((shapes[recording.judged] ** 2).sum(1).mean())
     return np.asarray(shapes / np.sqrt(max(size, 1e-12)))
 
 

@@ -61,7 +61,7 @@ def _still(t: Floats) -> Floats:
 
 
 def _face_on(t: Floats) -> Floats:
-    grown = np.interp(t, [0, 1.3, 1.6, 2.6, 2.9, 4], [0.02, 0.02, 0.06, 0.06, 0.12, 0.12])
+    grown = np.interp(t, [1.3, 1.6, 2.6, 2.9], [0.02, 0.06, 0.06, 0.12])
     return np.stack([0 * t, grown * np.sin(2 * np.pi * 0.8 * t) * _ramp(t), 0 * t], 1)
 
 
@@ -111,28 +111,29 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
         return None
     now_j, now_c = base.jacobian[:, : len(base.vector)], _changes(observer, base, _rows(observer, alive, {}))
     inflation = _inflation(observer, base, now_c)
-    best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
+    best: tuple[float, Motion, float, float, tuple[int, int | None]] | None = None
     imagined = followed(observer, [imagine(observer.recordings[0], motion) for motion in MENU], base)
     for motion, (next_j, next_c) in zip(MENU, _imagined(observer, imagined, base, alive), strict=True):
         together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
-        gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))
+        gains = []
         for i, j in _pairs(len(alive)):
             before = _apart(observer, now_j, now_c, i, j) / np.sqrt(inflation)
             after = _apart(observer, np.concatenate([now_j, next_j]), together, i, j) / np.sqrt(inflation)
-            share = weights[i] * (weights[j] if j >= 0 else 1.0)
-            gain += share * (after - before)
-            top = max(top, (share * (after - before), before, after, (i, j)))
+            share = float(np.prod([weights[k] for k in (i, j) if k is not None]))
+            gains.append((share * (after - before), before, after, (i, j)))
+        gain, top = sum(one[0] for one in gains), max(gains, key=lambda one: one[0])
         if best is None or gain > best[0]:
-            best = (gain, motion, top[1], top[2], top[3])
+            best = (gain, motion, *top[1:])
     assert best is not None
     _, motion, now, after, (i, j) = best
     if after - now < WORTH_IT:
         return None
-    titles = [observer.library[alive[k].effects[-1]].title if k >= 0 else "no effect" for k in (i, j)]
+    names = [alive[k].effects[-1] for k in (i, j) if k is not None]
+    titles = [*(observer.library[name].title for name in names), "no effect"]
     return NextExperiment(
         id=motion.id,
         motion=motion.sentence,
-        separates=[alive[k].effects[-1] for k in (i, j) if k >= 0],
+        separates=names,
         sigmas_now=float(now),
         sigmas_next=float(after),
         sentence=f"Next, {motion.sentence}: together with the present takes that would tell {titles[0]} from "
@@ -239,11 +240,11 @@ def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) ->
     return max(1.0, float(np.median(ratios)))
 
 
-def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i: int, j: int) -> float:
-    """Return the norm of c_i after projecting out base parameters and, unless j is -1, c_j."""
+def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i: int, j: int | None) -> float:
+    """Return the norm of c_i after projecting out base parameters and, unless j is None, c_j."""
     precision = np.diag(Problem(observer).prior_sd ** -2)
     columns = jacobian
-    if j >= 0:
+    if j is not None:
         columns = np.concatenate([jacobian, contributions[j][:, None]], 1)
         precision = np.pad(precision, ((0, 1), (0, 1)))
         precision[-1, -1] = 1e-6
@@ -252,5 +253,5 @@ def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i:
     return float(np.linalg.norm(wanted - columns @ solution))
 
 
-def _pairs(count: int) -> list[tuple[int, int]]:
-    return [(0, -1)] if count == 1 else [(i, j) for i in range(count) for j in range(count) if i < j]
+def _pairs(count: int) -> list[tuple[int, int | None]]:
+    return [(0, None)] if count == 1 else [(i, j) for i in range(count) for j in range(count) if i < j]

@@ -259,11 +259,11 @@ def _score(
     seen = project(raw)
     hessian = seen @ seen.T + 1e-9 * max(float((raw**2).sum()), 1e-12) * np.eye(len(raw))
     total = seen @ rest
-    alpha = np.asarray(-np.linalg.solve(hessian, total), float)
+    alpha = np.asarray(-np.linalg.solve(hessian, total))
     if effect.is_one_sided:
         alpha = np.maximum(alpha, 0.0)
     return _Scored(
-        amplitude=alpha * effect.typical, raw=raw, seen=seen, contribution=np.asarray(alpha @ seen, float),
+        amplitude=alpha * effect.typical, raw=raw, seen=seen, contribution=np.asarray(alpha @ seen),
         predicted=max(float(-2 * total @ alpha - alpha @ hessian @ alpha), 0.0),
         correlation=_correlation(raw, residual, effect.is_one_sided),
     )  # fmt: skip

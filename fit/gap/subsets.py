@@ -105,7 +105,7 @@ def _gained(found: Reduced, columns: Columns, at: Integers) -> Floats:
     normal = np.moveaxis(found.normal[:, at[:, :, None], at[:, None, :]], 0, 1)
     low, high, count = columns.low[at], columns.high[at], at.shape[1]
     posterior = normal + np.eye(count) / SIZES**2
-    covariance = np.asarray(np.linalg.inv(posterior), float)
+    covariance = np.asarray(np.linalg.inv(posterior))
     mean = (covariance @ pull[..., None])[..., 0]
     volume = 0.5 * np.linalg.slogdet(posterior)[1] + count * np.log(SIZES)
     within = log_share(mean, covariance, low[:, None], high[:, None])

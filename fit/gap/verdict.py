@@ -19,7 +19,7 @@ from fit.gap.evidence import (
     is_refuted_by_edge,
     is_shown_by_edge,
 )
-from fit.gap.fitting import Fitted, amplitude_of
+from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
@@ -40,8 +40,8 @@ LIKELY, SURE = 0.5, 0.8
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
     """Return whether a hypothesis' last effect is significant, certainly not zero, and within its physical range."""
-    _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
-    is_sure = p_value < FAMILY_WISE_LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
+    _, interval = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
+    is_sure = p_value < FAMILY_WISE_LEVEL and excludes_zero(interval) and not is_at_bound(observer, hypothesis)
     return is_sure and not any(is_brought(observer, hypothesis.fitted, k) for k in hypothesis.effects)
 
 
@@ -222,11 +222,11 @@ def passing_effects(evidence: Evidence) -> list[str]:
         closed = evidence.closure_of(hypothesis)
         if closed is None or k in evidence.contradicted or is_at_bound(evidence.observer, hypothesis):
             continue
-        _, (low, high) = evidence.amplitude(k, any_law=False)
+        _, interval = evidence.amplitude(k, any_law=False)
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = gain > mesh_share(evidence.observer.library[k]) * evidence.numerics_mm**2
         is_certain = evidence.p_value(k) < FAMILY_WISE_LEVEL
-        if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and low * high > 0:
+        if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and excludes_zero(interval):
             passing.append((closed.value, k))
     return effects_identified_by_edge(evidence) + [k for _, k in sorted(passing, reverse=True)]
 
@@ -267,9 +267,9 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         # An effect that the held edge shows may have zero closure, but must not certainly increase the error.
         is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= FAMILY_WISE_LEVEL
         # As for the first effect, its size must exceed the error of noise, mesh and solver.
-        _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
+        _, interval = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
         is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < FAMILY_WISE_LEVEL
-        closes = is_certain and is_enough and is_resolved and low * high > 0
+        closes = is_certain and is_enough and is_resolved and excludes_zero(interval)
         closes = closes and not evidence.is_law_of(before, hypothesis)
         is_needed = (closes or is_shown) and _adds_to_identified(evidence, hypothesis, gap)
         is_needed = is_needed and not is_refuted_by_edge(evidence.base, before, hypothesis)

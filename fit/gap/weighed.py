@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from fit.gap.evidence import RIVAL, SMALLEST_CLOSURE, Evidence
-from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.fitting import Fitted, Task, excludes_zero, fit
 from fit.gap.floor import Floor, measured_noise
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.gap.numerics import Refined
@@ -135,7 +135,7 @@ def _is_sure(evidence: Evidence, hypothesis: Hypothesis | None) -> bool:
     if hypothesis is None:
         return False
     sizes = (evidence.amplitude(name, beside=hypothesis, any_law=False) for name in hypothesis.effects)
-    return all(low * high > 0 for _, (low, high) in sizes)
+    return all(excludes_zero(interval) for _, interval in sizes)
 
 
 def _instead(shares: dict[Subset, tuple[float, float]], best: Subset, name: str) -> list[str]:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fit.gap.fitting import Pinned, Problem, Task, amplitude_of, fit, from_prior, sandwich
+from fit.gap.fitting import Pinned, Problem, Task, amplitude_of, excludes_zero, fit, from_prior, sandwich
 from fit.methods import KINECT_SKIRT, SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.gap.verdict_scene import KINDS
@@ -153,3 +153,11 @@ def test_the_sandwich_of_few_blocks_is_the_standard_error_of_their_mean():
     """Residuals of 2, -1 and -1, each of a block of its own: a deviation of sqrt(6 / 2), over the root of three."""
     found = sandwich(np.ones((3, 1)), np.array([2.0, -1.0, -1.0]), np.arange(3), np.array([1e6]))
     assert found == pytest.approx([np.std([2.0, -1.0, -1.0], ddof=1) / np.sqrt(3)])
+
+
+@pytest.mark.parametrize(
+    ("interval", "is_apart"),
+    [((0.1, 0.2), True), ((-2.0, -1.0), True), ((-0.1, 0.2), False), ((0.0, 2.0), False), ((-2.0, 0.0), False)],
+)
+def test_an_interval_excludes_zero_on_either_side_of_it(interval, is_apart):
+    assert excludes_zero(interval) == is_apart

@@ -163,7 +163,7 @@ CHAOS = Chaotic(lambda hz: 2.0, 2.0)
 FITS = [dataclasses.replace(CHAOS.fitted(), residual=np.array([np.sqrt(cost)])) for cost in (11.4, 10.0)]
 GATES = [
     (
-        data_gates([SLIPPED], [recorded(seconds=2.0)]),
+        lambda: data_gates([SLIPPED], [recorded(seconds=2.0)]),
         [
             ("calibration", False, 1, 0.0, "takes", "The rig of 1 takes was never measured, so a wrong number in "
              "it would pass for an effect. Run `hangtime calibrate` and record with the rig that it writes."),
@@ -181,26 +181,26 @@ GATES = [
         ],
     ),
     (
-        data_gates([recorded(timing=SimpleNamespace(is_of_hanger=False, explained=0.6))], [])[6:7],
+        lambda: data_gates([recorded(timing=SimpleNamespace(is_of_hanger=False, explained=0.6))], [])[6:7],
         [("clocks", False, 1, 0.0, "takes", None)],
     ),
     (
-        [predictability_gate(CHAOS, SI.initial, CHAOS.off)],
+        lambda: [predictability_gate(CHAOS, SI.initial, CHAOS.off)],
         [("predictability", False, 2.0, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
           "2.00 mm under a pull of 2 Hz; at most their noise, 1.7 mm, is allowed.")],
     ),
     (
-        [choose_frequency(Chaotic(lambda hz: 0.1), SI.initial)[1]],
+        lambda: [choose_frequency(Chaotic(lambda hz: 0.1), SI.initial)[1]],
         [("predictability", True, 0.1, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
           "0.10 mm in a free rollout; at most their noise, 1.7 mm, is allowed.")],
     ),
     (
-        [convergence_gate(FITS, 10.0)],
+        lambda: [convergence_gate(FITS, 10.0)],
         [("base fit", True, 14.0, 15.0, "%", "The best two of 2 starts of the base fit end 14.0 % apart in cost. "
           "At most 15 % is allowed; this limit grows with what the best effect saves.")],
     ),
     (
-        [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],
+        lambda: [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],
         [
             ("mesh and step", False, 41.0, 40.0, "%", "A mesh 1.5 times finer with its smaller step, refitted, removes "
              "41 % of the gap; at most 40 % is allowed. The mesh moves the points by about 1.2 mm."),
@@ -213,7 +213,7 @@ GATES = [
 
 @pytest.mark.parametrize(("gates", "expected"), GATES)
 def test_every_gate_says_its_name_figure_limit_and_unit(gates, expected):
-    for gate, (name, passed, figure, limit, unit, sentence) in zip(gates, expected, strict=True):
+    for gate, (name, passed, figure, limit, unit, sentence) in zip(gates(), expected, strict=True):
         assert (gate.name, gate.passed, gate.unit) == (name, passed, unit)
         assert (gate.figure, gate.limit) == (figure and pytest.approx(figure), limit and pytest.approx(limit))
         assert sentence in (None, gate.sentence)

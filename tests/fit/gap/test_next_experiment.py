@@ -110,6 +110,21 @@ def test_an_imagined_recording_has_garment_hanger_and_sensor_of_the_given_one():
     assert found.slip_at == pytest.approx(0.73, abs=0.01)
 
 
+def test_an_imagined_garment_hangs_flat_and_upright_at_its_size_below_the_bar():
+    """Where it lies on a table, its upper edge at the middle of the bar."""
+    recording = prepare(a_take())
+    ((left, right),) = recording.held(np.zeros(1)).reshape(1, 2, 3)
+    top = np.mean(recording.garment.outline_m[:2], axis=0)
+    along = (right - left) / np.linalg.norm(right - left)
+    hung = imagine(recording, MENU[0]).points[0] - (left + right) / 2
+    lying = np.array([p.at_m for p in recording.garment.points]) - top
+    assert lying[:, 1].min() < -0.1
+    assert hung @ along == pytest.approx(lying[:, 0], abs=1e-3)
+    assert hung[:, 2] == pytest.approx(lying[:, 1])
+    apart, apart_lying = (np.linalg.norm(one[:, None] - one, axis=2) for one in (hung, lying))
+    assert apart == pytest.approx(apart_lying)
+
+
 def test_explanations_are_apart_by_what_parameters_and_the_other_one_cannot_imitate():
     """Of (3, 4, 12) the parameter along the first axis imitates 3, and the other effect along the second 4."""
     numbers = 3
@@ -117,18 +132,18 @@ def test_explanations_are_apart_by_what_parameters_and_the_other_one_cannot_imit
     jacobian = np.zeros((numbers, len(SI.initial)))
     jacobian[0, 0] = 1e6
     changes = [np.array([3.0, 4.0, 12.0]), np.array([0.0, 1e3, 0.0])]
-    assert _apart(observer, 0 * jacobian, changes, 0, -1) == pytest.approx(13.0)
-    assert _apart(observer, jacobian, changes, 0, -1) == pytest.approx(np.hypot(4, 12), rel=1e-6)
+    assert _apart(observer, 0 * jacobian, changes, 0, None) == pytest.approx(13.0)
+    assert _apart(observer, jacobian, changes, 0, None) == pytest.approx(np.hypot(4, 12), rel=1e-6)
     assert _apart(observer, jacobian, changes, 0, 1) == pytest.approx(12.0, rel=1e-6)
     # Where a parameter is as well known before as by the data, half of what it could imitate is left.
     weak = np.zeros((numbers, len(SI.initial)))
     weak[0, 0] = 1 / 1.5
-    assert _apart(observer, weak, changes, 0, -1) == pytest.approx(np.sqrt(1.5**2 + 4**2 + 12**2), rel=1e-6)
+    assert _apart(observer, weak, changes, 0, None) == pytest.approx(np.sqrt(1.5**2 + 4**2 + 12**2), rel=1e-6)
     # An explanation that changes nothing imitates nothing, and one of the size of its own weak prior half.
     for size, left in ((0.0, 4.0), (1e-3, 2.0)):
         changes[1] = np.array([0.0, size, 0.0])
         assert _apart(observer, 0 * jacobian, changes, 0, 1) == pytest.approx(np.sqrt(3**2 + left**2 + 12**2))
-    assert _pairs(1) == [(0, -1)]
+    assert _pairs(1) == [(0, None)]
     assert _pairs(3) == [(0, 1), (0, 2), (1, 2)]
 
 
@@ -251,6 +266,12 @@ def test_a_recording_that_adds_less_than_a_standard_deviation_is_not_proposed(mo
     if found:
         assert found.separates == ["hem"]
         assert "from no effect by" in found.sentence
+
+
+def test_of_motions_that_separate_alike_the_first_is_proposed_from_a_whole_deviation_on(monkeypatch):
+    """3 now and 5 then, of an inflation of 4: exactly one deviation more."""
+    found = proposed(monkeypatch, [3.0 * X], [[4.0 * Y]] * 3, ["hem"], [0.7])
+    assert (found.id, found.sigmas_now, found.sigmas_next) == ("S0", 1.5, 2.5)
 
 
 def test_a_more_probable_effect_weighs_more(monkeypatch):

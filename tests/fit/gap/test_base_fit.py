@@ -21,7 +21,7 @@ SHIFT = np.array([0.5, -0.4, 0.3, 0.2, -0.3])  # of the logarithms of the parame
 
 
 class Pulled(LinearTakes):
-    """Takes that may be pulled and put on other meshes, whose points are the parameters themselves."""
+    """Takes that may be pulled and put on other meshes, whose points are parameters and amplitudes themselves."""
 
     def __init__(self):
         super().__init__(5)
@@ -40,10 +40,10 @@ class Pulled(LinearTakes):
 
     def trajectories(self, vectors, amplitudes, *, frequency=None):
         self.looked += [(self.frequency, self.resolution.spacing, vector) for vector in vectors]
-        return [vectors]
+        return [vectors, amplitudes]
 
     def sound_residuals_of(self, points):
-        return self.residuals(points[0], np.tile(self.off, (len(points[0]), 1)))
+        return self.residuals(*points)
 
 
 @pytest.fixture
@@ -152,8 +152,14 @@ def test_while_the_best_two_disagree_another_start_is_spent_up_to_four(world, mo
     pulls(monkeypatch, 0.0)
     assert len(ended(world)[0]) == 2
     monkeypatch.setattr(gates, "disagreement", lambda fits: gates.CONVERGED + 1e-6)
-    fits, *_ = ended(world)
+    told = []
+    fits, *_ = ended(world, lambda *said: told.append(said))
     assert len(fits) == MOST_STARTS == 4
+    # A twentieth of the work each, up to where the search across valleys begins.
+    assert [(stage, pytest.approx(share)) for stage, share in told if "starts, pull 0 Hz" in stage][-3:] == [
+        ("base fit, 2 starts, pull 0 Hz", 0.14), ("base fit, 3 starts, pull 0 Hz", 0.24),
+        ("base fit, 4 starts, pull 0 Hz", 0.28),
+    ]  # fmt: skip
     monkeypatch.setattr(gates, "disagreement", lambda fits: gates.CONVERGED)
     assert len(ended(world)[0]) == 2
     monkeypatch.setattr(gates, "disagreement", lambda fits: 1.0 if len(fits) < 3 else 0.0)

@@ -176,6 +176,8 @@ def test_a_wrong_solver_moves_squared_errors_by_twice_the_product_and_alike_ones
     assert moved.std(0) == pytest.approx([4.0, 4.0, 4.0], rel=0.03)
     assert moved[:, 0] == pytest.approx(moved[:, 1], abs=1e-6)
     assert abs(np.corrcoef(moved[:, 0], moved[:, 2])[0, 1]) < 0.03
+    again = solver_draws([BlockErrors(np.ones(1), np.ones(1), v) for v in vectors], 3.0, 20000)
+    assert np.array_equal(again, moved)  # a diagnosis of the same takes says the same
 
 
 def test_a_residual_is_gathered_by_half_seconds_in_millimetres():

@@ -243,6 +243,7 @@ def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure
     assert (lag.closure, lag.p_value, lag.amplitude_interval, lag.fitted_share) == (None, None, None, None)
     assert (lag.probability, lag.amplitude, lag.tested) == (0.0, 0.0, True)
     assert (shear.tested, shear.amplitude, shear.group) == (False, 0.0, "shear_stiffness")
+    assert (shear.unit, lag.unit) == (KINDS["shear_stiffness"].unit, KINDS["filter_lag"].unit)
     value = dict(zip((p.name for p in SI.parameters), alone.base.fitted.vector, strict=True))
     fitted = KINDS["shear_stiffness"].in_base
     assert shear.note == f"part of the base model: {fitted} is fitted, {value[fitted]:.3g}"

@@ -110,6 +110,16 @@ def test_masses_are_sums_over_the_discrepancys_size_with_its_two_priors(linear):
     assert mass.total[0] == pytest.approx(logsumexp([mass.known[0], mass.wide[0]]))
 
 
+def test_each_subset_has_the_mass_that_it_has_alone(linear):
+    """With drag the middle is higher than without, and so are the sizes that the wide prior is flat over."""
+    among = [(), ("air_drag",), ("air_drag", "hem")]
+    together = linear.masses(among, MESH)
+    for n, subset in enumerate(among):
+        alone = linear.masses([subset], MESH)
+        for name in ("known", "wide", "sharp"):
+            assert getattr(together, name)[n] == pytest.approx(getattr(alone, name)[0]), (subset, name)
+
+
 def test_an_effects_law_widens_what_it_may_leave(linear, world):
     """The middle holds a share of the effect's own motion: its law's spread, or sqrt(0.05) / 3 where that is more."""
     mass = linear.masses([("air_drag",)], MESH)
@@ -159,6 +169,20 @@ def test_refits_start_on_the_line_to_the_joint_solution(linear, world):
     joint = linear.joint(subset)
     assert joint.shape[1] == jacobian.shape[1] + len(world.rows["hem"]) + 1
     assert joint[:, -1] == pytest.approx(world.rows["air_drag"][0])
+
+
+def test_a_set_is_refitted_from_its_cheapest_start_along_one_chord_and_roughly(linear, world):
+    """Drag is there at 1.2 sizes, so its whole linear solution costs least; a limit of six steps, no new Jacobian."""
+    search, _ = world.search()
+    wanted = [("air_drag",), ("air_drag", "hem")]
+    for task, subset in zip(search._tasks(linear, wanted), wanted, strict=True):
+        vectors, amplitudes = linear.starts(subset)
+        costs = (world.residuals(vectors, amplitudes) ** 2).sum(1)
+        assert costs.argmin() == len(JOINT_STARTS) - 1
+        assert task.vector == pytest.approx(vectors[-1])
+        assert task.amplitudes == pytest.approx(amplitudes[-1])
+        assert task.jacobian == pytest.approx(linear.joint(subset))
+        assert (task.active, task.iterations, task.renewals, task.is_rough) == (subset, 6, 0, True)
 
 
 def mass_of(**by_name):

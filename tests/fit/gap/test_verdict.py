@@ -166,8 +166,8 @@ def test_at_the_end_of_its_range_or_with_little_closed_no_effect_is_said_to_come
 def test_no_gap_under_a_pull_says_what_could_not_have_been_seen(monkeypatch, frequency, least, verdict):
     """Tilts of twice their typical 0.03 rad, or half of it, would have shown; effects without motion are not listed."""
     smallest = {"gravity_tilt": np.array([0.03 * least, np.inf]), "hem": np.array([0.001])}
-    monkeypatch.setattr("fit.gap.verdict.smallest_detectable", lambda evidence: smallest)
     evidence = evidence_of({"air_drag": 5.0}, base=5.3)
+    monkeypatch.setattr("fit.gap.verdict.smallest_detectable", lambda given: smallest if given is evidence else {})
     evidence.observer.frequency = frequency
     found = decide(evidence)
     assert found.verdict == verdict

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,10 +37,25 @@ def test_an_error_of_one_point_is_found_there_and_nowhere_else(scene):
     assert {b.name: b.share for b in found.term} == pytest.approx(
         {"sideways (x)": 1.0, "to and from the sensor (y)": 0.0, "vertical (z)": 0.0}
     )
-    assert len(found.vertices) == 20
+    judged = [point.at_m for point in scene[0].garment.points[5:]]  # below the held edge
+    assert [v.at_m for v in found.vertices] == judged
     values = [v.value_mm for v in found.vertices]
     assert max(values) == pytest.approx(5.0)
     assert sum(v > 1e-6 for v in values) == 1
+
+
+def test_a_point_that_was_never_seen_has_no_error_and_takes_none_from_the_others(scene):
+    """The last of 25 points is hidden; 5 mm of the one before it, of 19 that were seen."""
+    recording, _ = scene
+    valid = recording.valid.copy()
+    valid[:, 24] = False
+    observer = Observer([dataclasses.replace(recording, valid=valid)], SI, (), frequency=0.0)
+    by = np.zeros(recording.points.shape)
+    by[:, 23, 0] = 0.005
+    found = find_where(observer, observer.residuals_of([(recording.points - by)[None]])[0])
+    assert [v.at_m for v in found.vertices] == [point.at_m for point in recording.garment.points[5:24]]
+    assert [v.value_mm for v in found.vertices] == pytest.approx([*[0.0] * 18, 5.0])
+    assert [b.name for b in found.space if b.share > 0] == ["bottom right"]
 
 
 def test_components_add_up_in_squares_and_regions_and_phases_in_weighted_squares(scene):

@@ -122,21 +122,21 @@ def test_ctrl_c_while_a_library_starts_is_obeyed_afterwards(tmp_path):
         "except KeyboardInterrupt:\n"
         "    raise ImportError('initialization failed') from None\n"
     )
-    done = run(f"import sys\nsys.path.insert(0, {str(tmp_path)!r}){INTERRUPTED}", "none", "fit", "a.mcap")
+    done = run(f"import sys\nsys.path.insert(0, {str(tmp_path)!r}){INTERRUPTED}", "none", "fit", "README.md")
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted.\n")
 
 
 @pytest.mark.parametrize(
     ("machine", "words", "said"),
     [
-        ("x86_64", ["fit", "a.mcap"], "taichi is not installed; in Hangtime's checkout: pip install -e '.[fit]'"),
+        ("x86_64", ["fit", "README.md"], "taichi is not installed; in Hangtime's checkout: pip install -e '.[fit]'"),
         pytest.param(
             "x86_64", ["batch", "."], "taichi is not installed; in Hangtime's checkout: pip install -e '.[fit]'",
             marks=pytest.mark.slow,
         ),
         ("x86_64", ["markers", "print"], "cv2 is not installed; in Hangtime's checkout: pip install -e '.[capture]'"),
         (
-            "aarch64", ["fit", "a.mcap"],
+            "aarch64", ["fit", "README.md"],
             "taichi is not installed; Taichi has no package for Linux on aarch64: this computer records takes but "
             "cannot fit them",
         ),

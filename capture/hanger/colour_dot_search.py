@@ -51,7 +51,13 @@ def find_pair(
 
     colour RGB, (H, W, 3); depth [mm], (H, W); colours: of the left and of the right dot, if known
     """
-    candidates = _candidates(colour, depth, hanger, sensor)
+    return _best_pair(_candidates(colour, depth, hanger, sensor), hanger.marker_distance_m, colours)
+
+
+def _best_pair(
+    candidates: list[_Candidate], distance: float, colours: list[Floats | None]
+) -> tuple[Dot, Dot] | None:  # fmt: skip
+    """Return the pair at a distance [m] with the least fault, or None if another is nearly as good."""
     wanted = [None if mark is None else _tint(mark) for mark in colours]
     pairs: list[tuple[float, Dot, Dot]] = []
     for i, one in enumerate(candidates):
@@ -63,7 +69,7 @@ def find_pair(
                 for t, w in zip(tints, wanted, strict=True)
             ):
                 continue
-            apart = float(np.linalg.norm(right.place - left.place)) / hanger.marker_distance_m - 1.0
+            apart = float(np.linalg.norm(right.place - left.place)) / distance - 1.0
             if abs(apart) <= DOT_TOLERANCE:
                 fault = left.fault + right.fault + abs(apart) / DOT_TOLERANCE
                 pairs.append((fault, left.dot, right.dot))
@@ -75,7 +81,7 @@ def find_pair(
 
 def _candidates(colour: Bytes, depth: Unsigned, hanger: Hanger, sensor: Sensor) -> list[_Candidate]:
     lab = cv2.cvtColor(colour, cv2.COLOR_RGB2LAB)
-    a, b = lab[..., 1].astype(np.float32) - 128.0, lab[..., 2].astype(np.float32) - 128.0
+    a, b = np.float32(lab[..., 1]) - 128.0, np.float32(lab[..., 2]) - 128.0
     chroma = np.hypot(a, b)
     found: list[_Candidate] = []
     for k in range(HUES):

@@ -167,12 +167,11 @@ class MarkerTracker:
 
     def _find_corners(self, colour: Bytes, time: float) -> Floats:
         corners = np.full((2, 4, 2), np.nan)
-        for row in range(2):
-            track = self._tracks[row]
-            if track is not None and time - track.time <= LONGEST_GUESS:
+        known = [track is not None and time - track.time <= LONGEST_GUESS for track in self._tracks]
+        for row, track in enumerate(self._tracks):
+            if track is not None and known[row]:
                 window = track.window(time, self._pixels_per_metre(track))
                 corners[row] = self._detector.in_window(colour, row, *window)
-        known = [track is not None and time - track.time <= LONGEST_GUESS for track in self._tracks]
         if all(known):
             return corners
         coarse = self._detector.in_picture(colour)

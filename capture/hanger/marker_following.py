@@ -165,9 +165,10 @@ def _follow_points(
         if abs(scale - 1.0) > SCALED or abs(angle) > TURNED:
             continue
         in_view = target[true][agreed[:, 0] > 0] + origin
-        hull = cv2.convexHull(in_view.astype(np.float32))[:, 0].astype(np.float64)
-        if cv2.contourArea(hull.astype(np.float32)) < LEAST_IN_VIEW * side**2:
+        rim = cv2.convexHull(in_view.astype(np.float32))[:, 0]
+        if cv2.contourArea(rim) < LEAST_IN_VIEW * side**2:
             continue
+        hull = rim.astype(float)
         if _likeness(window, picture, turn, kept.origin, origin, hull) >= LEAST_PICTURE_CORRELATION:
             return Followed(kept.corners @ turn[:, :2].T + turn[:, 2], hull, COVERED_SD)
     return None

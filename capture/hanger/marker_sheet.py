@@ -134,6 +134,6 @@ def _add_bar(page: Element, x: float, y: float, *, horizontal: bool) -> None:
     across = (0.0, 2.0) if horizontal else (2.0, 0.0)
     lines = [(x, y, *end)]
     lines += [(px - across[0], py - across[1], px + across[0], py + across[1]) for px, py in ((x, y), end)]
-    for line in lines:
-        ends = {name: f"{at:g}" for name, at in zip(("x1", "y1", "x2", "y2"), line, strict=True)}
+    for x1, y1, x2, y2 in lines:
+        ends = {"x1": f"{x1:g}", "y1": f"{y1:g}", "x2": f"{x2:g}", "y2": f"{y2:g}"}
         SubElement(page, "line", ends | {"stroke": "#000", "stroke-width": "0.25"})

@@ -68,7 +68,7 @@ def markers_that_fit(size):
     return 59
 
 
-@pytest.mark.parametrize("size_mm", range(26, 125, 3))
+@pytest.mark.parametrize("size_mm", [*range(26, 125, 3), 60, 91])
 def test_a_page_holds_whole_rows_of_markers_between_its_margins_and_is_full(size_mm):
     """Printers leave 15 mm; the scale bars take 8 mm at the right and 12 mm at the bottom, and 12 mm part markers."""
     step = size_mm * (1 + 2 / 6) + 12
@@ -97,6 +97,36 @@ def test_both_scale_bars_end_in_the_lower_corners_between_the_margins():
         (15, 282, 115, 282), (15, 280, 15, 284), (115, 280, 115, 284),
         (195, 182, 195, 282), (193, 182, 197, 182), (193, 282, 197, 282),
     ]  # fmt: skip
+
+
+def test_a_marker_is_a_dashed_quiet_zone_a_black_square_white_bits_and_a_label():
+    """Marker 0 of 4 x 4 bits is B5 32 in hexadecimal, row by row. A bit of 60 mm in six is 10 mm; margins are 15 mm."""
+    page = list(ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.06)))
+    zone, black, white, label = page[1:5]
+
+    def box(one):
+        return [float(one.get(name)) for name in ("x", "y", "width", "height")]
+
+    looks = {name: zone.get(name) for name in ("fill", "stroke", "stroke-width", "stroke-dasharray")}
+    assert looks == {"fill": "#fff", "stroke": "#bbb", "stroke-width": "0.2", "stroke-dasharray": "2 2"}
+    assert (box(zone), box(black)) == ([15, 15, 80, 80], [25, 25, 60, 60])
+    assert black.get("fill") == "#000"
+    bits = f"{0xB532:016b}"
+    wanted = [[35 + 10 * (k % 4), 35 + 10 * (k // 4), 10, 10] for k in range(16) if bits[k] == "1"]
+    assert [box(one) for one in white] == wanted
+    assert (label.get("x"), label.get("y")) == ("25.0000", "104.0000")  # 4 mm below the middle of the lower zone
+    second = page[6]
+    assert box(second) == [25 + 60 + 20 + 12, 25, 60, 60]  # two quiet zones and 12 mm to the right
+
+
+def test_the_notes_stand_above_the_lower_bar_at_the_margin():
+    """The last one is 6 mm above the bar, which is at 282 mm, and the first one 5 mm above that."""
+    notes = list(ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.06)).iter(SVG + "text"))[2:]
+    assert [(note.get("x"), note.get("y")) for note in notes] == [("15", "271"), ("15", "276")]
+    assert [note.text for note in notes] == [
+        "DICT_4X4_50, 60 mm from black edge to black edge.",
+        "Print at 100 %, not fitted to the page; both bars must measure 100 mm.",
+    ]
 
 
 def test_a_refused_id_names_the_option_and_the_ids_that_are_there():

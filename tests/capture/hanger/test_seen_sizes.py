@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
+from capture.hanger.seen_sizes import _depth_within, _placed, sizes_seen, wrong_size, wrong_unit
 from capture.sensor_check import markers_visible
 from firmware_host.doctor.checks import Verdict
 from tests.capture.test_sensor_check import drawn, examined, rig
@@ -52,6 +52,47 @@ def test_the_number_that_depth_contradicts_is_named_by_record_and_by_the_doctor(
     finding = markers_visible(examination)
     assert finding.verdict == (Verdict.PROBLEM if says else Verdict.OK)
     assert finding.text.endswith(f"of other sizes than the rig's; {words}" if says else "of 1 frames")
+
+
+def test_a_wrong_length_is_named_with_both_that_depth_shows():
+    """Of 60 mm and 200 mm; within a tenth of either nothing is wrong, and within a tenth of each other fx is."""
+
+    def told(size, distance):
+        return wrong_size(stated().hanger, stated().sensor, (size, distance))
+
+    shown = "depth shows markers of 60 mm that are 250 mm apart"
+    assert told(0.0604, 0.2496) == f"{shown}: measure hanger.marker_distance_m again"
+    assert told(0.08, 0.2) == "depth shows markers of 80 mm that are 200 mm apart: measure hanger.marker_size_m again"
+    assert told(0.0655, 0.181) == told(0.0545, 0.219) == ""
+    assert told(0.0665, 0.2).endswith("marker_size_m again")
+    assert told(0.06, 0.179).endswith("marker_distance_m again")
+    both = "depth shows markers of 90 mm that are 300 mm apart: sensor.fx and fy are 288, and about 432 would fit"
+    assert told(0.09, 0.3) == both
+    assert told(0.09 * 1.09, 0.3).endswith("would fit")
+    assert told(0.09 * 0.91, 0.3).endswith("would fit")
+    assert told(0.09 * 1.11, 0.3).endswith("marker_size_m again")
+    assert told(0.09 * 0.89, 0.3).endswith("marker_distance_m again")
+
+
+def test_depth_of_a_marker_is_the_median_in_its_box_inside_the_picture():
+    """From the corners' floors to the pixel after their ends: columns 2 to 5 and rows 3 to 6."""
+    quad = np.array([[2.6, 3.2], [4.9, 3.2], [4.9, 5.8], [2.6, 5.8]])
+    depth = np.full((12, 10), 9000, np.uint16)
+    depth[3:6, 2:5] = 700
+    assert _depth_within(quad, depth) == 0.7
+    depth[3:6, 2:5] = [[600, 700, 800], [0, 0, 0], [0, 300, 400]]
+    assert _depth_within(quad, depth) == 0.65
+    assert _depth_within(quad, depth, nearest=0.0) == 0.6
+    assert np.isnan(_depth_within(quad, np.zeros_like(depth)))
+    depth[:] = 500
+    depth[:2, :3] = 800
+    assert _depth_within(quad - [4.0, 5.0], depth) == 0.8
+
+
+def test_corners_are_placed_at_one_depth_with_each_axis_its_own_focal_length():
+    sensor = msgspec.structs.replace(stated().sensor, fx=200.0, fy=400.0, cx=100.0, cy=50.0)
+    places = _placed(np.array([[300.0, 50.0], [100.0, 150.0]]), 2.0, sensor)
+    assert places == pytest.approx(np.array([[2.0, 0.0, 2.0], [0.0, 0.5, 2.0]]))
 
 
 def test_nothing_is_measured_without_both_markers_or_their_depth():

@@ -50,7 +50,7 @@ def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
     brought = 0.0
     for other in fitted.active:
         share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
-        brought += share * amplitude_of(fitted, observer, other)[0] if share else 0.0
+        brought += share * amplitude_of(fitted, observer, other)[0]
     _, (low, _) = amplitude_of(fitted, observer, effect)
     return brought > 0.0 and low <= brought
 

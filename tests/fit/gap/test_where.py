@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -112,6 +113,24 @@ def test_a_region_is_named_by_its_thirds_of_the_height_and_the_width(scene, poin
     by = np.zeros(scene[0].points.shape)
     by[:, point] = 0.002
     assert [b.name for b in missed(scene, by).space if b.share > 1e-9] == [name]
+
+
+@pytest.mark.parametrize("wide", [0.2, 5.0])
+def test_regions_are_thirds_of_a_narrow_and_of_a_wide_garment_too(scene, wide):
+    """The middle one of the lowest five points, and its neighbour to the right, of any garment's width."""
+    recording, observer = scene
+    points = recording.garment.points
+    other = tuple(msgspec.structs.replace(p, at_m=(wide * p.at_m[0] + 0.3, p.at_m[1] - 0.7)) for p in points)
+    shown = SimpleNamespace(layout=observer.layout, recordings=[replace_garment(recording, other)])
+    for point, name in ((22, "bottom centre"), (23, "bottom right"), (20, "bottom left"), (12, "middle centre")):
+        by = np.zeros(recording.points.shape)
+        by[:, point] = 0.002
+        found = find_where(shown, observer.residuals_of([(recording.points - by)[None]])[0])
+        assert [b.name for b in found.space if b.share > 1e-9] == [name]
+
+
+def replace_garment(recording, points):
+    return dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, points=points))
 
 
 def stroke(top, begin=1.0):

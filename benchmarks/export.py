@@ -31,7 +31,7 @@ from fit.export.fabric import fabric_of
 from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import Sheet, strip
 from fit.export.usd_physics import usd_physics
-from fit.export.worn import GARMENTS, FigureOrder
+from fit.export.worn import WORN_GARMENTS, FigureOrder
 from tests.fit.export.exported import a_fit
 from tests.fit.export.test_in_other_engines import (
     CELL,
@@ -109,7 +109,7 @@ def film(seconds: float) -> None:
 
 def walks(seconds: float) -> None:
     """Print the results and the cost of animations in which a figure walks in a skirt and in a T-shirt."""
-    for garment in GARMENTS:
+    for garment in WORN_GARMENTS:
         scene = Scene(result=a_fit(effects={"air_drag": 1.0}), seconds=seconds, figure=FigureOrder(wear=garment))
         with tempfile.TemporaryDirectory() as name:
             begun, spent = time.perf_counter(), time.process_time()

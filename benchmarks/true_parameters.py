@@ -26,15 +26,15 @@ import numpy as np
 from firmware_host.synthetic.cloth import ClothPhysics
 from firmware_host.synthetic.swatch import (
     CELLS_BETWEEN_MARKERS,
-    FRAMES,
     SWATCH_FPS,
+    SWATCH_FRAMES,
     TRUE_FABRICS,
     make_swatch_take,
     measured,
     swung_markers,
 )
-from firmware_host.synthetic.world import FABRICS as SKIRTS
 from firmware_host.synthetic.world import GARMENT_PHYSICS
+from firmware_host.synthetic.world import SKIRT_FABRICS as SKIRTS
 from fit.cloth import material as mat
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
@@ -52,7 +52,7 @@ from formats.results import load_fit_result
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 from formats.take import Take
 
-TIME = np.arange(FRAMES) / SWATCH_FPS
+TIME = np.arange(SWATCH_FRAMES) / SWATCH_FPS
 COMPARED = ("swing", "other")  # the motions that the tables are of
 VARIED = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_damping")
 FACTORS = (2 / 3, 3 / 2)

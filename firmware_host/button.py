@@ -24,12 +24,12 @@ KEY_EVENT = 1  # EV_KEY
 UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
 # s after a change in which contacts bounce. Our choice: a press counts at once, and only a change back waits. No
 # button's bounce was measured, and half and double were not tried.
-SETTLE = 0.03
+BOUNCE = 0.03
 # s after a press in which a further press counts as an accidental repetition. Our choice: a take ends seconds after it
 # began. Half and double were not tried.
-AGAIN = 0.5
+REPEATED_WITHIN = 0.5
 STUCK = 10.0  # s; a button held longer counts as stuck; our choice: a press counts at once, so nobody holds it as long
-AT_ONCE = 64  # events per read; our choice: more than a bouncing button sends between two frames
+EVENTS_AT_ONCE = 64  # events per read; our choice: more than a bouncing button sends between two frames
 KEYS = 96  # bytes: one bit for each of KEY_CNT = 768 keys
 EVIOCGKEY = 0x80604518  # _IOR('E', 0x18, KEYS bytes): which keys are down
 INPUTS, DEVICES = Path("/sys/class/input"), Path("/dev/input")
@@ -78,7 +78,7 @@ class EventContact(ButtonContact):
     def changes(self) -> list[bool]:
         """Return the changes since the last call."""
         try:
-            content = self._rest + os.read(self._handle, AT_ONCE * EVENT.size)
+            content = self._rest + os.read(self._handle, EVENTS_AT_ONCE * EVENT.size)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -164,8 +164,8 @@ def open_contact(name: str) -> ButtonContact:
 class Presses:
     """Detects presses among changes: ignores bounce and accidental double presses, and reports a stuck button.
 
-    A press counts as soon as the button goes down. A change within `SETTLE` is bounce. A press within `AGAIN` of the
-    previous one does not count.
+    A press counts as soon as the button goes down. A change within `BOUNCE` is bounce. A press within
+    `REPEATED_WITHIN` of the previous one does not count.
     """
 
     def __init__(self, *, is_down: bool = False) -> None:
@@ -190,11 +190,11 @@ class Presses:
         return presses
 
     def _settled(self, now: float) -> int:
-        if self._raw == self._level or now - self._changed_at < SETTLE:
+        if self._raw == self._level or now - self._changed_at < BOUNCE:
             return 0
         self._level, self._changed_at = self._raw, now
         self._down_since = now if self._level else None
-        if not self._level or now - self._pressed_at < AGAIN:
+        if not self._level or now - self._pressed_at < REPEATED_WITHIN:
             return 0
         self._pressed_at = now
         return 1

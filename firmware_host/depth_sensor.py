@@ -12,7 +12,10 @@ from formats.arrays import Bytes, Unsigned
 from formats.rig import Sensor
 
 # Multiple of the frames due in a time: after so many frames the device's clock counts as stopped, and waiting ends.
-MOST_FRAMES = 2.0
+MOST_FRAMES_OF_DUE = 2.0
+# m from projector to camera, of PrimeSense and Kinect v1: K. Khoshelham, S. Elberink, Sensors 12 (2012), section 3;
+# K. Konolige, P. Mihelich, "Technical description of Kinect calibration" (ROS wiki), depth calculation.
+BASELINE = 0.075
 STALL_TIMEOUT = 5.0  # s without a frame before a live sensor counts as stalled; a USB reset takes about 2 s
 
 

@@ -28,7 +28,7 @@ LIVE_MODE = (640, 480, 30)  # px, px, frames a second: the best mode of PS1080 d
 REPLUG = "unplug and replug it"
 COPY_AGAIN = "copy the recording again from its source"
 BOTH = "record depth and colour"
-OTHER = "use a sensor that does, as PS1080 devices do, or play a recording in which depth is registered"
+OTHER_SENSOR = "use a sensor that does, as PS1080 devices do, or play a recording in which depth is registered"
 CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
 # s without a frame after which a recording of unknown length has ended. Our choice: it is waited once, at the end; a
 # disk that pauses for longer would end the recording too early. Half and double were not tried.
@@ -38,7 +38,8 @@ FAR_AHEAD = 1_000_000  # us between a depth and a colour frame: above, they are 
 # Depth frames for which a colour frame so far ahead is kept. Our choice: one second at 30 a second, so that frames up
 # to 2 s ahead find theirs. Half and double were not tried.
 COLOUR_PATIENCE = 30
-ROUND, AROUND = 1 << 32, 10_000_000  # us: range of a 32-bit timestamp, and the margin in which it may wrap around
+# us: range of a 32-bit timestamp, and the margin in which it may wrap around.
+CLOCK_RANGE, WRAP_MARGIN = 1 << 32, 10_000_000
 ANOTHER_UNIT = 10.0  # times the stated rate: so far off, stamps have another unit; a camera in dim light is nearer
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
@@ -124,7 +125,9 @@ class OpenNI2Sensor(DepthSensor):
         if colour is not None:
             registration = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
             if not self._device.is_image_registration_mode_supported(registration):
-                raise self._refused("it does not register depth to colour, and Hangtime cannot do it itself", OTHER)
+                raise self._refused(
+                    "it does not register depth to colour, and Hangtime cannot do it itself", OTHER_SENSOR
+                )
             self._device.set_image_registration_mode(registration)
             self._device.set_depth_color_sync_enabled(True)
 
@@ -337,10 +340,10 @@ class OpenNI2Sensor(DepthSensor):
                 image = np.ascontiguousarray(image[:, ::-1])
             stamp = int(frame.timestamp)
             last, rounds = self._rounds.get(stream_kind, (0, 0))
-            if last > ROUND - AROUND and stamp < AROUND:  # 32-bit timestamps wrap around after 71 minutes
+            if last > CLOCK_RANGE - WRAP_MARGIN and stamp < WRAP_MARGIN:  # 32 bits wrap around after 71 minutes
                 rounds += 1
             self._rounds[stream_kind] = stamp, rounds
-            return int(frame.frameIndex), stamp + rounds * ROUND, image
+            return int(frame.frameIndex), stamp + rounds * CLOCK_RANGE, image
         finally:
             frame.close()
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 HWMON = Path("/sys/class/hwmon")
-NAME, ALARM = "rpi_volt", "in0_lcrit_alarm"
+VOLTAGE_MONITOR, ALARM = "rpi_volt", "in0_lcrit_alarm"
 # s after an undervoltage for which a lost sensor is attributed to it. Our choice: no board's delay was measured, and
 # half and double were not tried.
 BLAMED = 60.0
@@ -44,7 +44,7 @@ def _found(hwmon: Path) -> Path | None:
     for name in sorted(hwmon.glob("hwmon*/name")) if hwmon.is_dir() else ():
         alarm = name.with_name(ALARM)
         try:
-            if name.read_text().strip() == NAME and alarm.is_file():
+            if name.read_text().strip() == VOLTAGE_MONITOR and alarm.is_file():
                 return alarm
         except OSError:
             continue

@@ -24,7 +24,7 @@ LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames
 LARGEST_WINDOW = 1 << 23  # bytes of zstd's window
 # Unpacked bytes for each packed byte of a chunk. Blocks have 1 to 17, or 390 with 2000 unseen points. A header of 2000
 # points has 5, one of repetitive notes 50. A second of version 1 at rest has 18 to 1700 (2000 points).
-UNPACKED = 32
+UNPACKED_PER_BYTE = 32
 FREE_BYTES = 1 << 26  # budget beyond that, for all chunks of a file together
 COPY_EVERY = 20  # chunks between copies of a header that are free of charge: writers put 30 blocks between them
 RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # packed bytes for each record of a chunk; budget of a file beyond that
@@ -172,7 +172,7 @@ def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings)
     if not compression and size != len(packed):
         return None
     is_alone = starts.next_at(at + 1) >= end
-    beyond = max(size - UNPACKED * (end - at), 0) if is_alone else size
+    beyond = max(size - UNPACKED_PER_BYTE * (end - at), 0) if is_alone else size
     if beyond > findings.bytes_left:
         findings.left_packed += is_alone
         return b"" if is_alone else None

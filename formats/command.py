@@ -98,7 +98,7 @@ def main() -> None:
         take_streams()
         remember_interruptions()
         telling.begin()
-        if next(iter(sys.argv[1:]), None) in help_pages.IN_LINES:
+        if next(iter(sys.argv[1:]), None) in help_pages.JSON_IN_LINES:
             telling.ask_lines()
         command = whole(next(iter(sys.argv[1:]), None) if WORDS_ASKED not in os.environ else None)
         choose_shell()

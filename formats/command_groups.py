@@ -5,10 +5,10 @@ from __future__ import annotations
 import typer
 
 # Headings of the list of commands
-PANELS = (
+COMMAND_GROUPS = (
     "Record a garment", "Keep takes", "Fit and diagnose", "Take results away", "Check the diagnosis itself", "Others",
 )  # fmt: skip
-RECORD, TAKES, FIT, OUT, CHECK, OTHER = PANELS
+RECORD, TAKES, FIT, OUT, CHECK_DIAGNOSIS, OTHER_COMMANDS = COMMAND_GROUPS
 HELP = {"takes": "Show, check, recover, export and prune take archives."}
 PANEL_OF = {"takes": TAKES}
 ORDER = {

@@ -9,7 +9,7 @@ from pathlib import Path
 from formats.errors import HangtimeError
 
 COMPLETED = ("bash", "zsh", "fish", "powershell", "pwsh")  # shells that Typer completes in
-OPTIONS = {"--show-completion", "--install-completion"}
+COMPLETION_OPTIONS = {"--show-completion", "--install-completion"}
 
 
 def choose_shell() -> None:
@@ -18,7 +18,7 @@ def choose_shell() -> None:
     Typer asks shellingham for the shell that runs the command, and fails on a plain `sh`. A script's shell has no
     completion, but the user's shell may have it. `$SHELL` names the user's shell.
     """
-    if not OPTIONS & set(sys.argv[1:]):
+    if not COMPLETION_OPTIONS & set(sys.argv[1:]):
         return
     import shellingham
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-ROUND = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
+AXIS_STEPS = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
 
 
 def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
@@ -37,4 +37,4 @@ def head_of(name: str, unit: str) -> str:
 def round_step(least: float) -> float:
     """Return the least round step of an axis that is no shorter than this, which is above 0."""
     power = 10.0 ** math.floor(math.log10(least))
-    return next(round(power * nice, 12) for nice in ROUND if power * nice >= least * (1 - 1e-9))
+    return next(round(power * nice, 12) for nice in AXIS_STEPS if power * nice >= least * (1 - 1e-9))

@@ -17,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from formats import telling
-from formats.command_groups import ORDER, OTHER, PANELS
+from formats.command_groups import COMMAND_GROUPS, ORDER, OTHER_COMMANDS
 from formats.typed_values import reword
 
 OUTPUT = "Output"
@@ -35,8 +35,8 @@ NUMERIC = {float: "number", int: "whole number", "float": "number", "integer": "
 # Commands that report nothing at their end: services, and commands that run until they are stopped.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
 WITHOUT_JSON = ("daemon", "sync run")
-IN_LINES = ("watch",)  # commands whose `--json` prints one object a line, that of an error too
-FEWEST = {"Model": 2, "Search": 2}  # options under such a heading; a lone one stands under "Options"
+JSON_IN_LINES = ("watch",)  # commands whose `--json` prints one object a line, that of an error too
+FEWEST_OPTIONS = {"Model": 2, "Search": 2}  # options under such a heading; a lone one stands under "Options"
 
 
 class Contents(TyperGroup):
@@ -105,7 +105,9 @@ def add_pages(app: typer.Typer) -> None:
 def finish(root: Any) -> None:
     """Add `--json` and `--quiet` to every command, and the drawing mode that suits the output to all."""
     mode, common = drawing(), _common_options()
-    root.commands = dict(sorted(root.commands.items(), key=lambda item: PANELS.index(_panel_of(item[1], OTHER))))
+    root.commands = dict(
+        sorted(root.commands.items(), key=lambda item: COMMAND_GROUPS.index(_panel_of(item[1], OTHER_COMMANDS)))
+    )
     for name, command in every_part(root):
         command.rich_markup_mode = mode
         if getattr(command, "commands", None) is not None:
@@ -117,7 +119,7 @@ def finish(root: Any) -> None:
             _worded(parameter)
             _leave_to_the_reader(parameter)
             _refuse_odd_texts(parameter)
-            is_enough = headings.count(heading) >= FEWEST.get(heading, 1)
+            is_enough = headings.count(heading) >= FEWEST_OPTIONS.get(heading, 1)
             if heading and is_enough and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
         taken = {option for parameter in command.params for option in parameter.opts}

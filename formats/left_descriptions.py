@@ -13,12 +13,12 @@ from formats.rig import Rig
 from formats.take_report import LeftState
 from formats.unfinished import unfinished_name
 
-RIG, GARMENT = DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an imported take
+RIG_FILE, GARMENT_FILE = DESCRIBED_BESIDE = "rig.toml", "garment.toml"  # beside an imported take
 
 
 def named(rig: Rig, garment: Garment) -> dict[str, Garment | Rig]:
     """Return the rig and the garment of a take, keyed by the names of `DESCRIBED_BESIDE`."""
-    return {RIG: rig, GARMENT: garment}
+    return {RIG_FILE: rig, GARMENT_FILE: garment}
 
 
 def prepared_name(take: Path, description: str) -> Path:

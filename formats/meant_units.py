@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 NEAR_A_RANGE = 2.0  # times the longest: a nearer length has the right unit; a wrong unit is off 25 times or more
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
-MILLISECONDS = (("milliseconds", 1e-3),)  # in seconds
-SPEEDS = (("kilometres an hour", 1 / 3.6), ("millimetres a second", 1e-3))  # in metres a second
+TIME_UNITS = (("milliseconds", 1e-3),)  # in seconds
+SPEED_UNITS = (("kilometres an hour", 1 / 3.6), ("millimetres a second", 1e-3))  # in metres a second
 
-LENGTHS = {
+LENGTH_UNITS = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "metres": 1.0, "meters": 1.0, "inches": 0.0254,
     "centimetres": 1e-2, "centimeters": 1e-2, "millimetres": 1e-3, "millimeters": 1e-3,
 }  # fmt: skip
@@ -20,10 +20,10 @@ TIMES = {
     "h": 3600.0, "hours": 3600.0, "d": 86_400.0, "days": 86_400.0,
 }  # fmt: skip
 OUNCE = 0.028349523125  # kg: NIST Handbook 44, appendix C, avoirdupois
-WEIGHTS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3, "oz": OUNCE, "ounces": OUNCE}
+WEIGHT_UNITS = {"kg": 1.0, "kilograms": 1.0, "g": 1e-3, "grams": 1e-3, "oz": OUNCE, "ounces": OUNCE}
 # By the end of a field's name, the units that may stand behind a number, in the field's own unit.
 UNITS_OF = {
-    "m": LENGTHS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": WEIGHTS,
+    "m": LENGTH_UNITS, "s": TIMES, "us": {unit: 1e6 * size for unit, size in TIMES.items()}, "kg": WEIGHT_UNITS,
     "mb": {"MB": 1.0, "GB": 1e3, "kB": 1e-3}, "hz": {"Hz": 1.0}, "degrees": {"\u00b0": 1.0, "deg": 1.0, "degrees": 1.0},
     "px": {"px": 1.0, "pixels": 1.0}, "minutes": {unit: size / 60.0 for unit, size in TIMES.items()},
     "hours": {unit: size / 3600.0 for unit, size in TIMES.items()},

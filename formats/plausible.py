@@ -23,7 +23,7 @@ MOST_USUAL_LAYERS = 2  # front and back
 # off 39 times or more, so half and twice of either would tell units as well.
 SHORTEST, LONGEST = 0.1, 3.0
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second; the module states the cameras; at 5, a swing at 2 Hz has 2.5 frames
-RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
+USABLE_RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
 LARGEST_JUMP = 600.0  # s between two frames: five times the longest recording; a simulation covers the whole time
 NEAR_A_RATE = 2.0  # times: a rate nearer to the range has the right unit; a wrong unit is off 30 times or more
 RATE_WITHIN = 1.2  # times: largest ratio of the stamps' and the stated frame rate
@@ -124,7 +124,7 @@ def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_
     found = 1 / float(np.median(np.diff(time)))
     advice = step_or_anyway("export it again with its frame rate", offers_anyway)
     if not SLOWEST / 1.001 <= found <= FASTEST * 1.001:
-        raise ImplausibleError(f"it states {found:.4g} frames a second; {RATES}", where=where, advice=advice)
+        raise ImplausibleError(f"it states {found:.4g} frames a second; {USABLE_RATES}", where=where, advice=advice)
     if rate is not None and not 1 / RATE_WITHIN <= found / rate <= RATE_WITHIN:
         raise ImplausibleError(
             f"it states {found:.4g} frames a second, and its header {rate:.4g}", where=where, advice=advice

@@ -12,7 +12,7 @@ from formats.rig import Rig, RigBody
 from formats.sights import Sights
 from formats.take import Take
 
-ALONG = np.linspace(0, 1, 11)[:, None]  # fractions of the held edge's length at which the depth is computed
+EDGE_FRACTIONS = np.linspace(0, 1, 11)[:, None]  # fractions of the held edge's length at which the depth is computed
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Entered:
 
 def first_entered(rig: Rig, ends: Floats) -> Entered | None:
     """Return the first body that the line between the held ends enters; ends [m], (n, 2, 3), sensor frame."""
-    edge = ends[:, None, 0] * (1 - ALONG) + ends[:, None, 1] * ALONG
+    edge = ends[:, None, 0] * (1 - EDGE_FRACTIONS) + ends[:, None, 1] * EDGE_FRACTIONS
     for number, body in enumerate(rig.near, 1):
         depth = -float(distances_from(body, edge).min(initial=0.0))
         if depth > 0:

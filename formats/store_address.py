@@ -25,7 +25,7 @@ ENDPOINTS = {
 SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
 KEPT_REASON = re.compile(r"DeleteObjects request failed for key .*: (.*) \(code: (\w+)\)")  # of obstore's errors
 BUSY_CODES = ("InternalError", "ServiceUnavailable", "SlowDown")  # S3's reasons that pass, Amazon S3 "Error responses"
-REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
+FAILED_REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
 CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
 OF_STORE = re.compile(r"^Generic (\w+) error: ")  # begins obstore's errors
 BUCKETS_NAME = "[A-Za-z0-9$][A-Za-z0-9$._-]*"  # includes S3's older names, Google's with _, and Azure's $web
@@ -258,7 +258,7 @@ def first_line(error: Exception) -> str:
     if is_without_keys(error):
         return "no keys are set, and this computer has none as a machine of the cloud"
     text = OF_STORE.sub("", (str(error).splitlines() or [type(error).__name__])[0].strip())
-    if "HTTP error" in text and (request := REQUEST.search(text)):
+    if "HTTP error" in text and (request := FAILED_REQUEST.search(text)):
         cause = CAUSE.search(str(error))
         text = f"{request[1]} does not answer" + (f": {cause[1]}" if cause else "")
         if is_without_tls(error):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 CELL_BYTES = 8  # memory of a decoded number
 # Bytes of memory: for a table, and for each of its bytes of the file. A second of 66 points, 30 frames, has 2^17.
-STILL_TABLE, MEMORY = 1 << 17, 64
+STILL_TABLE, MEMORY_PER_BYTE = 1 << 17, 64
 # Bytes for all tables of a file beyond that, since tables without motion have more numbers than bytes. At 30 frames a
 # second, 81 unseen markers take this memory in 1.6 hours, 500 in 2.6 minutes, 2000 in 36 seconds.
 FREE_MEMORY = 1 << 27
@@ -28,7 +28,7 @@ class TableMemory:
 
         may_rest: whether the table may hold a second without motion, which has extra memory
         """
-        beyond = max(CELL_BYTES * numbers - STILL_TABLE * may_rest - MEMORY * own, 0)
+        beyond = max(CELL_BYTES * numbers - STILL_TABLE * may_rest - MEMORY_PER_BYTE * own, 0)
         if beyond > (0 if numbers > NUMBERS_AT_ONCE else self.left):
             self.left_out += beyond <= FREE_MEMORY
             return False

@@ -17,12 +17,12 @@ from formats.take import Take
 
 LETTERS_ACROSS, LETTERS_DOWN = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
-WIDTH, HEIGHT, MARGIN = 960, 540, 56  # px
-COLOURS = (
+FIGURE_WIDTH, FIGURE_HEIGHT, FIGURE_MARGIN = 960, 540, 56  # px
+LINE_COLOURS = (
     "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f", "#e377c2", "#bcbd22",
     "#000000", "#00441b",
 )  # fmt: skip
-MOST_DRAWN = len(COLOURS)  # that are drawn: the held edge and eleven tracked points
+MOST_DRAWN = len(LINE_COLOURS)  # that are drawn: the held edge and eleven tracked points
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
@@ -86,8 +86,8 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     step = round_step(most / 2)
     reach = 2 * step
     span = float(take.time[-1] - take.time[0]) or 1.0
-    lines = SoftLines(WIDTH, HEIGHT)
-    left, right, top, bottom = MARGIN + 24, WIDTH - 160, MARGIN, HEIGHT - MARGIN
+    lines = SoftLines(FIGURE_WIDTH, FIGURE_HEIGHT)
+    left, right, top, bottom = FIGURE_MARGIN + 24, FIGURE_WIDTH - 160, FIGURE_MARGIN, FIGURE_HEIGHT - FIGURE_MARGIN
     x = left + (take.time - take.time[0]) / span * (right - left)
     y = (top + bottom) / 2 - paths / reach * (bottom - top) / 2
     levels = [((top + bottom) / 2 - k / 2 * (bottom - top) / 2, f"{1e3 * k * step:+g} mm") for k in range(-2, 3)]
@@ -100,7 +100,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
         lines.draw([(round(at), top), (round(at), bottom)], "#dddddd")
     for number in range(len(chosen)):
         for start, stop in stretches(np.isfinite(paths[:, number])):
-            lines.draw(list(zip(x[start:stop], y[start:stop, number], strict=True)), COLOURS[number], 2)
+            lines.draw(list(zip(x[start:stop], y[start:stop, number], strict=True)), LINE_COLOURS[number], 2)
     picture = lines.picture()
     pen = ImageDraw.Draw(picture)
     for at, words in levels:
@@ -109,7 +109,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
         pen.text((at - 12, bottom + 8), words, fill="black")
     for number, index in enumerate(chosen):
         name = in_one_line(names[index]).encode("ascii", "replace").decode()[:20]
-        pen.text((right + 12, top + 18 * number), name, fill=COLOURS[number])
+        pen.text((right + 12, top + 18 * number), name, fill=LINE_COLOURS[number])
     count = len(take.garment.points)
     shown = f"; {len(chosen) - 1} of {count} points" if len(chosen) - 1 < count else ""
     title = f"motion {way}, from each path's mean; {len(take.time)} frames in {span:.1f} s{shown}"

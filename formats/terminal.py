@@ -13,7 +13,7 @@ from formats.interrupts import raise_swallowed
 from formats.plain_text import lines_of
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
-BAR = 24  # characters of a progress bar
+BAR_WIDTH = 24  # characters of a progress bar
 BAR_OF_80 = 10  # characters, below 100 columns; our choice: leaves room for the words
 LEAST_WORDS = 20  # characters beside a bar; our choice: room for a number with its unit, or for the remaining time
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated
@@ -120,7 +120,7 @@ class ProgressLine:
         left = self._left(share)
         if self._is_terminal:
             columns = min(100, _columns())
-            length = BAR if columns == 100 else BAR_OF_80
+            length = BAR_WIDTH if columns == 100 else BAR_OF_80
             filled = round(length * share)
             bar = f"[{'#' * filled}{'.' * (length - filled)}] "
             if columns - 1 - len(head := f"{self._title} {bar}{100 * share:3.0f} %  ") < LEAST_WORDS:

@@ -29,10 +29,10 @@ MOST_CHARACTERS = {
 LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
 # A key of one part or more. None of these gives back what it took, so a line costs time in proportion to its length.
-PART = r"""(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')"""
-KEY = rf"({PART}(?:[ \t]*+\.[ \t]*+{PART})*+)[ \t]*+"
-TABLE_LINE = re.compile(rf"[ \t]*+(\[\[?+)[ \t]*+{KEY}\]\]?+[ \t]*+(?:#.*)?$")
-KEY_LINE = re.compile(rf"[ \t]*+{KEY}=")
+KEY_PART = r"""(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')"""
+WHOLE_KEY = rf"({KEY_PART}(?:[ \t]*+\.[ \t]*+{KEY_PART})*+)[ \t]*+"
+TABLE_LINE = re.compile(rf"[ \t]*+(\[\[?+)[ \t]*+{WHOLE_KEY}\]\]?+[ \t]*+(?:#.*)?$")
+KEY_LINE = re.compile(rf"[ \t]*+{WHOLE_KEY}=")
 
 
 # Characters of one number, with a comma, a unit or another minus sign, and the end of a value behind it.

@@ -10,7 +10,7 @@ import msgspec
 
 from formats.meant_units import number_meant, question_of
 
-KINDS = {
+KIND_WORDS = {
     "str": "text", "bool": "true or false", "int": "a whole number", "float": "a number", "array": "a list",
     "object": "a table", "null": "nothing", "datetime": "a date", "date": "a date", "time": "a time",
 }  # fmt: skip
@@ -80,7 +80,7 @@ def _meant(expected: re.Match[str], field: str, held: object) -> str:
 
 
 def _named(kind: str) -> str:
-    return KINDS.get(kind, kind)
+    return KIND_WORDS.get(kind, kind)
 
 
 def _choices(field: str, parts: Sequence[Any]) -> str:

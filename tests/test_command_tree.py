@@ -18,7 +18,7 @@ from docs.generator.commands import every_command, whole_command
 from formats import command as program
 from formats import help_pages
 from formats.archive import write_take
-from formats.command_groups import OTHER, PANELS
+from formats.command_groups import COMMAND_GROUPS, OTHER_COMMANDS
 from formats.results import save_fit_result
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import fit_result
@@ -109,7 +109,7 @@ def test_commands_that_are_made_anew_have_each_option_once_and_under_its_heading
         assert len(options) == len(set(options)), name
         for parameter in command.params:
             headings = {help_pages.HEADING_OF.get(option) for option in parameter.opts} - {None}
-            headings = {one for one in headings if _count_below(one, options) >= help_pages.FEWEST.get(one, 1)}
+            headings = {one for one in headings if _count_below(one, options) >= help_pages.FEWEST_OPTIONS.get(one, 1)}
             assert not headings or parameter.rich_help_panel is not None, f"{name} {parameter.name}"
             assert headings <= {parameter.rich_help_panel}, f"{name} {parameter.name}"
         for option, others in (("--json", help_pages.WITHOUT_JSON), ("--quiet", help_pages.WITHOUT_QUIET)):
@@ -134,7 +134,7 @@ def test_commands_print_json_for_programs_and_are_quiet_when_asked():
 def test_the_list_of_commands_stands_under_headings_in_the_order_of_work(tmp_path):
     shown = hangtime_here("-h", folder=tmp_path).stdout
     headings = re.findall(r"^(\w[\w ]*):$", shown, re.MULTILINE)
-    assert headings == ["Options", *(panel for panel in PANELS if panel != OTHER)]
+    assert headings == ["Options", *(panel for panel in COMMAND_GROUPS if panel != OTHER_COMMANDS)]
     assert shown.index("  record ") < shown.index("  import ") < shown.index("  fit ") < shown.index("  export ")
 
 

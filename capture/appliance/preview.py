@@ -14,7 +14,7 @@ from firmware_host.depth_sensor import SensorFrame
 from formats.arrays import Bytes, Unsigned
 
 PICTURE_WIDTH = 320  # px of the picture; our choice: half of the sensor's, a quarter of the bytes over the air
-MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
+MARKER_COLOUR, POINT_COLOUR, LINE_COLOUR = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
 
 
 class Preview:
@@ -52,11 +52,11 @@ def _png(seen: Bytes | Unsigned, sight: Tracked) -> bytes:
     else:
         picture = cv2.cvtColor(np.clip(seen // 16, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2RGB)
     for corners in sight.hanger.corners[np.isfinite(sight.hanger.corners).all((1, 2))]:
-        cv2.polylines(picture, [np.rint(corners).astype(np.int32)], True, MARKER, 2)
+        cv2.polylines(picture, [np.rint(corners).astype(np.int32)], True, MARKER_COLOUR, 2)
     if len(sight.cloth.outline):
-        cv2.polylines(picture, [np.rint(sight.cloth.outline).astype(np.int32)], True, LINE, 1)
+        cv2.polylines(picture, [np.rint(sight.cloth.outline).astype(np.int32)], True, LINE_COLOUR, 1)
     for pixel in sight.cloth.pixels[sight.cloth.valid]:
-        cv2.circle(picture, tuple(int(v) for v in np.rint(pixel)), 5, POINT, 2)
+        cv2.circle(picture, tuple(int(v) for v in np.rint(pixel)), 5, POINT_COLOUR, 2)
     height = round(picture.shape[0] * PICTURE_WIDTH / picture.shape[1])
     small = cv2.resize(picture, (PICTURE_WIDTH, height), interpolation=cv2.INTER_AREA)
     done, content = cv2.imencode(".png", cv2.cvtColor(small, cv2.COLOR_RGB2BGR))

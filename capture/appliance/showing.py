@@ -20,9 +20,9 @@ class Light:
     is_red: bool = False
 
 
-FAULT = Light("fault", "nothing can be recorded; `hangtime status` says why", 125, 125, is_red=True)
+FAULT_LIGHT = Light("fault", "nothing can be recorded; `hangtime status` says why", 125, 125, is_red=True)
 LOST_LIGHT = Light("tracking lost", "recording, but hanger or garment is not seen", 500, 500, is_red=True)
-BEHIND = Light("behind", "recording, but the last two seconds are not on the disk yet", 250, 1000)
+BEHIND_LIGHT = Light("behind", "recording, but the last two seconds are not on the disk yet", 250, 1000)
 RECORDING = Light("recording", "recording; all but the last two seconds is on the disk", 1000, 0)
 SAVING = Light("saving", "the end of the take is being put on the disk", 250, 250)
 DOUBT = Light("look", "the last take has a flaw, or something needs a look: `hangtime status`", 60, 940, is_red=True)
@@ -47,9 +47,9 @@ def lamp_signal(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s:
     if state is State.RECORDING:
         if not is_tracking:
             return LOST_LIGHT
-        return BEHIND if behind_s > BEHIND_S else RECORDING
+        return BEHIND_LIGHT if behind_s > BEHIND_S else RECORDING
     if state is State.FAULT:
-        return FAULT
+        return FAULT_LIGHT
     if state in (State.STARTING, State.SAVING):
         return {State.STARTING: STARTING, State.SAVING: SAVING}[state]
     if kept_ago_s < KEPT_S:

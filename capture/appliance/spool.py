@@ -49,7 +49,7 @@ from formats.store_address import without_secrets
 from formats.unfinished import unfinished_name
 from formats.whole_files import make_folders, read_bounded, sync_folder, write_whole
 
-NAME = re.compile(r"take-([0-9]{6,12})\.")
+TAKE_NAME = re.compile(r"take-([0-9]{6,12})\.")
 LAST_NUMBER = 10**12 - 1  # a name has at most 12 digits; nobody would find a take with more
 PIECE = 1 << 20  # bytes read at once while hashing
 
@@ -321,13 +321,13 @@ class Spool:
     def strays(self) -> list[str]:
         """Return the names of takes in the folder that no recorder of this device has named, in order."""
         names = (path.name for path in self.folder.glob("*.mcap"))
-        return sorted(name for name in names if not NAME.match(name))
+        return sorted(name for name in names if not TAKE_NAME.match(name))
 
     def _named(self) -> Iterator[tuple[int, os.DirEntry[str]]]:
         """Yield the number of every file that is named after a take."""
         with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as entries:
             for entry in entries:
-                if found := NAME.match(entry.name):
+                if found := TAKE_NAME.match(entry.name):
                     yield int(found[1]), entry
 
     def _next_number(self) -> int:
@@ -345,7 +345,7 @@ class Spool:
         with contextlib.suppress(OSError, ValueError):
             given = int(read_bounded(self.folder / "sequence"))
         received = (
-            int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := NAME.match(path.name))
+            int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := TAKE_NAME.match(path.name))
         )
         return max([given, *(number for number, _ in self._named()), *received])
 

@@ -19,7 +19,7 @@ from capture.hanger.marker_detection import diagonal_crossing, quad_side
 from capture.hanger.marker_plates import PlatePlacer
 from formats.arrays import Booleans, Floats, Unsigned
 
-REACH = 1.1  # of the marker's side, from its centre: plates with a quiet zone of one bit end at 0.6 to 0.7
+PLATE_REACH = 1.1  # of the marker's side, from its centre: plates with a quiet zone of one bit end at 0.6 to 0.7
 WHOLE_ROWS = 0.5  # of the marker's side: fewer rows with two free ends do not count as an outline
 
 
@@ -32,8 +32,8 @@ def plate_offset(placer: PlatePlacer, quad: Floats, depth: Unsigned) -> Floats:
     nothing = np.full(2, np.nan)
     if not np.isfinite(centre).all():
         return nothing
-    left, top = np.rint(centre - REACH * side).astype(int)
-    size = round(2 * REACH * side) + 1
+    left, top = np.rint(centre - PLATE_REACH * side).astype(int)
+    size = round(2 * PLATE_REACH * side) + 1
     if left < 0 or top < 0 or left + size > depth.shape[1] or top + size > depth.shape[0]:
         return nothing
     patch = depth[top : top + size, left : left + size]

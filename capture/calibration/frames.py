@@ -10,7 +10,7 @@ import numpy as np
 
 from capture.errors import CalibrationError
 from capture.hanger.marker_detection import MarkerDetector
-from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
+from firmware_host.depth_sensor import MOST_FRAMES_OF_DUE, DepthSensor
 from formats.arrays import Bytes, Floats, Unsigned
 
 STILL_PIXELS = 0.7  # px that a marker may move within still frames: 2 mm at 1.6 m, five times its detection noise
@@ -53,7 +53,7 @@ def watch(
     first: float | None = None
     colour: Bytes | None = None
     seen = longest = 0
-    most = MOST_FRAMES * seconds * sensor.info.fps
+    most = MOST_FRAMES_OF_DUE * seconds * sensor.info.fps
     for number, frame in enumerate(sensor.frames()):
         first = frame.time_s if first is None else first
         if frame.time_s - first > seconds or number >= most:

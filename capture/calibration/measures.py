@@ -26,8 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.depth.surface import BASELINE, DISPARITY_STEPS
+from capture.depth.surface import DISPARITY_STEPS
 from capture.hanger.marker_plates import MARKER_CENTRE_SD
+from firmware_host.depth_sensor import BASELINE
 from formats.arrays import Floats
 from formats.hanger import hanger_frame
 from formats.rig import Rig, Sensor

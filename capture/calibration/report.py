@@ -7,7 +7,7 @@ import numpy as np
 from capture.calibration.session import Measured
 from formats.rig import Rig
 
-DOUBTFUL = 3.0  # standard deviations from the expected value: a probability of 1 in 370
+DOUBTFUL_DEVIATIONS = 3.0  # standard deviations from the expected value: a probability of 1 in 370
 GRAVITY_TURNED = 5.0  # degrees between the rig's gravity and the measured one that cause a warning
 
 
@@ -43,7 +43,7 @@ def _scale(measured: Measured) -> str:
         return "not measured: the hanger's two markers were not seen together; kept as it was"
     said = f"{1e3 * measured.distance_m:.1f} mm between the markers, the rig says {1e3 * hanger.marker_distance_m:.1f}"
     text = f"{float(scale.value):.4f} +- {float(scale.sd):.4f}: {said}"
-    if abs(float(scale.value) - 1.0) > DOUBTFUL * float(scale.sd):
+    if abs(float(scale.value) - 1.0) > DOUBTFUL_DEVIATIONS * float(scale.sd):
         text += "; measure that distance again: if it is right, depth or focal length is off and recording corrects it"
     return text
 
@@ -58,7 +58,7 @@ def _offset(measured: Measured) -> str:
     for name, value in zip(("right", "down"), offset.value, strict=True):
         if not np.isfinite(value):
             text += f"; {name} was not measured, since no plate ends on both sides along it, and is kept as it was"
-    if (np.abs(offset.value) > DOUBTFUL * offset.sd).any():
+    if (np.abs(offset.value) > DOUBTFUL_DEVIATIONS * offset.sd).any():
         text += "; recording allows for it"
     return text
 

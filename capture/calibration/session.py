@@ -39,7 +39,7 @@ from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
 
 SHORTEST_LINE = 0.1  # m between a plumb line's markers: below, gravity is known to two degrees at best
 GRAVITY_BY_EYE = np.radians(2.0)  # rad, for a rig whose gravity was never measured
-LEFT, RIGHT, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the arrays of markers
+LEFT_MARKER, RIGHT_MARKER, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the arrays of markers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ def calibrate(
         known = np.where(np.isfinite(offset.value), offset.value, shift)
         shift = float(known[0]), float(known[1])
     placer = PlatePlacer(camera, hanger.marker_size_m, shift)
-    left, right = (_place(still, placer, row) for row in (LEFT, RIGHT))
+    left, right = (_place(still, placer, row) for row in (LEFT_MARKER, RIGHT_MARKER))
     scale, distance = None, float("nan")
     if left is not None and right is not None:
         distance = float(np.linalg.norm(right.value - left.value))
@@ -212,7 +212,7 @@ def _plumb_line(still: StillFrames, placer: PlatePlacer) -> Estimate | None:
 def _held(
     still: StillFrames, placer: PlatePlacer, scale: float, gravity_sd: float, rig: Rig
 ) -> Estimate | None:  # fmt: skip
-    rows = ((LEFT, False), (RIGHT, False), (LEFT_CLIP, True), (RIGHT_CLIP, True))
+    rows = ((LEFT_MARKER, False), (RIGHT_MARKER, False), (LEFT_CLIP, True), (RIGHT_CLIP, True))
     places = [_place(still, placer, row, upper_side=upper_side) for row, upper_side in rows]
     true = [Estimate(place.value / scale, place.sd / scale) for place in places if place is not None]
     if len(true) < len(rows):

@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from firmware_host.depth_sensor import BASELINE
 from formats.arrays import Booleans, Floats
 
-BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
 LATERAL_SD = 0.8  # px, position of a depth edge (Nguyen et al. 2012, section 3.2, below 60 degrees)
 CORRELATED_PIXELS = 13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v

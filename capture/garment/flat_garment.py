@@ -19,7 +19,7 @@ from formats.arrays import Floats
 from formats.garment import Garment
 
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
-CENTRE = 4  # the role of the centre, after the four corners
+CENTRE_ROLE = 4  # the role of the centre, after the four corners
 # m of the grid. Our choice: on a square of 0.5 m the ways between corners are up to 0.8 % too long (measured). At half
 # they are 0.4 % too long, from four times the nodes; at twice 1.6 %.
 GRID_STEP = 0.025
@@ -29,7 +29,7 @@ AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments
 
 @dataclass(frozen=True)
 class FlatGarment:
-    """Corners [m], (4, 2), y up, from the top left clockwise; roles: for every tracked point its corner or `CENTRE`.
+    """Corners [m], (4, 2), y up, from the top left clockwise; roles: of each tracked point its corner or `CENTRE_ROLE`.
 
     - `sides` [m], (4, 2): lengths of the outline's sides before and after each corner, clockwise
     - `distances` [m], (4, 4), along the cloth
@@ -64,8 +64,8 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
     at = [int(np.linalg.norm(outline - corner, axis=1).argmin()) for corner in corners]
     sides = np.array([[lengths[k - 1], lengths[k]] for k in at])
     roles = _roles(garment, corners)
-    if CENTRE in roles:
-        _check_centre(garment, roles.index(CENTRE), corners, surface)
+    if CENTRE_ROLE in roles:
+        _check_centre(garment, roles.index(CENTRE_ROLE), corners, surface)
     return FlatGarment(corners, roles, sides, distances[:4, :4], distances[4:, :4], reach, garment.area_m2)
 
 
@@ -93,7 +93,7 @@ def _roles(garment: Garment, corners: Floats) -> list[int]:
         if away.min() < CORNER_MATCH:
             roles.append(int(away.argmin()))
         elif point.name in {"centre", "center"}:
-            roles.append(CENTRE)
+            roles.append(CENTRE_ROLE)
         else:
             raise UntrackableError(
                 f"the point {point.name!r} is neither one of the four corners of this kind of garment nor the centre",

@@ -33,7 +33,7 @@ from formats.arrays import Floats
 
 BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits at which `beyond` is clipped
 PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
-FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: best of five pairs, by little, on development cloths left out
+FORGETTING, FOLDED_AT_REST = 4.9, 1 / 3  # 1/s: f, and R: best of five pairs, by little, on development cloths left out
 PLACED = -3.0  # log-odds: 1 in 20, more than observed, since the next frame may reveal a fold
 MOST = 8.0  # bound on the log-odds, so that one frame can outweigh many
 FOLD_WEIGHTS = {  # c_k, per unit of each x: `benchmarks/hidden_corners.py` prints them for the development sets
@@ -77,14 +77,14 @@ class Belief:
 
     def __init__(self, corners: int = 4, weights: Weights = FITTED) -> None:  # of a panel
         self._weights = weights
-        self._log_odds = np.full(corners, np.log(REST / (1.0 - REST)))
+        self._log_odds = np.full(corners, np.log(FOLDED_AT_REST / (1.0 - FOLDED_AT_REST)))
         self._time: float | None = None
 
     def before(self, time: float) -> Floats:
         """Return the predicted log-odds, (corners,), at a time [s], before the frame's evidence."""
         gone = 0.0 if self._time is None else time - self._time
         p = 1.0 / (1.0 + np.exp(-self._log_odds))
-        p = REST + (p - REST) * np.exp(-FORGETTING * gone)
+        p = FOLDED_AT_REST + (p - FOLDED_AT_REST) * np.exp(-FORGETTING * gone)
         return np.asarray(np.log(p / (1.0 - p)))
 
     def update(self, found: Floats, time: float) -> Floats:

@@ -22,7 +22,8 @@ DEEPER = 1.5  # times the search radius, in depth: a fold may lie elsewhere
 # largest radius is 90 px at 1.8 m. Half and double were not tried.
 LEAST_AROUND, MOST_AROUND = 6, 90
 BELOW = 0.04  # m below the held edge: above are bar, plates and hand
-STRETCH, SLACK = 1.03, 0.02  # of a distance on the flat garment, and m: bound on the cloth's distance to a held end
+# Of a distance on the flat garment, and m: bound on the cloth's distance to a held end.
+STRETCH_BOUND, SLACK = 1.03, 0.02
 LEAST_SHARE_OUTSIDE = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the edge
 DEPTH_AROUND = 4  # px whose median is the depth of a point
 
@@ -77,4 +78,4 @@ def _count_within(raw: Unsigned, chosen: Booleans, first: Floats, held: Floats, 
     z = raw[rows, columns] * 1e-3
     x, y = z * (columns + first[0] - sensor.cx) / sensor.fx, z * (rows + first[1] - sensor.cy) / sensor.fy
     away = np.sqrt(((np.stack([x, y, z], axis=1)[:, None] - held) ** 2).sum(-1))
-    return int(np.count_nonzero((away < STRETCH * ways + SLACK).all(1)))
+    return int(np.count_nonzero((away < STRETCH_BOUND * ways + SLACK).all(1)))

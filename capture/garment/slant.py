@@ -21,7 +21,7 @@ from capture.garment.silhouette import Silhouette
 from formats.arrays import Floats
 from formats.rig import Sensor
 
-AROUND = 0.05  # m: the best of 20, 30, 35, 40, 50 and 70 mm on development cloths left out of the fit
+FITTED_AROUND = 0.05  # m: the best of 20, 30, 35, 40, 50 and 70 mm on development cloths left out of the fit
 SPREAD = 0.06  # m, how far steep cloth reaches in depth from the middle of these
 
 
@@ -38,7 +38,7 @@ UPRIGHT = Slant(0.0, 0.0)
 def rim_slant(silhouette: Silhouette, pixel: Floats, depth: float, sensor: Sensor) -> Slant:
     """Return the slant at a pixel [px of the image], (2,), of the silhouette's edge, whose cloth is at a depth [m]."""
     u, v = pixel[0] - silhouette.window.left, pixel[1] - silhouette.window.top
-    far = AROUND * sensor.fx / depth
+    far = FITTED_AROUND * sensor.fx / depth
     top, left = max(0, int(v - far)), max(0, int(u - far))
     around = slice(top, max(0, int(v + far) + 1)), slice(left, max(0, int(u + far) + 1))
     rows, columns = np.nonzero(silhouette.mask[around])

@@ -7,7 +7,7 @@ equal steps of its length in the image. The grid is the Coons patch between them
               - (1 - s)(1 - t) T(0) - s (1 - t) T(1) - (1 - s) t B(0) - s t B(1)
 
 Source: S. A. Coons, "Surfaces for computer-aided design of space forms", MIT Project MAC TR-41 (1967). A place's depth
-is the mean of the cloth within `SMOOTHING` pixels. These are not material points: see `formats.surface`.
+is the mean of the cloth within `SMOOTHED_PIXELS` pixels. These are not material points: see `formats.surface`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from formats.arrays import Floats, Singles
 from formats.rig import Sensor
 from formats.surface import SurfaceScan
 
-SMOOTHING = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
+SMOOTHED_PIXELS = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
 FEWEST_CLOTH = 0.04  # share of averaged pixels that must be cloth: a right-angled corner without its edge fills a tenth
 RIM_KERNEL = np.ones((5, 5), np.uint8)  # pixels nearer to the edge may be mixed with the background
 NEIGHBOURS = np.ones((3, 3), np.uint8)  # px: dilates by one
@@ -94,7 +94,7 @@ def _smooth_depth(silhouette: Silhouette) -> Singles:
     """Return the cloth's depth [m], (h, w), averaged over neighbours; 0 if these are too few."""
     inner = cv2.erode(silhouette.mask, RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     cloth = ((inner > 0) & (silhouette.depth > 0)).astype(np.float32)
-    size = (2 * SMOOTHING + 1, 2 * SMOOTHING + 1)
+    size = (2 * SMOOTHED_PIXELS + 1, 2 * SMOOTHED_PIXELS + 1)
     share = cv2.blur(cloth, size, borderType=cv2.BORDER_CONSTANT)
     total = cv2.blur(silhouette.depth * cloth, size, borderType=cv2.BORDER_CONSTANT)
     near = cv2.dilate(silhouette.mask, NEIGHBOURS) > 0

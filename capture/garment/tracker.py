@@ -13,7 +13,7 @@ import numpy as np
 from capture.depth.surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.garment.coverage import Beyond, SeenWays, beyond_the_seen
-from capture.garment.flat_garment import CENTRE, flat_garment
+from capture.garment.flat_garment import CENTRE_ROLE, flat_garment
 from capture.garment.folding import THRESHOLD, TRACES, Belief, traces
 from capture.garment.geodesic import farthest_place, geodesic_distances
 from capture.garment.occlusion import COVERED, folded_away, is_at_border, is_behind_something
@@ -130,9 +130,9 @@ class SilhouetteTracker:
         if np.isfinite(places[:4, 0]).all():
             mismatch = np.abs(along - self.flat.distances)
             off = float(np.sqrt((mismatch**2).sum() / 12.0))
-            pixels[CENTRE], centre_sd = self._centre(silhouette, distances, cell)
+            pixels[CENTRE_ROLE], centre_sd = self._centre(silhouette, distances, cell)
             centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
-            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], np.full(2, centre_sd))
+            places[CENTRE_ROLE], sd[CENTRE_ROLE] = placer.place(pixels[CENTRE_ROLE], np.full(2, centre_sd))
         points, sd, pixels = places[roles], sd[roles], pixels[roles]
         valid, sd = self._gate.admit(points, sd, time)
         points[~valid] = np.nan

@@ -30,8 +30,8 @@ Picture = Singles
 LONGEST_FOLLOWED = 0.5  # s since the id was decoded; a template tolerates a hand's few degrees of rotation
 RIM_MARGIN = 0.15  # of the marker's side, margin of the template: the white border
 BLURS = (0.0, 0.125, 0.25, 0.5, 0.75)  # of the motion per frame: exposures of up to 25 ms at 30 frames a second
-SURE = 0.8  # correlation from which a match is accepted
-POINTS = 7  # points along each side of the tracked grid
+SURE_MATCH = 0.8  # correlation from which a match is accepted
+POINTS_ALONG = 7  # points along each side of the tracked grid
 BACK = 0.5  # px, bound on a point's forward-backward error
 FEWEST_AGREEING = 12  # points of 49 that must agree: a quarter of the marker
 AGREE = 0.7  # px, of a point from the common motion; our choice: above `BACK`, half and double were not tried
@@ -112,7 +112,7 @@ def follow(
             best, place, picture = score, at, blurred
     corner = np.array([left, top], float)
     shift = place + corner - kept.origin
-    if best >= SURE:
+    if best >= SURE_MATCH:
         moved = kept.corners + shift
         return Followed(moved, moved, BLURRED_SD)
     return _follow_points(window, corner, kept, picture, [shift, start - kept.origin])
@@ -142,7 +142,7 @@ def _follow_points(
     window: Picture, origin: Floats, kept: Keepsake, picture: Picture, shifts: list[Floats]
 ) -> Followed | None:
     """Track the template's points into the window, from the first initial shift [px] that succeeds."""
-    share = (np.arange(POINTS) + 0.5) / POINTS
+    share = (np.arange(POINTS_ALONG) + 0.5) / POINTS_ALONG
     across, down = np.meshgrid(share, share)
     a, b, _, d = kept.corners
     grid = a + across.reshape(-1, 1) * (b - a) + down.reshape(-1, 1) * (d - a)

@@ -24,7 +24,7 @@ PAGE = (210.0, 297.0)  # mm, A4
 PRINTER_MARGIN = 15.0  # mm that no printer reaches
 SCALE_BAR = 100.0  # mm
 GAP = 12.0  # mm between markers, with their labels
-LETTERS = {"font-family": "sans-serif", "font-size": "3.6"}  # mm
+LABEL_STYLE = {"font-family": "sans-serif", "font-size": "3.6"}  # mm
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
     )
     for k, note in enumerate(notes):
         place = {"x": f"{PRINTER_MARGIN:g}", "y": f"{PAGE[1] - PRINTER_MARGIN - 11 + 5 * k:g}"}
-        SubElement(page, "text", place | LETTERS).text = note
+        SubElement(page, "text", place | LABEL_STYLE).text = note
     return f"{tostring(page, encoding='unicode')}\n"
 
 
@@ -122,7 +122,7 @@ def _add_marker(page: Element, known: cv2.aruco.Dictionary, placed: Placed, side
             if image[row, column]:
                 SubElement(white, "rect", _square(placed.left + column * bit, placed.top + row * bit, bit))
     place = {"x": f"{placed.left:.4f}", "y": f"{placed.top + side + 1.5 * bit + 4:.4f}"}
-    SubElement(page, "text", place | LETTERS).text = f"id {placed.id}, upright as printed"
+    SubElement(page, "text", place | LABEL_STYLE).text = f"id {placed.id}, upright as printed"
 
 
 def _square(left: float, top: float, side: float) -> dict[str, str]:

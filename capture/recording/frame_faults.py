@@ -18,7 +18,8 @@ from formats.take import FrameState
 
 FEWEST_DEPTH = 0.01  # of the pixels that must have depth
 NEAREST, FARTHEST = 0.8, 3.5  # m, see above
-SMALLEST_MARKER = {"fiducial": 12.0, "dot": 5.0}  # px: two per bit of 4 x 4 and a border; 20 px of area for a depth
+# px: two per bit of 4 x 4 and a border; 20 px of area for a depth.
+SMALLEST_MARKER_SEEN = {"fiducial": 12.0, "dot": 5.0}
 IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand moves it between two detections
 IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a garment that swings up
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25  # share of the pixels there
@@ -43,7 +44,7 @@ class HangerWatch:
     """Keeps the hanger's last position, and finds the reason why it is not detected."""
 
     def __init__(self, hanger: Hanger) -> None:
-        self._smallest = SMALLEST_MARKER[hanger.marker]
+        self._smallest = SMALLEST_MARKER_SEEN[hanger.marker]
         self._last: list[_Sighting | None] = [None, None]
 
     def faults(self, sight: HangerSight, depth: Unsigned, time: float) -> int:

@@ -2,7 +2,7 @@
 
 OpenNI2 keeps one frame per stream: a frame that is not read within a frame's time is lost. Writing a block waits for
 the disk, and another program may take the processor; the queue bridges more than a second of delay. Its images would
-take half of the recorder's memory. So images after the first `UNPACKED` frames are compressed without loss. Depth in
+take half of the recorder's memory. So images after the first `UNPACKED_FRAMES` are compressed without loss. Depth in
 steps of disparity shrinks to about a sixth, and colour as far as its noise allows. Compression takes 3 to 4 ms a frame,
 in the reading thread. Compressed images lie in separate pages, which return to the system one by one; malloc's heap
 would never shrink.
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 
 ROOM = 30_000_000  # bytes in the queue: 40 frames of 640 x 480 with colour noise of 3 of 255, at least 27
-UNPACKED = 2  # frames; the queue is longer only in case of a fault
+UNPACKED_FRAMES = 2  # frames; the queue is longer only in case of a fault
 ZSTD_LEVEL = 1  # zstd's level: higher ones do not compress a depth image further
 NO_DEPTH = np.zeros((0, 0), np.uint16)  # stands for the picture while it is packed
 
@@ -138,7 +138,7 @@ class QueuedSensor(DepthSensor):
 
     def _add(self, frame: SensorFrame) -> bool:
         """Append a frame to the queue; return False if the queue is full."""
-        is_late = len(self._waiting) >= UNPACKED
+        is_late = len(self._waiting) >= UNPACKED_FRAMES
         entry = _packed(frame, self._pack) if is_late else _Waiting(frame)
         with self._changed:
             if self._waiting and self._size + entry.size > self._room:

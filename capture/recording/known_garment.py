@@ -13,7 +13,7 @@ from formats.garment import Garment
 from formats.polygons import distances_to_sides
 
 SAME_OUTLINE = 0.005  # m; our choice: outlines measured by hand and rounded to whole centimetres still agree
-SAME_WEIGHT = 0.05  # share; our choice: a kitchen scale errs by 1 g, 3 % of the lightest garment of the world
+SAME_WEIGHED = 0.05  # share; our choice: a kitchen scale errs by 1 g, 3 % of the lightest garment of the world
 SAME_FIELDS = ("layers", "seams", "holes_m", "grain_degrees")
 
 
@@ -23,7 +23,7 @@ def check_known_garment(described: Garment, in_view: Garment, where: object) -> 
     Its name and its points may be others: `record` looks for the points of the description.
 
     Raises:
-        UntrackableError: the outlines differ by more than `SAME_OUTLINE`, or the weight by more than `SAME_WEIGHT`, or
+        UntrackableError: the outlines differ by more than `SAME_OUTLINE`, or the weight by more than `SAME_WEIGHED`, or
             another quantity; says by how much.
     """
     if difference := _difference(described, in_view):
@@ -45,7 +45,7 @@ def _difference(described: Garment, in_view: Garment) -> str:
         return f"its kind is {described.kind} instead of {in_view.kind}"
     if described.held != in_view.held:
         return f"it is held by its {described.held} instead of its {in_view.held}"
-    if abs(described.mass_kg - in_view.mass_kg) > SAME_WEIGHT * in_view.mass_kg:
+    if abs(described.mass_kg - in_view.mass_kg) > SAME_WEIGHED * in_view.mass_kg:
         return f"it weighs {1e3 * described.mass_kg:.1f} g instead of {1e3 * in_view.mass_kg:.1f} g"
     others = [name for name in SAME_FIELDS if getattr(described, name) != getattr(in_view, name)]
     return f"its {others[0]} differ" if others else ""

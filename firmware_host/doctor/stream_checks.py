@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from firmware_host import openni2_library
-from firmware_host.depth_sensor import MOST_FRAMES
+from firmware_host.depth_sensor import MOST_FRAMES_OF_DUE
 from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem, skipped
 from firmware_host.errors import SensorUnavailableError
 from firmware_host.opening import SYNTHETIC, open_sensor
@@ -59,7 +59,7 @@ def rate_and_drops(examination: Examination) -> Finding:
         for _ in range(WARM_UP):
             sensor.read()
         sample = examination.sample = StreamSample(info=sample.info)
-    most = MOST_FRAMES * WATCHED_SECONDS * sample.info.fps
+    most = MOST_FRAMES_OF_DUE * WATCHED_SECONDS * sample.info.fps
     line = ProgressLine("synthetic frames") if sample.info.uri.startswith(SYNTHETIC) else None  # a minute, else 5 s
     while sample.duration < WATCHED_SECONDS and len(sample.times) < most and (frame := sensor.read()) is not None:
         sample.add(frame)

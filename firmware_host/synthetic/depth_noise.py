@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from firmware_host.depth_sensor import BASELINE
 from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
 LATERAL_PX = 0.8  # px, Nguyen et al. 2012, section 3
-# m: K. Konolige, P. Mihelich, "Technical description of Kinect calibration" (ROS wiki), depth calculation.
-BASELINE = 0.075
 DISPARITY_STEP = 1 / 8  # px, same source
 EDGE_JUMP = 0.05  # m between neighbours; our choice: half and double were not tried
 EDGE_MISSING = 1 / 3  # share of the pixels beside a jump, see the module; our choice: half and double were not tried

@@ -20,7 +20,7 @@ from formats.arrays import Booleans, Floats, Integers
 SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
 # Our choice: brightness, 0 to 255, that keeps wall, bar, cloth and plates apart.
-WALL, BAR, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
+WALL, BAR_GREY, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
 LIGHT_DIRECTION = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])  # our choice: light from above
 
 
@@ -164,7 +164,7 @@ def _draw_rectangle(
     z = (at @ normal) / (ray @ normal)
     local = (ray * z[..., None] - at) @ rotation
     inside = (np.abs(local[..., 0]) <= size[0] / 2) & (np.abs(local[..., 1]) <= size[1] / 2)
-    value = np.full(inside.shape, BAR) if marker is None else _marker_pattern(local, marker)
+    value = np.full(inside.shape, BAR_GREY) if marker is None else _marker_pattern(local, marker)
     shape = (bottom - top, SAMPLES_A_SIDE, right - left, SAMPLES_A_SIDE)
     covered = inside.reshape(shape).mean((1, 3))
     painted = (value * inside).reshape(shape).sum((1, 3)) / np.maximum(inside.reshape(shape).sum((1, 3)), 1)

@@ -39,19 +39,24 @@ MARKER_BITS = {
     1: ((0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 0, 1), (1, 0, 1, 0)),
 }
 
-TOP, BOTTOM, HEIGHT = 0.40, 0.50, 0.45  # m, the skirt's front panel
+TOP_WIDTH, BOTTOM_WIDTH, PANEL_LENGTH = 0.40, 0.50, 0.45  # m, the skirt's front panel
 
 
 def central_place() -> tuple[float, float]:
     """Return the skirt's centre: the point that maximises the least straight distance to the four corners."""
-    # By symmetry on the middle line at depth d: (TOP/2)^2 + d^2 = (BOTTOM/2)^2 + (HEIGHT - d)^2.
-    depth = ((BOTTOM / 2) ** 2 - (TOP / 2) ** 2 + HEIGHT**2) / (2 * HEIGHT)
+    # By symmetry on the middle line at depth d: (TOP_WIDTH/2)^2 + d^2 = (BOTTOM_WIDTH/2)^2 + (PANEL_LENGTH - d)^2.
+    depth = ((BOTTOM_WIDTH / 2) ** 2 - (TOP_WIDTH / 2) ** 2 + PANEL_LENGTH**2) / (2 * PANEL_LENGTH)
     return 0.0, -depth
 
 
 def demo_garment() -> Garment:
     """The front panel of a short skirt in a clamp hanger."""
-    outline = ((-TOP / 2, 0.0), (TOP / 2, 0.0), (BOTTOM / 2, -HEIGHT), (-BOTTOM / 2, -HEIGHT))
+    outline = (
+        (-TOP_WIDTH / 2, 0.0),
+        (TOP_WIDTH / 2, 0.0),
+        (BOTTOM_WIDTH / 2, -PANEL_LENGTH),
+        (-BOTTOM_WIDTH / 2, -PANEL_LENGTH),
+    )
     names = ("top_left", "top_right", "bottom_right", "bottom_left")
     points = [TrackedPoint(name=n, at_m=p) for n, p in zip(names, outline, strict=True)]
     points.append(TrackedPoint(name="centre", at_m=central_place()))

@@ -35,12 +35,12 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment, TrackedPoint
 from formats.outputs import check_stem, output_folder, refuse_to_replace, write_bytes
 
-SIDE, GRID = 0.3, 8  # m, and points along it, as in the recordings
+SIDE, POINTS_PER_SIDE = 0.3, 8  # m, and points along it, as in the recordings
 NODES_ALONG = 9  # of the cloth along its side; our choice: 37.5 mm apart, near the panels' 30 mm
-DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
+CLOTH_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
-RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
-AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
+RECORDED_RATE, INTERVAL_SPREAD = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
+AWAY, HERTZ, REST_TIME = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
 EYE = np.array([0.0, -1.5, 0.0])  # m, origin of depth
 TRUTH_RATE = 100.0  # samples a second of the true cloth
 
@@ -87,11 +87,11 @@ class Silhouette:
 
 def held_path(instants: Floats) -> Floats:
     """Return the held edge's ends [m], (n, 2, 3), z up, of a hanger that rests, and then swings until the end."""
-    ramp = np.clip((instants - REST) / 0.6, 0, 1)
+    ramp = np.clip((instants - REST_TIME) / 0.6, 0, 1)
     ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
     place = np.zeros((len(instants), 2, 3))
     place[:, 0, 0], place[:, 1, 0] = -SIDE / 2, SIDE / 2
-    place[:, :, 1] = (AWAY * ramp * np.sin(2 * np.pi * HERTZ * (instants - REST)))[:, None]
+    place[:, :, 1] = (AWAY * ramp * np.sin(2 * np.pi * HERTZ * (instants - REST_TIME)))[:, None]
     return place
 
 
@@ -99,7 +99,7 @@ def swung_cloth(seconds: float, progress: Callable[[float], None] = lambda share
     """Return instants [s], (n,), and the true cloth [m], (n, rows, columns, 3), z up."""
     half = SIDE / 2
     garment = Garment(
-        format="hangtime-garment/1", name="silhouette", kind="swatch", mass_kg=DENSITY * SIDE**2, held="edge",
+        format="hangtime-garment/1", name="silhouette", kind="swatch", mass_kg=CLOTH_DENSITY * SIDE**2, held="edge",
         outline_m=((-half, 0.0), (half, 0.0), (half, -SIDE), (-half, -SIDE)),
         points=(TrackedPoint(name="middle", at_m=(0.0, -half)),),
     )  # fmt: skip
@@ -126,7 +126,7 @@ def seen_silhouette(
     _check(faults, seconds, seed)
     random = np.random.default_rng([seed, 64])
     fine, nodes = swung_cloth(seconds, progress)
-    steps = (1 + UNEVEN * random.standard_normal(int(seconds * RATE)).clip(-2, 2)) / RATE
+    steps = (1 + INTERVAL_SPREAD * random.standard_normal(int(seconds * RECORDED_RATE)).clip(-2, 2)) / RECORDED_RATE
     stamps = np.cumsum(steps)
     late = np.concatenate([[0.0], np.diff(stamps) - np.median(np.diff(stamps))])
     most = np.median(np.diff(stamps)) / 2
@@ -163,7 +163,7 @@ def make_silhouette_take(
 
 
 def _write(paths: list[Path], faults: CameraFaults, made: Silhouette) -> None:
-    across, up = np.meshgrid(np.linspace(0, SIDE, GRID), np.linspace(0, SIDE, GRID))
+    across, up = np.meshgrid(np.linspace(0, SIDE, POINTS_PER_SIDE), np.linspace(0, SIDE, POINTS_PER_SIDE))
     arrays = {
         "t": made.stamps, "points": made.points, "valid": made.valid, "hanger_corners": made.ends,
         "rest": np.stack([across.ravel(), up.ravel()], 1),
@@ -188,9 +188,9 @@ def _laid(
     down = np.diff(shapes, axis=1)
     lean = (down[..., 1] / np.linalg.norm(down, axis=-1)).mean((1, 2))  # up x bar is y: the bar is x
     border = faults.eroded_border
-    share = np.linspace(0, 1, GRID)
-    points = np.full((len(stamps), GRID * GRID, 3), np.nan)
-    places = np.empty((len(stamps), GRID * GRID, 2))
+    share = np.linspace(0, 1, POINTS_PER_SIDE)
+    points = np.full((len(stamps), POINTS_PER_SIDE * POINTS_PER_SIDE, 3), np.nan)
+    places = np.empty((len(stamps), POINTS_PER_SIDE * POINTS_PER_SIDE, 2))
     for frame, shape in enumerate(shapes):
         length = SIDE - border - faults.eaten_by_pose * lean[frame]
         below, right = np.meshgrid(length * share[::-1], border + (SIDE - 2 * border) * share, indexing="ij")

@@ -25,7 +25,7 @@ from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import output_folder, refuse_to_replace, write_bytes, write_text
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 
-SWATCH_FPS, FRAMES = 120.0, 500  # section 2
+SWATCH_FPS, SWATCH_FRAMES = 120.0, 500  # section 2
 CELLS_BETWEEN_MARKERS = 3  # of the cloth's grid between two markers
 HELD_APART = 0.92  # of the swatch's width, distance of the held corners: fingers do not stretch it
 UNEVENNESS = 5e-3  # m: no cloth hangs perfectly flat, and a flat one would never fold
@@ -103,7 +103,7 @@ def make_swatch_take(
     for path in paths:
         refuse_to_replace(path, described if path == description else None, overwrite=overwrite)
     with output_folder(out):
-        time = np.arange(FRAMES) / SWATCH_FPS
+        time = np.arange(SWATCH_FRAMES) / SWATCH_FPS
         nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
         seen = measured(nodes, np.random.default_rng([seed, 81]))
         tracks = MarkerTracks(garment.point_names, time, seen)

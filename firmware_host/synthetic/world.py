@@ -35,11 +35,11 @@ LARGEST_TIME_OFFSET = 0.5  # s, bound on a planted time offset of either sign: a
 EXPOSURE = 0.008  # s; our choice: a lit room, at 0.5 m/s 4 mm of blur; half and double were not tried
 PIXEL_NOISE = 2.0  # of 255, standard deviation; our choice: no camera's was measured, half and double were not tried
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
-BODY = {"t-shirt": (24, 17)}  # nodes down and across, of a garment that is not a panel
+NODES_OF_BODY = {"t-shirt": (24, 17)}  # nodes down and across, of a garment that is not a panel
 # A sleeve is a tube of two layers with a hem, so it is stiffer than a flat sheet.
 # The fabrics of a skirt. Felt is far from the starting values of fits.
 PLAIN = "plain"
-FABRICS = {
+SKIRT_FABRICS = {
     PLAIN: ClothPhysics(),
     "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),
 }
@@ -118,7 +118,7 @@ class World:
 
     def renderer(self) -> Renderer:
         """Return a renderer for this world's cloth."""
-        rows, columns = self.nodes.shape[1:3] if len(self.garment.outline_m) == 4 else BODY[self.garment.kind]
+        rows, columns = self.nodes.shape[1:3] if len(self.garment.outline_m) == 4 else NODES_OF_BODY[self.garment.kind]
         pattern = lay(self.garment, rows, columns)
         if self.surroundings is None:
             return Renderer(pattern)
@@ -139,9 +139,9 @@ def make_world(
         SensorAddressError: there is no such effect, motion or fabric, the garment takes no other fabric than the plain
             one, or a number is invalid.
     """
-    if fabric not in FABRICS:
+    if fabric not in SKIRT_FABRICS:
         raise SensorAddressError(
-            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose one of {', '.join(FABRICS)}"
+            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose one of {', '.join(SKIRT_FABRICS)}"
         )
     if effect not in TYPICAL:
         raise SensorAddressError(
@@ -179,7 +179,7 @@ def make_world(
             f"the {garment.name} has a fabric of its own", where="--fabric",
             advice="leave out the fabric, or swing the skirt or the swatch",
         )  # fmt: skip
-    rows, columns = BODY.get(garment.kind, (ROWS, COLUMNS))
+    rows, columns = NODES_OF_BODY.get(garment.kind, (ROWS, COLUMNS))
 
     def placed(times: Floats) -> Placement:
         pose = hanger_pose(motion, times, seed, seconds)
@@ -187,7 +187,7 @@ def make_world(
 
     seen = np.maximum(time - size, 0.0) if effect == "time_offset" else time
     effects = {effect: size} if effect in {"air_drag", "hem"} else {}
-    physics = GARMENT_PHYSICS.get(garment.kind, FABRICS[fabric])
+    physics = GARMENT_PHYSICS.get(garment.kind, SKIRT_FABRICS[fabric])
     nodes = simulate(
         garment, lambda times: placed(times).held, seen, physics=physics, effects=effects,
         progress=lambda share: progress("cloth", share), rows=rows, columns=columns,

@@ -13,7 +13,7 @@ from formats.fit_records import TRIVIAL_NAMES, Combination, ErrorFigure, FitPara
 
 IF_IT_HOLDS = "90 % interval, if the model holds"
 # The coverage is measured on takes of the fit's own solver and mesh (`benchmarks/search.py`).
-COVERED = (
+COVERED_BY_INTERVALS = (
     "90 % intervals cover the takes' noise and the local minima that the search found, but neither missing physics nor "
     "the mesh's error.",
     "`hangtime diagnose` finds missing physics; its interval for an effect's size covers mesh, solver and the effect's "
@@ -25,7 +25,7 @@ def fit_tables(result: FitResult) -> list[Table]:
     """Return tables of the parameters, errors, objective parts and parameter combinations of a fit."""
     tables = [parameter_table(result.parameters), _error_table(result)]
     if any(p.interval_low is not None for p in result.parameters):
-        tables[0] = Table(heads=tables[0].heads, rows=tables[0].rows, remarks=COVERED)
+        tables[0] = Table(heads=tables[0].heads, rows=tables[0].rows, remarks=COVERED_BY_INTERVALS)
     if result.objective is not None and len(result.objective.parts) > 1:
         whole = result.objective
         parts = [(f"{whole.name}, training", (whole.before, whole.after))]

@@ -24,7 +24,7 @@ from fit.errors import BatchError, UnreachableError
 from formats.interrupts import held
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
-RETRY = 2.0  # s between attempts; our choice: nobody waits for longer once the other side is back
+SCHEDULER_RETRY = 2.0  # s between attempts; our choice: nobody waits for longer once the other side is back
 WAITS = "hangtime-waits"  # topic of a worker's messages on waiting
 STAGES = "hangtime-stages"  # topic of a worker's messages on the stage and share of a diagnosis, with the job's key
 LONGEST_FILE = 1 << 20  # characters of a scheduler file at most
@@ -172,4 +172,4 @@ def _remote(distributed: Any, workers: Workers) -> Any:
                     where=address,
                     advice="start it and run the batch again: finished takes are kept",
                 ) from error
-        time.sleep(RETRY)
+        time.sleep(SCHEDULER_RETRY)

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fit.batch.cluster import RETRY, STAGES, WAITS, Workers, connect, has_workers
+from fit.batch.cluster import SCHEDULER_RETRY, STAGES, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
 from fit.batch.kept import has_fit, known_outcome
@@ -260,7 +260,7 @@ class _Round:
     def _wait_for_store(self, error: UnreachableError, job: Task) -> None:
         if self._note_outage(str(error)) >= self.workers.patience:
             raise error
-        self.later.append((time.monotonic() + RETRY, job))
+        self.later.append((time.monotonic() + SCHEDULER_RETRY, job))
 
     def _note_outage(self, sentence: str) -> float:
         """Report once that takes or results are unreachable; return the duration of this outage [s]."""

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from fit import runtime
-from fit.batch.cluster import RETRY, WAITS
+from fit.batch.cluster import SCHEDULER_RETRY, WAITS
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
 from fit.batch.kept import has_fit, keep, left_alone
 from fit.batch.store import Store, open_store, store_is_full
@@ -149,7 +149,7 @@ def write_patiently(results: Store, name: str, content: bytes, patience: float) 
                 raise
             with contextlib.suppress(ValueError):  # no worker of dask runs this
                 get_worker().log_event(WAITS, str(error))
-        time.sleep(RETRY)
+        time.sleep(SCHEDULER_RETRY)
 
 
 def _fit(job: Job, content: bytes, results: Store) -> bytes:

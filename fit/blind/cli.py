@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fit.errors import FitError
-from formats.command_groups import CHECK
+from formats.command_groups import CHECK_DIAGNOSIS
 from formats.plain_text import plain
 from formats.telling import tell
 from formats.terminal import ProgressLine, say
@@ -40,7 +40,7 @@ Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side b
 
 def add_commands(app: typer.Typer) -> None:
     """Add the group `blind` to the `hangtime` command."""
-    app.add_typer(blind, name="blind", rich_help_panel=CHECK)
+    app.add_typer(blind, name="blind", rich_help_panel=CHECK_DIAGNOSIS)
 
 
 @blind.command("make", short_help="Simulate cases with withheld effects and seal their labels.")
@@ -197,10 +197,10 @@ def score_command(
 
 def print_score(score: Score, beside: Score | None = None) -> None:
     """Print every rate, also by size, and the rivals' rates; beside: score of other answers, in a second column."""
-    from fit.blind.page import ROWS, figure
+    from fit.blind.page import TARGET_RATES, figure
 
     bins = [name for name, rates in score.by_size.items() if rates.cases]
-    for title, name, asked in ROWS:
+    for title, name, asked in TARGET_RATES:
         said = figure(score.overall, name)
         other = f" {figure(beside.overall, name):<32}" if beside else ""
         tell(f"{title:<48} {said:<32}{other}" + (f" asked: {asked}" if asked else ""))

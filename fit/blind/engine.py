@@ -27,7 +27,7 @@ FLAT_SAFETY = 0.7  # of the linear limit, as the bound holds for the flat sheet
 # s that the sheet hangs still before a take. Our choice: of a critically damped swing 1.7 % are left. At half 20 % are
 # left; at twice 0.03 %, for 2 s more of simulation.
 HANGING_TIME = 2.0
-SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
+HANGING_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
 POISSON = 0.3  # of the ground
 MOST_GROUND = 0.9  # of the stretch stiffness: the rest belongs to the fibres
 HEM_WIDTH = 0.02  # m: width of the hem
@@ -196,7 +196,7 @@ class Engine:
                 path=_in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.TAKE_LANES),
                 poles=_in_lanes(self.poles(x)).reshape(groups, -1, kernel.TAKE_LANES),
                 p=np.array([numbers[name] for name in kernel.NUMBER_NAMES]), dt=dt, settle_steps=round(settle / dt),
-                settle_damping=SETTLE_DAMPING, every=every, point_nodes=carried, point_weights=weights, seen=seen,
+                settle_damping=HANGING_DAMPING, every=every, point_nodes=carried, point_weights=weights, seen=seen,
                 shapes=kept, keep_shapes=int(shapes),
             )  # fmt: skip
         points = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)

@@ -16,7 +16,7 @@ from formats.templating import environment
 from formats.whole_files import write_whole
 
 # Targets for our own generator at 2 to 4 times the minimum detectable amplitude; nulls and unknowns have no amplitude.
-ROWS = (
+TARGET_RATES = (
     ("false alarms on nulls", "false_alarms", "at most 5 %"),
     ("right group first", "right_first", "at least 90 %"),
     ("right effect, alone", "right_alone", ""),
@@ -95,12 +95,14 @@ def _rates(score: Score) -> Table:
     """Return the rates, overall and by size; column heads with the number of cases."""
     sizes = {"all": score.overall, **score.by_size}
     heads = ["", "asked", *({"name": name, "cases": rates.cases} for name, rates in sizes.items())]
-    return heads, [[title, asked, *(figure(r, name) for r in sizes.values())] for title, name, asked in ROWS]
+    return heads, [[title, asked, *(figure(r, name) for r in sizes.values())] for title, name, asked in TARGET_RATES]
 
 
 def _ladders(score: Score) -> Table:
     """Return the rates by noise, points, frame rate and missing points."""
-    shown = [row for row in ROWS if row[1] in {"false_alarms", "right_first", "said_unknown", "amplitude_error"}]
+    shown = [
+        row for row in TARGET_RATES if row[1] in {"false_alarms", "right_first", "said_unknown", "amplitude_error"}
+    ]
     return ["", "cases", *(title for title, _, _ in shown)], [
         [f"{name}: {step}", rates.cases, *(figure(rates, key) for _, key, _ in shown)]
         for name, steps in score.by_condition.items()

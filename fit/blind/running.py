@@ -23,8 +23,8 @@ from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times the usual time
 INTERRUPT_PATIENCE = 10.0  # s after the terminal's Ctrl-C, until a diagnosis that still runs is interrupted too
-DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
-KEPT, REFUSED = "diagnosis.partial", 2  # folder with saved fits of an interrupted diagnosis; exit code of a bad request
+DIAGNOSIS, FAILURE, OUTPUT_FILE = "diagnosis.json", "failure.txt", "output.txt"
+KEPT = "diagnosis.partial"  # folder with saved fits of an interrupted diagnosis
 Progress = Callable[[int, int, int], None]
 
 
@@ -122,10 +122,10 @@ class _Diagnoses:
             words += ["--without", without]
         has_kept = (work / KEPT).exists()
         said, code = self._call(words)
-        if code == REFUSED and has_kept:  # the saved fits are of another version or of other options
+        if code == FitError.exit_code and has_kept:  # the saved fits are of another version or of other options
             shutil.rmtree(work / KEPT)
             said, code = self._call(words)
-        if code == REFUSED and said.startswith("Usage:"):
+        if code == FitError.exit_code and said.startswith("Usage:"):
             raise FitError(
                 said.strip().splitlines()[-1].removeprefix("Error: "),
                 where="--option",
@@ -133,7 +133,7 @@ class _Diagnoses:
             )
         if code in {130, -signal.SIGINT}:  # the next run continues from the saved fits in its folder
             raise KeyboardInterrupt
-        write_whole(work / LOG, said.encode())
+        write_whole(work / OUTPUT_FILE, said.encode())
         if code in {0, INCONCLUSIVE} and _is_done(work):
             (work / FAILURE).unlink(missing_ok=True)
         else:

@@ -23,12 +23,12 @@ from formats.take_reader import LARGEST_FILE
 from formats.whole_files import read_bounded
 
 SEAL_MAGIC = b"hangtime-seal/2\n"
-NONCE, TAG, KEY = 12, 16, 32  # bytes
+NONCE_BYTES, TAG_BYTES, KEY_BYTES = 12, 16, 32  # bytes
 
 
 def seal(text: bytes, key: bytes) -> bytes:
     """Encrypt a text with ChaCha20-Poly1305 and a new nonce."""
-    nonce = secrets.token_bytes(NONCE)
+    nonce = secrets.token_bytes(NONCE_BYTES)
     return SEAL_MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, SEAL_MAGIC)
 
 
@@ -38,9 +38,9 @@ def unseal(sealed: bytes, key: bytes, *, where: object) -> bytes:
     Raises:
         FitError: not a seal, the wrong key, or changed sealed bytes.
     """
-    if not sealed.startswith(SEAL_MAGIC) or len(sealed) < len(SEAL_MAGIC) + NONCE + TAG:
+    if not sealed.startswith(SEAL_MAGIC) or len(sealed) < len(SEAL_MAGIC) + NONCE_BYTES + TAG_BYTES:
         raise FitError("is not a seal of this version", where=where, advice="give a folder that `blind make` wrote")
-    nonce, body = sealed[len(SEAL_MAGIC) : len(SEAL_MAGIC) + NONCE], sealed[len(SEAL_MAGIC) + NONCE :]
+    nonce, body = sealed[len(SEAL_MAGIC) : len(SEAL_MAGIC) + NONCE_BYTES], sealed[len(SEAL_MAGIC) + NONCE_BYTES :]
     try:
         return ChaCha20Poly1305(key).decrypt(nonce, body, SEAL_MAGIC)
     except InvalidTag as error:
@@ -61,7 +61,7 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
         opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
             with os.fdopen(opened, "w") as file:
-                file.write(secrets.token_hex(KEY) + "\n")
+                file.write(secrets.token_hex(KEY_BYTES) + "\n")
         except OSError as error:
             path.unlink()  # a partial key must not appear
             error.filename = str(path)
@@ -72,8 +72,10 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
         raise FitError(
             "holds no key", where=path, advice="put the key file back: without it the labels stay closed"
         ) from error
-    if len(key) != KEY:
-        raise FitError(f"the key has {len(key)} bytes, not {KEY}", where=path, advice="put the whole key file back")
+    if len(key) != KEY_BYTES:
+        raise FitError(
+            f"the key has {len(key)} bytes, not {KEY_BYTES}", where=path, advice="put the whole key file back"
+        )
     return key
 
 

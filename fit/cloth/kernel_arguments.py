@@ -61,7 +61,7 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
 
     thickness [m], (groups, lanes): distances at which layers are kept apart
     """
-    from fit.cloth.nearby import BODY, LIST_COUNTS, PANEL, SPOT, WAYS
+    from fit.cloth.nearby import BODY, LIST_COUNTS, PANEL, SPOT, WAY_COUNT
 
     samples, quads, bodies = len(surface.area), len(surface.quads), contact.bodies
     groups, lanes = thickness.shape
@@ -75,7 +75,7 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
         [
             surface.samples.weights[:, 0], surface.area, surface.reach, surface.windows.ravel(),
             [surface.carried, contact.friction, contact.clearance, spacing], thickness.max(1),
-            np.tile(standing.ravel(), groups), np.zeros(WAYS * groups),
+            np.tile(standing.ravel(), groups), np.zeros(WAY_COUNT * groups),
             *([] if motion is None else [motion.way(bodies), motion.poses.ravel()]),
         ]
     )  # fmt: skip

@@ -36,7 +36,7 @@ MOST_SIMULATED_NODES = 40_000  # six seconds of motion take 0.33 s on 100, 2.6 s
 MOST_STATED_NODES = 1e6  # nodes: larger numbers are reported as "more than", as no mesh may have them
 MANY_MESH_NODES = 1000  # six seconds of motion take ten seconds, and a fit of 350 simulations an hour
 USUAL_NODES = 100  # nodes of a garment of 0.5 m at a spacing of 0.05 m
-OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m per unit
+SPACING_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2}  # m per unit
 # Of the garment's height, where its bottom edge is. Our choice: sleeves end above the lowest quarter, and a hem that is
 # cut aslant stays within it. Half and double were not tried.
 LOWEST_SHARE = 0.25
@@ -136,7 +136,7 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
         about = f"about {nodes:.0f}" if nodes < MOST_STATED_NODES else f"more than {MOST_STATED_NODES:.0f}"
         what += f", and gives it {about} nodes where {most} are the most"
     meant = [
-        f"{spacing * size:g} for {unit}" for unit, size in OTHER_UNITS.items() if finest <= spacing * size <= coarsest
+        f"{spacing * size:g} for {unit}" for unit, size in SPACING_UNITS.items() if finest <= spacing * size <= coarsest
     ]
     raise FitError(
         what, where=garment.name,

@@ -42,7 +42,7 @@ MOVED = 2.5
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
 CARRIED_AT, FRICTION_AT, CLEARANCE_AT, INSTANT, THICKNESS_AT = range(5)  # of the numbers behind those of the quads
-WAY_NOW, WAY_CHOSEN, WAY_WATCHED, WAYS = range(4)  # of a group's ways; how many
+WAY_NOW, WAY_CHOSEN, WAY_WATCHED, WAY_COUNT = range(4)  # of a group's ways; how many
 POSE = 12  # numbers of a pose
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
@@ -158,7 +158,7 @@ def bodies_at(samples, count, groups, bodies, b):
 @ti.func
 def ways_at(samples, count, groups, bodies, b):
     """Return the index at which a group's body displacements begin."""
-    return bodies_at(samples, count, groups, bodies, groups) + WAYS * b
+    return bodies_at(samples, count, groups, bodies, groups) + WAY_COUNT * b
 
 
 @ti.func

@@ -24,7 +24,7 @@ COST = {1: 1.0, 8: 1.15, 16: 1.5}
 # Per processor and call. Our choice: with fewer, processors wait for the last task. With more, Ctrl-C waits longer,
 # since a call cannot be interrupted. Half and double were not tried.
 TASKS = 8
-MOST_NUMBERS = 2**28  # single-precision numbers in a call, 1 GB; limits calls and lanes where possible
+MOST_NUMBERS_OF_CALL = 2**28  # single-precision numbers in a call, 1 GB; limits calls and lanes where possible
 FRAME_COPIES, HANDLE_COPIES = 2, 3  # copies of the results, and of the handles, which start in double precision
 
 
@@ -100,9 +100,9 @@ def plan(
     """
     packed = {lanes: sorted(pack(groups, lanes), key=lambda t: -t.steps) for lanes in widths}
     largest = {lanes: lanes * max(t.numbers(is_pulled=is_pulled) for t in tasks) for lanes, tasks in packed.items()}
-    small = [lanes for lanes in widths if threads * largest[lanes] <= MOST_NUMBERS] or [min(widths)]
+    small = [lanes for lanes in widths if threads * largest[lanes] <= MOST_NUMBERS_OF_CALL] or [min(widths)]
     lanes = min(small, key=lambda n: _time(packed[n], n, threads))
-    at_once = threads * int(np.clip(MOST_NUMBERS // largest[lanes] // threads, 1, TASKS))
+    at_once = threads * int(np.clip(MOST_NUMBERS_OF_CALL // largest[lanes] // threads, 1, TASKS))
     tasks = packed[lanes]
     return lanes, [tasks[start : start + at_once] for start in range(0, len(tasks), at_once)]
 

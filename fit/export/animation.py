@@ -26,7 +26,7 @@ from formats.outputs import check_name, output_folder, refuse_to_replace, write_
 from formats.take import Take
 
 FILMS = (*CODECS, ".gif")
-SUFFIXES = (*FILMS, ".usdc", ".glb")
+ANIMATION_SUFFIXES = (*FILMS, ".usdc", ".glb")
 LIBRARIES_OF_FILMS = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
 SMALLEST_SIDE, LARGEST_SIDE = 64, 4096  # px; our choice: an icon, and the width of the largest usual screens
 
@@ -109,9 +109,11 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
         ModuleNotFoundError: a library that writes it is not installed.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in ANIMATION_SUFFIXES:
         raise FitError(
-            f"{suffix or 'no ending'} is no format for motion", where=path, advice=f"use {', '.join(SUFFIXES)}"
+            f"{suffix or 'no ending'} is no format for motion",
+            where=path,
+            advice=f"use {', '.join(ANIMATION_SUFFIXES)}",
         )
     if not all(SMALLEST_SIDE <= n <= LARGEST_SIDE and n % 2 == 0 for n in size):
         raise FitError(

@@ -31,7 +31,7 @@ from formats.arrays import Floats
 from formats.fit_records import FitResult
 from formats.rows import csv_text
 
-FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
+GLTF_FLOAT, GLTF_UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
 SKIN_RGB = (0.77, 0.74, 0.71)  # RGB, of a figure
 CODES_PER_SECOND = 30.0  # USD time codes a second
@@ -112,7 +112,7 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
     first = file.add(places[0], "VEC3", VERTICES, has_ends=True)
     turned = np.stack([node_normals(one, moving.triangles) for one in places]).astype(np.float32)
     normals = file.add(turned[0], "VEC3", VERTICES)
-    indices = file.add(moving.triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
+    indices = file.add(moving.triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=GLTF_UNSIGNED)
     flat = file.add(moving.rest.astype(np.float32), "VEC2", VERTICES)
     targets = [
         {
@@ -195,7 +195,7 @@ def _gltf_figure(
         flips = np.cumprod(np.concatenate([[1.0], np.where((turns[1:] * turns[:-1]).sum(1) < 0, -1.0, 1.0)]))
         position = file.add(places.astype(np.float32), "VEC3", VERTICES, has_ends=True)
         normals = file.add(node_normals(places, triangles).astype(np.float32), "VEC3", VERTICES)
-        indices = file.add(triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
+        indices = file.add(triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=GLTF_UNSIGNED)
         meshes.append(
             {
                 "name": name,
@@ -222,7 +222,7 @@ class _Glb:
         self._views: list[dict[str, Any]] = []
 
     def add(
-        self, values: Floats | Any, kind: str, target: int | None = None, *, component: int = FLOAT,
+        self, values: Floats | Any, kind: str, target: int | None = None, *, component: int = GLTF_FLOAT,
         has_ends: bool = False,
     ) -> int:  # fmt: skip
         """Append an array and return the number of its accessor."""

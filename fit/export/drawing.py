@@ -34,7 +34,7 @@ FRONT_COLOUR, BACK_COLOUR = np.array([74, 119, 176]), np.array([206, 156, 96])  
 SKIN = np.array([196, 188, 180])  # RGB; our choice: each is told from its neighbours
 SKY = (244, 245, 247)  # RGB; our choice: each is told from its neighbours
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])  # RGB; our choice: each is told from its neighbours
-BAR_COLOUR, WORDS = (70, 74, 80), (60, 64, 70)  # RGB; our choice: each is told from its neighbours
+BAR_COLOUR, WORDS_COLOUR = (70, 74, 80), (60, 64, 70)  # RGB; our choice: each is told from its neighbours
 LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px: legible at arm's length
 TITLE_LINES = 3.0  # times the letters' size: space for text at the top
 LEAST_TITLED = 200  # px: below this height the cloth fills the picture without text
@@ -46,7 +46,7 @@ LINE_SHARE, FLOOR_SPANS = 0.024, 6  # width of a line over the distance of lines
 BELOW_CLOTH = 0.15  # times the height of hanging cloth, from its lowest place down to the floor
 Seen = Callable[[Floats], Floats]
 
-BEHIND = 100.0  # m: depth offset of shadows and lines behind everything on the floor
+SHADOW_OFFSET = 100.0  # m: depth offset of shadows and lines behind everything on the floor
 
 
 def node_normals(places: Floats, triangles: Integers) -> Floats:
@@ -149,7 +149,7 @@ class Stage:
             whole = f"{in_one_line(moving.name)}   {words}"
             font = ImageFont.load_default(self._letter)
             fits = drawing.textlength(whole, font) <= self.size[0] - 2 * self._letter
-            drawing.text((self._letter, self._letter), whole if fits else words, fill=WORDS, font=font)
+            drawing.text((self._letter, self._letter), whole if fits else words, fill=WORDS_COLOUR, font=font)
         return image
 
     @staticmethod
@@ -167,7 +167,7 @@ class Stage:
     def _shadow(self, seen: Seen, corners: Floats) -> Faces:
         """Return triangles, (n, 3, 3), projected vertically onto the floor."""
         return _flat(
-            seen(corners * [1.0, 1.0, 0.0] + [0.0, 0.0, self._floor_at]) + np.array([0.0, 0.0, BEHIND]), SHADOW
+            seen(corners * [1.0, 1.0, 0.0] + [0.0, 0.0, self._floor_at]) + np.array([0.0, 0.0, SHADOW_OFFSET]), SHADOW
         )
 
     def _floor(self, seen: Seen, followed: Floats) -> Faces:
@@ -188,7 +188,7 @@ class Stage:
                 )
                 quads.append(quad)
         corners = np.concatenate(quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
-        return _flat(seen(corners) + np.array([0.0, 0.0, 2 * BEHIND]), LINE)
+        return _flat(seen(corners) + np.array([0.0, 0.0, 2 * SHADOW_OFFSET]), LINE)
 
     def pictures(self) -> Iterator[Any]:
         """Yield every frame as a Pillow image."""

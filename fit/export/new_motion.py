@@ -1,8 +1,9 @@
 """New motions of a hanger, to show a fitted garment in a motion that was not recorded.
 
 A motion of one kind (`formats.motion`) is A s(t) sin(2 pi f t). The kinds are along the held edge, through the cloth,
-up and down, and a rotation about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and
-falls within RAMP before the last REST. It is 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
+up and down, and a rotation about the vertical. `mixed` has all four at different rates. s(t) rises within
+RISE_TIME. It falls within RISE_TIME and then rests for LAST_REST. It is 10 u^3 - 15 u^4 + 6 u^5, whose speed and
+acceleration vanish at both ends.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from fit.export.fabric import Fabric
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats
 from formats.garment import Garment
-from formats.meant_units import MILLISECONDS
+from formats.meant_units import TIME_UNITS
 from formats.rig import Rig
 from formats.swatch import swatch
 from formats.take import Take
@@ -24,7 +25,7 @@ from formats.take import Take
 NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
 # s. Our choice: a ramp lasts half a swing at 0.9 Hz, and a second of rest shows how the motion decays. Half and double
 # were not tried.
-RAMP, REST = 0.6, 1.0
+RISE_TIME, LAST_REST = 0.6, 1.0
 SHORTEST_MOTION, LONGEST_MOTION = 2.0, 60.0  # s
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
 TWIST_TURN = np.radians(40.0)  # of a twist
@@ -41,7 +42,7 @@ def displaced(ends: Floats, way: str, instants: Floats, seconds: float) -> Float
     along = half * np.array([1.0, 1.0, 0.0])
     along = along / np.linalg.norm(along)
     axes = {"sideways": along, "face-on": np.cross([0.0, 0.0, 1.0], along), "up-and-down": np.array([0.0, 0.0, 1.0])}
-    size = _smooth(instants / RAMP) * _smooth((seconds - REST - instants) / RAMP)
+    size = _smooth(instants / RISE_TIME) * _smooth((seconds - LAST_REST - instants) / RISE_TIME)
     shift, turn = np.zeros((len(instants), 3)), np.zeros(len(instants))
     for one in ways:
         wave = share * size * np.sin(2 * np.pi * RATES[one] * instants)
@@ -71,7 +72,7 @@ def check_motion(way: str, seconds: float) -> None:
     if not SHORTEST_MOTION <= seconds <= LONGEST_MOTION:
         raise out_of_range(
             seconds, SHORTEST_MOTION, LONGEST_MOTION, f"{seconds:g} s is no length for a motion", where="--seconds",
-            unit="s", units=MILLISECONDS,
+            unit="s", units=TIME_UNITS,
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fit.recordings.bodies import Body, BodyMotion
 from formats.arrays import Floats, Integers
 
-ROUND, RISING = 24, 6  # vertices around a part, a multiple of 4, and from its middle to either end
+VERTICES_AROUND, VERTICES_RISING = 24, 6  # vertices around a part, a multiple of 4, and from its middle to either end
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,13 @@ def mesh_of(body: Body) -> tuple[Floats, Integers]:
     The vertices of a sphere are shifted to the nearest corner of the core box. At the four quarters and the middle two
     vertices face two corners each, and the sides of the box lie between them.
     """
-    quarter = np.linspace(0, np.pi / 2, ROUND // 4 + 1)
+    quarter = np.linspace(0, np.pi / 2, VERTICES_AROUND // 4 + 1)
     round_ = np.concatenate([quarter + k * np.pi / 2 for k in range(4)])
     signs = np.repeat([[1, 1], [-1, 1], [-1, -1], [1, -1]], len(quarter), axis=0)
-    rising = np.concatenate([np.linspace(-np.pi / 2, 0, RISING + 1), np.linspace(0, np.pi / 2, RISING + 1)])
-    ends = np.repeat([-1.0, 1.0], RISING + 1)
+    rising = np.concatenate(
+        [np.linspace(-np.pi / 2, 0, VERTICES_RISING + 1), np.linspace(0, np.pi / 2, VERTICES_RISING + 1)]
+    )
+    ends = np.repeat([-1.0, 1.0], VERTICES_RISING + 1)
     half = np.array(body.half_size)
     radius = body.radius + body.taper * ends * half[2]
     places = np.stack(

@@ -11,7 +11,7 @@ from fit.export.about import flat_provenance
 from formats.exporters.by_library import bytes_by_library
 from formats.fit_records import FitResult
 
-ROOT, CLOTH, FIGURE = "/Garment", "/Garment/cloth", "/Garment/figure"
+ROOT, CLOTH_PATH, FIGURE = "/Garment", "/Garment/cloth", "/Garment/figure"
 
 
 def new_stage(result: FitResult) -> Any:
@@ -33,7 +33,7 @@ def new_stage(result: FitResult) -> Any:
 
 def define_cloth(stage: Any, triangles: NDArray[np.signedinteger]) -> Any:
     """Define the two-sided mesh of the cloth with its faces; the caller sets its points."""
-    mesh = define_mesh(stage, CLOTH, triangles)
+    mesh = define_mesh(stage, CLOTH_PATH, triangles)
     mesh.CreateDoubleSidedAttr(True)
     return mesh
 

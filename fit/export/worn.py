@@ -33,16 +33,16 @@ from fit.figure.wearing import DEEPEST, looked_at, wear
 from formats.arrays import Singles
 from formats.fit_records import FitResult
 from formats.garment import Garment
-from formats.meant_units import MILLISECONDS, UNITS
+from formats.meant_units import TIME_UNITS, UNITS
 
 GAITS = ("walk",)
-PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
-GARMENTS = tuple(PLAIN)
-NAMES = {"skirt": "skirt", "t-shirt": "T-shirt"}
+PLAIN_GARMENTS = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
+WORN_GARMENTS = tuple(PLAIN_GARMENTS)
+GARMENT_NAMES = {"skirt": "skirt", "t-shirt": "T-shirt"}
 SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
 # m between the vertices of the drawn mesh. Our choice: 7 px of a figure of 1.7 m on 1000 px. Half takes four times the
 # triangles; double was not tried.
-DRAWN_SPACING = 0.012
+WORN_SPACING = 0.012
 LONGEST_WALK = 20.0  # s: single precision resolves micrometres over the distance of this walk
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
 MOST_STRAIN = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
@@ -51,7 +51,7 @@ MOST_STRAIN = 0.15  # strain: woven cloth stretches by some percent, on the bias
 MOSTLY = 0.99
 # s, of a T-shirt's bending. The slanted pieces of its sleeves would need ten times shorter steps for 20 ms.
 MOST_BENDING_TIME = 2e-3
-SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # for layers that slide on one another
+SLIDING_SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # for layers that slide on one another
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,10 @@ class FigureOrder:
         """
         if self.kind not in GAITS:
             raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(GAITS)}")
-        if self.wear not in GARMENTS:
-            raise FitError(f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(GARMENTS)}")
+        if self.wear not in WORN_GARMENTS:
+            raise FitError(
+                f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(WORN_GARMENTS)}"
+            )
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
             raise out_of_range(
                 self.height, SHORTEST_FIGURE, TALLEST_FIGURE, f"nobody is {self.height:g} m tall", where="--height",
@@ -82,7 +84,7 @@ class FigureOrder:
         if not SHORTEST_MOTION <= seconds <= LONGEST_WALK:
             raise out_of_range(
                 seconds, SHORTEST_MOTION, LONGEST_WALK, f"{seconds:g} s is no length for a figure's walk",
-                where="--seconds", unit="s", units=MILLISECONDS,
+                where="--seconds", unit="s", units=TIME_UNITS,
             )  # fmt: skip
         if self.bvh is None:
             check_speed(self.speed)
@@ -115,7 +117,7 @@ def worn(
         did not stay finite.
     """
     check_engine(result)
-    flat = PLAIN[order.wear](fabric_of(result)["areal_density"].value) if garment is None else garment
+    flat = PLAIN_GARMENTS[order.wear](fabric_of(result)["areal_density"].value) if garment is None else garment
     closed, share = sewn(flat)
     is_shirt = closed.kind == "t-shirt"
     skeleton = order.skeleton(seconds, arms_out(closed)) if is_shirt else order.skeleton(seconds)
@@ -128,7 +130,7 @@ def worn(
         contact=dressed.contact,
     )  # fmt: skip
     row = material_rows(result, closed.mass_kg / float(simulator.mesh.area) / share)
-    row[:, SHARED] *= share
+    row[:, SLIDING_SHARED] *= share
     damped = float(row[0, mat.BENDING_TIME])
     if is_shirt:
         row[:, mat.BENDING_TIME] = min(damped, MOST_BENDING_TIME)
@@ -136,7 +138,7 @@ def worn(
     done = simulator.run(row, amplitudes, shapes=True, progress=progress)
     if done.shapes is None or not np.isfinite(done.shapes).all():
         raise BlowUpError(
-            f"the {NAMES[closed.kind]} on the figure blew up",
+            f"the {GARMENT_NAMES[closed.kind]} on the figure blew up",
             where=flat.name,
             advice="use a coarser mesh (a larger spacing)",
         )
@@ -148,10 +150,10 @@ def worn(
         raise FitError(
             f"the figure walks through the cloth with its {figure.touching[part].replace('_', ' ')} in frame {frame}, "
             f"at {time[frame]:.2f} s", where=flat.name,
-            advice=f"let it move slower, or give a wider {NAMES[closed.kind]}",
+            advice=f"let it move slower, or give a wider {GARMENT_NAMES[closed.kind]}",
         )  # fmt: skip
     crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes]
-    samples, quads = divided(simulator.mesh, DRAWN_SPACING)
+    samples, quads = divided(simulator.mesh, WORN_SPACING)
     triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]]).astype(np.int64)
     return Moving(
         name=flat.name, time=time, places=np.stack([samples.apply(n.astype(float)).astype(np.float32) for n in shapes]),
@@ -161,7 +163,7 @@ def worn(
         remarks=(
             *_shortened(order, asked, float(seconds)),
             *_less_damped(damped, float(row[0, mat.BENDING_TIME])),
-            *_remarks(NAMES[closed.kind], crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
+            *_remarks(GARMENT_NAMES[closed.kind], crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
         ),
     )  # fmt: skip
 

@@ -18,7 +18,8 @@ from fit.recordings.held_edge import place_along
 from formats.arrays import Booleans, Floats, Indices
 from formats.garment import Garment
 
-APART, HEIGHT = 0.012, 0.034  # m from the neck, nearer in front by the tilt; of the height, above the shoulders' joints
+# m from the neck, nearer in front by the tilt; of the height, above the shoulders' joints.
+APART, COLLAR_HEIGHT = 0.012, 0.034
 TILT = np.radians(12.0)  # rad, lower in front: with DIP the neck is as high behind as on the shoulders
 DIP = 0.018  # m: depth of its middle in front and behind
 PIECES_OF_A_QUARTER = 64  # of a quarter

@@ -49,7 +49,7 @@ from fit.figure.skeleton import (
     unit,
 )
 from formats.arrays import Floats
-from formats.meant_units import SPEEDS
+from formats.meant_units import SPEED_UNITS
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
 SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
@@ -88,7 +88,7 @@ def check_speed(speed: float) -> None:
     if not SLOWEST_WALK <= speed <= FASTEST_WALK:
         raise out_of_range(
             speed, SLOWEST_WALK, FASTEST_WALK, f"nobody walks at {speed:g} m/s", where="--speed", unit="m/s",
-            units=SPEEDS,
+            units=SPEED_UNITS,
         )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ SLOPE_HIGH, SLOPE_LOW = 0.016, 0.008  # above and below the shoulders' joints: s
 SHOULDER_RADIUS, ELBOW_RADIUS, WRIST_RADIUS, FINGER_RADIUS = 0.028, 0.022, 0.016, 0.012  # of the height, Tilley 2002
 LEAST_EASE = 1.02  # times the chest's girth: least girth of a shirt
 ELBOW_AT = 0.6  # of the upper arm's widths, counted from the shoulder, at a short sleeve's end
-TOUCHING = ("hips", *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shank", "foot", "forearm", "hand")))
+TOUCHING_PARTS = ("hips", *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shank", "foot", "forearm", "hand")))
 TOUCHING_SHIRTS = (
     "hips", "belly", "trunk", "shoulders", "neck",
     *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shoulder", "upper_arm", "forearm", "hand")),
@@ -61,7 +61,7 @@ class Figure:
     motion: BodyMotion
     band: Floats
     half_side: float
-    touching: tuple[str, ...] = TOUCHING
+    touching: tuple[str, ...] = TOUCHING_PARTS
 
     def only(self, names: tuple[str, ...]) -> tuple[tuple[Body, ...], BodyMotion]:
         """Return the figure with some of its parts only."""
@@ -104,7 +104,7 @@ def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
     left = unit(joints["left_shoulder"] - joints["right_shoulder"])
     back = np.cos(neckline.TILT) * unit(np.cross(up, left)) + np.sin(neckline.TILT) * up
     axes = np.stack([left, back, np.cross(left, back)], 1)
-    centre = joints["chest"] + neckline.HEIGHT * height * up
+    centre = joints["chest"] + neckline.COLLAR_HEIGHT * height * up
     band = np.concatenate([centre, axes.reshape(-1, 9)], 1)
     return replace(figure, band=band, half_side=half_side, touching=TOUCHING_SHIRTS)
 

@@ -49,7 +49,7 @@ from formats.arrays import Booleans, Floats, Integers
 SLOW_SHARE, SLOW_LASTS = 1 / 3, 1 / 3  # of the white noise; s: slow noise, as `fit.observer.edge` has it
 # Shapes of a hanging sheet: straight, tilted and bent across; three swings down. Our choice: the
 # slowest shapes move the most. Other counts were not tried.
-ACROSS, DOWN = 3, 3
+SHAPES_ACROSS, SHAPES_DOWN = 3, 3
 # Of the variance of K_time; our choice: 3 % of a discrepancy is a sixth of its size. Half and double of the rest were
 # not tried.
 KEPT_VARIANCE = 0.97
@@ -57,7 +57,7 @@ FASTEST_MODE = 4.0  # Hz, of the modes of K_time: cloth that hangs swings below 
 MOST_ENTRIES = 3e7  # of the square root of K for a take: 240 MB
 # Standard deviations: an offset without prior knowledge. Our choice: the prior then weighs 1e-12 of a single frame, so
 # half and double change nothing that is shown.
-FREE = 1e6
+FREE_OFFSET_SD = 1e6
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ def _series_of_points(layout: Layout, recordings: list[Recording], noise: list[F
         found.append(
             _Series(
                 number, index, still, stated / unit, mean_sd / unit[0], unit, phi, gain, sd, points,
-                np.where(has_mean, recording.offset_sd, FREE * unit[0]), points,
+                np.where(has_mean, recording.offset_sd, FREE_OFFSET_SD * unit[0]), points,
             )
         )  # fmt: skip
     return found
@@ -295,8 +295,8 @@ def shapes_of(recording: Recording) -> Floats:
     across, height = ((at - low) / np.maximum(high - low, 1e-9)).T
     rows = [
         np.cos(np.pi * i * across) * j0(zero * np.sqrt(np.clip(height, 0.0, 1.0))) / (i + k)
-        for i in range(ACROSS)
-        for k, zero in enumerate(jn_zeros(0, DOWN), 1)
+        for i in range(SHAPES_ACROSS)
+        for k, zero in enumerate(jn_zeros(0, SHAPES_DOWN), 1)
     ]
     shapes = np.array(rows).T
     size = float((shapes[recording.judged] ** 2).sum(1).mean())

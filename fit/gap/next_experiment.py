@@ -29,7 +29,7 @@ from formats.arrays import Floats
 from formats.diagnosis_records import NextExperiment
 
 # s; frames per second, of a proposed recording; our choice: above 2.5 s; the PS1080's at VGA.
-SECONDS, FRAME_RATE = 4.0, 30.0
+PROPOSED_TIME, FRAME_RATE = 4.0, 30.0
 # Of the box, for the Jacobian; our choice: simulations without noise allow a smaller step than fits to data, which take
 # 0.05. Half and double were not tried.
 JACOBIAN_STEP = 0.01
@@ -70,7 +70,7 @@ def _edge_on(t: Floats) -> Floats:
 
 
 def _chirp(t: Floats) -> Floats:
-    phase = 2 * np.pi * (0.4 * t + 0.5 * (2.6 / SECONDS) * t**2)
+    phase = 2 * np.pi * (0.4 * t + 0.5 * (2.6 / PROPOSED_TIME) * t**2)
     return np.stack([0 * t, 0.015 * np.sin(phase) * _ramp(t), 0 * t], 1)
 
 
@@ -143,7 +143,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
 
 def imagine(like: Recording, motion: Motion) -> Recording:
     """Return a simulated recording of a motion of the menu, with the same garment, hanger and sensor."""
-    time = np.asarray(np.arange(0, SECONDS, 1 / FRAME_RATE))
+    time = np.asarray(np.arange(0, PROPOSED_TIME, 1 / FRAME_RATE))
     ends = like.held(np.zeros(1))[0].reshape(2, 3)
     middle, arm = ends.mean(0), (ends[1] - ends[0]) / 2
     across = np.array([arm[0], arm[1], 0.0])

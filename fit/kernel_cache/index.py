@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
+INDEX, TAICHI_LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
 INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `sizes_of_kernels` knows
 # bytes; our choice: Taichi keeps at most 100 MiB of kernels. The smallest of 110 measured ones has 13 kB, so that an
 # index with entries of 170 bytes reaches 1.4 MB. An index of this limit is checked in 1.1 s (measured), which one of

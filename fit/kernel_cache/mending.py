@@ -7,7 +7,7 @@ import stat
 import time
 from pathlib import Path
 
-from fit.kernel_cache.index import INDEX, LARGEST_INDEX, LOCK, sizes_of_kernels
+from fit.kernel_cache.index import INDEX, LARGEST_INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.notes import NOTED, hash_of, noted_hashes
 
 # s; our choice: Taichi holds its lock for milliseconds, and other processes give up after 0.2 s. So the lock of a
@@ -29,7 +29,7 @@ def mend_cache(folder: Path) -> None:
     Raises:
         OSError: a file cannot be read, renamed or removed.
     """
-    index, lock = folder / INDEX, folder / LOCK
+    index, lock = folder / INDEX, folder / TAICHI_LOCK
     with contextlib.suppress(FileNotFoundError):
         if abs(time.time() - lock.stat().st_mtime) > STALE_LOCK:  # the clock may have been put back since
             lock.unlink()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from fit.kernel_cache.index import INDEX, LARGEST_INDEX, LOCK, sizes_of_kernels
+from fit.kernel_cache.index import INDEX, LARGEST_INDEX, TAICHI_LOCK, sizes_of_kernels
 from formats.whole_files import read_bounded, write_whole
 
 NOTED = "hangtime-kernels.json"  # this program's own file in Taichi's cache, see `note_kernels`
@@ -25,7 +25,7 @@ def note_kernels(folder: Path, since: float = math.inf) -> None:
     Raises:
         OSError: a file cannot be read or written.
     """
-    if (folder / LOCK).exists() or not (folder / INDEX).is_file():
+    if (folder / TAICHI_LOCK).exists() or not (folder / INDEX).is_file():
         return
     before, now = noted_hashes(folder), {}
     for name in sizes_of_kernels(read_bounded(folder / INDEX, LARGEST_INDEX)) or {}:

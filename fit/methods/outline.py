@@ -24,9 +24,9 @@ from fit.recordings.held_edge import place_along
 from fit.recordings.recording import Recording
 from formats.arrays import Floats, Integers
 
-FEWEST = 4  # points of an outline; our choice: the corners of a panel
+FEWEST_CORNERS_SEEN = 4  # points of an outline; our choice: the corners of a panel
 FRONT_AXES = [0, 2]  # axes of the world frame in a view from the front
-AT_ONCE = 2_000_000  # distances computed in one batch; our choice: 16 MB an array, and no result depends on it
+DISTANCES_AT_ONCE = 2_000_000  # in one batch; our choice: 16 MB an array, and no result depends on it
 
 
 class OutlineDistance:
@@ -45,7 +45,7 @@ class OutlineDistance:
         self._edge = _on_edge(recording)
         seen = recording.points[:, self._edge]
         self._frames = np.flatnonzero(np.isfinite(seen).all((1, 2)))
-        if len(self._edge) < FEWEST or not len(self._frames):
+        if len(self._edge) < FEWEST_CORNERS_SEEN or not len(self._frames):
             raise FitError(
                 f"{len(self._edge)} tracked points are on the garment's edge, and in {len(self._frames)} frames all of "
                 "them are seen", where=recording.take_id, advice="fit to the points: --method si",
@@ -79,7 +79,7 @@ def _on_edge(recording: Recording) -> Integers:
 def to_polygon(points: Floats, corners: Floats) -> Floats:
     """Return distances [m], (frames, points), of points, (frames, points, 2), from closed polygons of corners."""
     found = []
-    some = max(AT_ONCE // (points.shape[1] * corners.shape[1]), 1)
+    some = max(DISTANCES_AT_ONCE // (points.shape[1] * corners.shape[1]), 1)
     for first in range(0, len(points), some):
         p, a = points[first : first + some, :, None], corners[first : first + some, None]
         way = np.roll(a, -1, 2) - a

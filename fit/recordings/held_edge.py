@@ -33,7 +33,7 @@ OUTER = 0.6  # of the edge's length from the other end: points beyond show the m
 # At either end of a take, where no step can be detected. Our choice: a mean of five frames has 0.45 times the noise of
 # one. With 2, 5 and 10 one of 2000 columns of noise exceeds `CERTAIN_STEP` (measured, 4 s at 30 frames a second).
 FRAMES_ASIDE = 5
-GRID = 0.005  # s between instants at which the hardest jerk is sought; our choice: a sixth of a frame at 30 a second
+JERK_STEP = 0.005  # s between instants in the search of the hardest jerk; our choice: a sixth of a frame at 30 a second
 # s from a jerk to the middle of the slip that it causes. Our choice: the step of `fit.effects.clip_slip` follows the
 # blind check's slip, of 40 ms, best when it is half complete after 32 ms. For 20 ms after 18, and for 80 ms after 58
 # (measured).
@@ -117,7 +117,7 @@ class HeldEdge:
         return float(steps[place]), float(time[inside][place])
 
     def _hardest_jerk(self) -> float:
-        instants = np.arange(0.0, self.time[-1], GRID)
+        instants = np.arange(0.0, self.time[-1], JERK_STEP)
         middle = self.held(instants).reshape(-1, 2, 3).mean(1)
         acceleration = np.linalg.norm(np.gradient(np.gradient(middle, instants, axis=0), instants, axis=0), axis=1)
         return float(instants[2:-2][int(np.argmax(acceleration[2:-2]))])

@@ -30,7 +30,7 @@ LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and mor
 STAYS = 0.010  # of the flat length; material points change by 0.009 at most
 FEWEST_PAIRS = 12  # pairs in a direction: fewer may fold together
 NEIGHBOUR_SHARE = 0.25  # of the cloth's extent: largest distance of neighbours, as longer pairs fold
-ALONG = 0.94  # cosine of 20 degrees: largest angle between a pair and its direction
+ALONG_COSINE = 0.94  # cosine of 20 degrees: largest angle between a pair and its direction
 
 
 def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:
@@ -40,7 +40,11 @@ def neighbours(places: Floats, axis: int) -> tuple[Integers, Floats]:
     for k, place in enumerate(places):
         way = places - place
         length = np.linalg.norm(way, axis=1)
-        ahead = (way[:, axis] > ALONG * np.maximum(length, 1e-9)) & (length > 0) & (length < NEIGHBOUR_SHARE * extent)
+        ahead = (
+            (way[:, axis] > ALONG_COSINE * np.maximum(length, 1e-9))
+            & (length > 0)
+            & (length < NEIGHBOUR_SHARE * extent)
+        )
         if ahead.any():
             pairs.append((k, int(np.where(ahead, length, np.inf).argmin())))
     found = np.array(pairs, dtype=np.int64).reshape(-1, 2)

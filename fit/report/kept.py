@@ -26,7 +26,8 @@ STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
 NOT_SEEN, FARTHEST_KEPT = np.iinfo(np.int32).min, 10**8  # 10 km: positions farther away belong to cloth that blew up
 PLAIN_BYTES = 1 << 24  # for the other arrays of a file: times, triangles and outlines
 FAULT = "is no motion of a report"
-KINDS = {"time": "float64", "triangles": "int64", "free": "bool", "outline": "float64"}  # types of the plain arrays
+# Types of the plain arrays.
+ARRAY_KINDS = {"time": "float64", "triangles": "int64", "free": "bool", "outline": "float64"}
 MOST_BYTES = 1 << 28  # of a file's positions, unpacked: 18 minutes of two runs at 30 frames a second and 330 vertices
 
 
@@ -80,7 +81,9 @@ def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, crea
         arrays |= {f"{number}_{name}": _rounded(track) for name, track in tracks.items() if track is not None}
         plain = {"time": motion.time, "triangles": motion.triangles, "free": motion.free, "outline": motion.outline}
         arrays |= {
-            f"{number}_{name}": np.asarray(value, KINDS[name]) for name, value in plain.items() if value is not None
+            f"{number}_{name}": np.asarray(value, ARRAY_KINDS[name])
+            for name, value in plain.items()
+            if value is not None
         }
     head = msgspec.json.encode(_Head(format=FORMAT, created=created, origin=origin, takes=takes))
     packed = io.BytesIO()
@@ -133,7 +136,9 @@ def _motion(number: int, take: _Take, arrays: Any) -> ReportMotion:
     def plain(name: str, *shape: int | None) -> Any:
         values = arrays[f"{number}_{name}"]
         sizes = zip(values.shape, shape, strict=True)
-        if values.dtype != KINDS.get(name, "int32") or any(size != right for size, right in sizes if right is not None):
+        if values.dtype != ARRAY_KINDS.get(name, "int32") or any(
+            size != right for size, right in sizes if right is not None
+        ):
             raise ValueError(f"{name} is {values.dtype} {values.shape}")
         return values
 

@@ -28,7 +28,7 @@ from formats.plain_text import in_one_line
 
 INSTANTS = 6  # pictures side by side; our choice: each stays 150 px wide
 ROW_HEIGHT, CHART, MARGIN = 210, 190, 44  # px
-FRAME, GREY, LINK, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
+FRAME, GREY, LINK_COLOUR, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
 DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
 
 
@@ -177,7 +177,7 @@ def _dot(pen: Any, at: Floats, colour: str) -> None:
 
 def _arrow(pen: Any, at: Floats, to: Floats) -> None:
     """Draw a line from the simulated point to the tracked one."""
-    pen.line([(float(at[0]), float(at[1])), (float(to[0]), float(to[1]))], fill=LINK, width=1)
+    pen.line([(float(at[0]), float(at[1])), (float(to[0]), float(to[1]))], fill=LINK_COLOUR, width=1)
     _dot(pen, to, SEEN)
 
 

@@ -35,7 +35,7 @@ RANGE, RANGE_SD = 1.0, 0.7
 # The same, of the variance that is not correlated; our choice: two deviations reach from 2e-5 to 5 %, so that the
 # simulations decide. Half and double were not tried.
 NUGGET, NUGGET_SD = 1e-3, 2.0
-RANGES, NUGGETS = (0.3, 10.0), (1e-6, 0.3)  # bounds of both; our choice: 1.7 to 3.5 deviations from the middle
+RANGE_BOUNDS, NUGGET_BOUNDS = (0.3, 10.0), (1e-6, 0.3)  # our choice: 1.7 to 3.5 deviations from the middle
 
 
 class Emulator:
@@ -55,7 +55,7 @@ class Emulator:
         self._apart = (units[:, None] - units[None]) ** 2
         found = minimize(
             self._negative_log_posterior, self._prior, jac=True, method="L-BFGS-B",
-            bounds=[*[tuple(np.log(RANGES))] * count, tuple(np.log(NUGGETS))], options={"maxiter": 40},
+            bounds=[*[tuple(np.log(RANGE_BOUNDS))] * count, tuple(np.log(NUGGET_BOUNDS))], options={"maxiter": 40},
         )  # fmt: skip
         self._logs: Floats = found.x  # of the ranges and the nugget
         self._inverse, self._sums, self._projected, _ = self._invert(self._logs)

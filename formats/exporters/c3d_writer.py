@@ -19,7 +19,7 @@ from formats.importers.c3d_parameters import FLOAT, INTEL, SECTION_HEAD, SHORT, 
 
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
 BYTES_AT_ONCE = 1 << 22  # bytes that are written at once
-SHARED = 255  # labels that one parameter can hold; LABELS2 holds the next (C3D user guide)
+MOST_LABELS_OF_ONE = 255  # labels that one parameter can hold; LABELS2 holds the next (C3D user guide)
 MOST_BLOCKS = 255  # of parameters, counted in a byte
 MILLIMETRES = 1e3  # in a metre
 POINT, ANALOG, FORCE_PLATFORM = 1, 2, 3  # numbers of the groups
@@ -60,7 +60,7 @@ def _frames(positions: Floats) -> Iterator[bytes]:
 
 def _section(labels: Sequence[str], frames: int, rate: float, start: int) -> bytes:
     """Return the parameters of a file whose frames begin at block `start`."""
-    named = [labels[k : k + SHARED] for k in range(0, max(len(labels), 1), SHARED)]
+    named = [labels[k : k + MOST_LABELS_OF_ONE] for k in range(0, max(len(labels), 1), MOST_LABELS_OF_ONE)]
     records = [
         _record("POINT", -POINT), _record("ANALOG", -ANALOG), _record("FORCE_PLATFORM", -FORCE_PLATFORM),
         _words("USED", POINT, len(labels)), _floats("SCALE", POINT, -1.0), _floats("RATE", POINT, rate),

@@ -21,7 +21,7 @@ from formats.plain_text import lines_of
 from formats.take import Take
 from formats.unfinished import ANOTHER_FOLDER
 
-RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
+DRAWN_RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
 GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
 
 
@@ -81,7 +81,7 @@ def _send_moving(rerun: Any, stream: Any, take: Take) -> None:
     def send(entity: str, places: Floats, valid: Booleans, indexes: list[Any]) -> None:
         """Send the valid positions of each frame, out of (frames, places, 3)."""
         columns = rerun.Points3D.columns(positions=places[valid].astype(np.float32)).partition(valid.sum(1))
-        stream.log(entity, rerun.Points3D.from_fields(radii=RADIUS), static=True)
+        stream.log(entity, rerun.Points3D.from_fields(radii=DRAWN_RADIUS), static=True)
         stream.send_columns(entity, indexes, columns)
 
     for k, name in enumerate(take.garment.point_names):

@@ -38,7 +38,7 @@ ARM_SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)
 MOST_ARM_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
 FARTHEST_ARM = 0.03  # m, median over the pictures: 2 mm in the public recordings, 100 mm in a wrong take
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over WHILE pictures: the corners that a camera saw are up to 60 mm off
-LONGEST_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
+LONGEST_POSE_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
 WHILE = 9  # pictures: a second of the public recordings
 SMALLEST_SHOWN = 1e-3  # s, standard error
 MOST_OTHERS = 2  # equally good shifts that one note names
@@ -83,7 +83,7 @@ class ArmPath:
         """
         found = at_times(instants, self.time, self.held)
         after = np.searchsorted(self.time, instants).clip(1, len(self.time) - 1)
-        found[self.time[after] - self.time[after - 1] > LONGEST_STEP] = np.nan
+        found[self.time[after] - self.time[after - 1] > LONGEST_POSE_STEP] = np.nan
         return found
 
 

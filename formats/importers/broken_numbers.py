@@ -7,17 +7,17 @@ the positions before and after, through the two before, and through the two afte
 A number counts as broken under two conditions. First, some number that begins with its characters lies within u of a
 prediction. Second, the number itself is farther than F u from each prediction, with F > 1 and
 
-    LETTERS share / ((n + 1) F^TAIL)  <  chance that a line is cut there
+    DIGITS share / ((n + 1) F^TAIL)  <  chance that a line is cut there
 
 The left side is the likelihood ratio of an undamaged number to a cut one.
 
 - `u`: the largest deviation from the predictions around, and at least the noise of cameras and the last digit. For z,
-  the STRETCH frames before and after count, except the nearest. For all other coordinates, two frames before to two
-  after count, since a flick moves all markers. Deviations count in units of r of their lines
+  the POSITIONS_AROUND frames before and after count, except the nearest. For all other coordinates, two frames before
+  to two after count, since a flick moves all markers. Deviations count in units of r of their lines
 - `n`: the number of deviations of z. One more deviation is the largest by chance in one case of n + 1. A deviation F
   times as large is F^TAIL times rarer, because the far tail falls with that power
 - `share`: the share of all numbers in the file with as few digits, which an undamaged number has by chance
-- LETTERS: a cut leaves each count of characters with equal probability
+- DIGITS: a cut leaves each count of characters with equal probability
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from formats.importers.path_outliers import straight_lines
 # Probabilities. Our choice: high, as disks and networks verify their bytes. A file to which an editor
 # added an end is commoner.
 CUT_WITHIN, CUT_LAST = 1e-5, 1e-3
-LETTERS = 10  # digits, from 0 to 9
+DIGITS = 10  # digits, from 0 to 9
 TAIL = 3.0  # of Student's t with 3 degrees of freedom; that of noise and smooth motion falls faster
-STRETCH = 50  # positions: half a swing at 100 frames a second
+POSITIONS_AROUND = 50  # positions: half a swing at 100 frames a second
 CONTAMINATED = 2  # positions on either side of a broken one: their lines go through it
 MOST_DIGITS_CUT = 6  # digits that a cut removes before a point: no position is 1000 km away
 PROOFS = 4  # positions; our choice: noise hardly keeps five in a row on a path that it does not follow
 NEAR_PATH = 2e-3  # m; our choice: so near its path a position is accurate enough even with digits missing
 
-CLOCK = Writing()  # a time may continue with any digits
+CLOCK_WRITING = Writing()  # a time may continue with any digits
 
 
 def broken_lines(
@@ -94,12 +94,12 @@ def broken_of(
     is_far = off > np.maximum(least, _largest_around(off))
     for k in np.flatnonzero(ends_here[seen] & is_far).tolist():
         lines = np.isfinite(lead[:, k])
-        around = np.fmin.reduce(misses[lines, max(0, k - STRETCH) : k + STRETCH + 1])
-        apart = np.abs(np.arange(len(around)) - min(k, STRETCH))
+        around = np.fmin.reduce(misses[lines, max(0, k - POSITIONS_AROUND) : k + POSITIONS_AROUND + 1])
+        apart = np.abs(np.arange(len(around)) - min(k, POSITIONS_AROUND))
         own = around[np.isfinite(around) & (apart > (0 if lines.sum() == 1 else CONTAMINATED))]
         at, chance = int(seen[k]), CUT_LAST if seen[k] == len(rows) - 1 else CUT_WITHIN
         cell = rows.last_cell(at)
-        odds = LETTERS * writing.share_of(form_of(cell).digits) / ((len(own) + 1) * chance)
+        odds = DIGITS * writing.share_of(form_of(cell).digits) / ((len(own) + 1) * chance)
         farther, usual = max(1.0, odds ** (1 / TAIL)), max(least, float(own.max(initial=0.0)))
         if off[k] <= farther * usual or off[k] <= farther * (usual := max(usual, others(at, lines))):
             continue
@@ -146,9 +146,9 @@ def _misses(time: Floats, path: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _largest_around(off: Floats) -> Floats:
     """Return the largest of the numbers around each one, without its nearest neighbours."""
-    beside = STRETCH - CONTAMINATED
-    largest = sliding_window_view(np.pad(off, STRETCH), beside).max(1)
-    return np.asarray(np.maximum(largest[: len(off)], largest[STRETCH + CONTAMINATED + 1 :][: len(off)]))
+    beside = POSITIONS_AROUND - CONTAMINATED
+    largest = sliding_window_view(np.pad(off, POSITIONS_AROUND), beside).max(1)
+    return np.asarray(np.maximum(largest[: len(off)], largest[POSITIONS_AROUND + CONTAMINATED + 1 :][: len(off)]))
 
 
 def _may_begin(cell: str, low: float, high: float, writing: Writing) -> bool:

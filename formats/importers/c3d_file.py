@@ -32,12 +32,12 @@ from formats.importers.missing_values import (
 from formats.importers.number_cells import CELL_SHOWN
 from formats.importers.units import metres_of
 from formats.plain_text import first_few, sized
-from formats.plausible import RATES
+from formats.plausible import USABLE_RATES
 
 LARGEST_C3D = 1 << 30  # bytes; our choice: memory; two hours of 40 markers at 200 frames a second have 0.9 GB
-PIECE = 1 << 22  # bytes of the data that are converted to positions at once
+CONVERTED_AT_ONCE = 1 << 22  # bytes of the data that are converted to positions at once
 TEXTS = ("LABELS", "UNITS")  # of each point
-SUFFIXES = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
+CONTINUED_BY = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
 
 
 def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
@@ -54,7 +54,9 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         raise TakeError(f"has {sized(size)}, which no C3D file has", where=path, advice="check the path")
     header, parameters = read_header(path, size)
     layout, rate = header.layout, _rate(parameters, header)
-    labels, units = ([text for part in SUFFIXES for text in parameters.texts("POINT", name + part)] for name in TEXTS)
+    labels, units = (
+        [text for part in CONTINUED_BY for text in parameters.texts("POINT", name + part)] for name in TEXTS
+    )
     _refuse_two_values(parameters, path)
     points = layout.points
     frames = min(header.held, layout.frames)
@@ -69,7 +71,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
             advice="export trajectories, not only analogue data",
         )  # fmt: skip
     if not 0 < rate <= FASTEST_RATE:
-        states = f"states {rate:g} frames a second; {RATES}" if rate > 0 else "states no frame rate above 0"
+        states = f"states {rate:g} frames a second; {USABLE_RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     if header.end == size:
         refuse_lost_bytes(path, size, layout.data_at + frames * layout.width)
@@ -112,7 +114,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
 
 def _refuse_two_values(parameters: Parameters, path: Path) -> None:
     """Refuse two values of a parameter that the header does not repeat, and that changes names, lengths or times."""
-    names = {name + part for name in TEXTS for part in SUFFIXES} | {"RATE"}
+    names = {name + part for name in TEXTS for part in CONTINUED_BY} | {"RATE"}
     if twice := sorted(name for group, name in parameters.differ if group == "POINT" and name in names):
         raise TakeError(
             f"states POINT:{twice[0]} twice, with two values", where=path,
@@ -181,14 +183,14 @@ class _Gaps:
 def _places(path: Path, header: Header, frames: int, scale: Floats) -> tuple[Floats, _Gaps]:
     """Return the points' positions [m], (frames, points, 3), NaN where not seen, and their gaps.
 
-    The file is read in pieces of `PIECE` bytes.
+    The file is read in pieces of `CONVERTED_AT_ONCE` bytes.
 
     scale: metres of each point's unit, (points,)
     """
     layout = header.layout
     positions = np.empty((frames, layout.points, 3))
     gaps = _Gaps(*np.zeros((4, frames, layout.points), bool))
-    at_once = max(PIECE // layout.width, 1)
+    at_once = max(CONVERTED_AT_ONCE // layout.width, 1)
     kind = FLOAT if layout.is_float else SHORT
     unit = scale if layout.is_float else scale * abs(header.scale)
     with path.open("rb") as file:

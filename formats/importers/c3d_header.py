@@ -27,8 +27,8 @@ from formats.importers.c3d_parameters import FLOAT, SGI, NoParametersError, Para
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
 C3D_KEY = 0x50  # second byte of every C3D file
 LEAST_RATE = 1e-3  # frames a second, so that quotients are finite
-WORDS = 1 << 16  # numbers that a word of 16 bits can state
-MOST_FRAMES = WORDS - 1  # that the header can state
+WORD_VALUES = 1 << 16  # numbers that a word of 16 bits can state
+MOST_STATED_FRAMES = WORD_VALUES - 1  # that the header can state
 LARGEST_SECTION = 1 << 24  # bytes of parameters; our choice: 128 times the 255 blocks that one byte can state
 COUNTED = "POINT:FRAMES"
 
@@ -58,8 +58,8 @@ class HeaderWords:
 
     def cannot_count(self, frames: int) -> bool:
         """Return whether the header's 16 bits are clipped or have wrapped round, and so many frames are the count."""
-        has_wrapped = frames > MOST_FRAMES and (frames - self.frames) % WORDS == 0
-        return has_wrapped or (self.last == MOST_FRAMES and frames > self.frames)
+        has_wrapped = frames > MOST_STATED_FRAMES and (frames - self.frames) % WORD_VALUES == 0
+        return has_wrapped or (self.last == MOST_STATED_FRAMES and frames > self.frames)
 
 
 def read_words(path: Path, parameters_at: int | None = None) -> HeaderWords:
@@ -120,7 +120,7 @@ def counts_of(parameters: Parameters) -> dict[str, int]:
     frames = int(first_of(parameters.numbers("POINT", "FRAMES")))
     long = parameters.numbers("POINT", "LONG_FRAMES")
     found = {
-        COUNTED: frames + WORDS if frames < 0 else frames,
+        COUNTED: frames + WORD_VALUES if frames < 0 else frames,
         "POINT:LONG_FRAMES": _of_two_words(long) if len(long) == 2 else int(first_of(long)),
     }
     begin, end = (parameters.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
@@ -130,13 +130,13 @@ def counts_of(parameters: Parameters) -> dict[str, int]:
 
 
 def _of_two_words(words: Floats) -> int:
-    low, high = (int(word) % WORDS for word in np.nan_to_num(words, posinf=0.0, neginf=0.0))
-    return low + WORDS * high
+    low, high = (int(word) % WORD_VALUES for word in np.nan_to_num(words, posinf=0.0, neginf=0.0))
+    return low + WORD_VALUES * high
 
 
 def is_word_of(word: int, frames: int) -> bool:
     """Return whether a word of 16 bits, which may be clipped or have wrapped round, states a number of frames."""
-    return word == MOST_FRAMES or (word - frames) % WORDS == 0
+    return word == MOST_STATED_FRAMES or (word - frames) % WORD_VALUES == 0
 
 
 def analogue_of(words: HeaderWords, parameters: Parameters) -> int:

@@ -22,8 +22,8 @@ from formats.errors import TakeError
 from formats.importers.c3d_blocks import BLOCK_BYTES
 from formats.importers.c3d_header import (
     COUNTED,
-    MOST_FRAMES,
-    WORDS,
+    MOST_STATED_FRAMES,
+    WORD_VALUES,
     HeaderWords,
     analogue_of,
     counts_of,
@@ -104,9 +104,9 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     """
     (words, parameters, malformed), moved = find_parameters(path)
     rotations, start = (int(first_of(parameters.numbers("ROTATION", name))) for name in ("USED", "DATA_START"))
-    if rotations > 0 and start % WORDS > 1:  # some programs state a section of no rotations
-        first = BLOCK_BYTES * (start % WORDS - 1)  # the word of a block wraps round in large files
-        words = replace(words, behind=(*words.behind, *range(first, size, WORDS * BLOCK_BYTES)))
+    if rotations > 0 and start % WORD_VALUES > 1:  # some programs state a section of no rotations
+        first = BLOCK_BYTES * (start % WORD_VALUES - 1)  # the word of a block wraps round in large files
+        words = replace(words, behind=(*words.behind, *range(first, size, WORD_VALUES * BLOCK_BYTES)))
     scale, copy = words.scale, first_of(parameters.numbers("POINT", "SCALE"))
     if not np.isfinite(scale) and not copy:
         raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
@@ -248,7 +248,7 @@ def _doubt_of_scales(scale: float, copy: float, layout: Layout, path: Path, *, a
 
 def _refuse_a_long_file(words: HeaderWords, layout: Layout, held: int, path: Path) -> None:
     """Refuse a file that may hold more frames than its header can state, if some were not read."""
-    is_at_its_most = words.last == MOST_FRAMES and words.first <= 1
+    is_at_its_most = words.last == MOST_STATED_FRAMES and words.first <= 1
     # The last block's rest may look like frames, of a 16-bit point each.
     if is_at_its_most and held > layout.frames + BLOCK_BYTES // 8:
         raise TakeError(

@@ -19,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.importers.broken_numbers import STRETCH
+from formats.importers.broken_numbers import POSITIONS_AROUND
 from formats.importers.path_outliers import straight_lines
 
 MOST_HOLES = 3  # of a file; our choice: more are gaps that a program left
@@ -96,7 +96,7 @@ def _goes_on(time: Floats, positions: Floats, at: int, holes: list[int]) -> bool
     - `time` [s], (rows,), increasing; `positions` [m], (rows, markers, 3), NaN where not seen
     - `holes`: lines behind which frames are missing
     """
-    near = slice(max(0, at - STRETCH), at + STRETCH)
+    near = slice(max(0, at - POSITIONS_AROUND), at + POSITIONS_AROUND)
     lead, reach = straight_lines(time[near], positions[near].reshape(len(time[near]), -1))
     wide = np.maximum(1.0, reach[1] / np.median(np.diff(time)) ** 2)
     off = np.abs(positions[near].reshape(len(lead[1]), -1) - lead[1]) / wide[:, None]

@@ -34,8 +34,8 @@ from formats.importers.short_lines import last_may_be_cut, refuse_a_cut_time, wi
 from formats.plain_text import first_few
 
 WHOLE = re.compile(r"\s*[+-]?\d*\s*", re.ASCII)
-PLAIN = b"0123456789+-.eE "  # on these characters `float` and `NUMBER` accept the same numbers
-MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
+FLOAT_BYTES = b"0123456789+-.eE "  # on these characters `float` and `NUMBER` accept the same numbers
+MOST_NUMBERS_OF_FILE = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
 NO_THOUSANDS = "export numbers without a thousands separator"
@@ -107,7 +107,7 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
     """
     width, rows, kept = table.width, rows[: wanted.frames].frames(), wanted.markers(table.labels)
     table, labels = replace(table, kept=kept), [table.labels[k] for k in kept]
-    if len(rows) * width > MOST_NUMBERS:
+    if len(rows) * width > MOST_NUMBERS_OF_FILE:
         raise TakeError(
             f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
         )
@@ -383,7 +383,7 @@ def _row(cells: list[str], signs: DecimalSeparators) -> Floats:
     if sign := signs.parts_thousands or ("," if "," in text else ""):
         instead = "" if signs.parts_thousands else "."
         text, plain = text.replace(sign, instead), [cell.replace(sign, instead) for cell in cells]
-    if text.isascii() and not text.encode().translate(None, PLAIN):
+    if text.isascii() and not text.encode().translate(None, FLOAT_BYTES):
         with contextlib.suppress(ValueError):
             numbers = np.array([float(cell) if cell else np.nan for cell in plain])
             if not np.isinf(numbers).any():

@@ -19,7 +19,8 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 BEGINNING = b"PK\x03\x04"  # first bytes of a zip archive (APPNOTE.TXT, 4.3.7)
-FREE = 1 << 27  # bytes that may unpack from any file: half of what the reader of takes may use beyond a file's share
+# Bytes that may unpack from any file: half of what the reader of takes may use beyond a file's share.
+FREELY_UNPACKED = 1 << 27
 RATIO = 50  # unpacked to packed bytes beyond; our choice: 2 mm of noise pack 1.1 times, and a bomb of zeros 1000 times
 
 
@@ -71,7 +72,7 @@ def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_byte
     size, packed = sum(part.file_size for part in wanted), sum(part.compress_size for part in wanted)
     packed = min(packed, os.fstat(file.fileno()).st_size)  # the archive may state more
     _refuse_too_many(size, path, most_bytes)
-    if size > FREE + RATIO * packed:
+    if size > FREELY_UNPACKED + RATIO * packed:
         raise TakeError(
             f"its arrays grow from {sized(packed)} to {sized(size)}, as those of no recording do", where=path,
             advice="export the recording again",

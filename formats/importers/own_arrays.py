@@ -28,7 +28,7 @@ ABOUT = "about"
 SCAN = re.compile(r"scan(\d{1,6})_(?:time|grid|contour)")
 MOST_ABOUT = 8 * MOST_HEADER_BYTES  # bytes: NumPy stores a letter in 4, and JSON may need two where a take needs one
 MOST_ARRAYS = 1 << 30  # bytes of all arrays as 64-bit numbers: an hour of 81 markers at 70 frames a second
-AGAIN = "export the take again with `hangtime takes export --to npz`"
+EXPORT_AGAIN = "export the take again with `hangtime takes export --to npz`"
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -44,15 +44,15 @@ def import_own_arrays(path: Path) -> Take:
         TakeError: the file cannot be read, lacks an array, or holds values that no take has; names them.
     """
     names = {name.removesuffix(".npy") for name in _names_in(path)}
-    text = load_arrays(path, (ABOUT,), most_bytes=MOST_ABOUT, advice=AGAIN)[ABOUT]
+    text = load_arrays(path, (ABOUT,), most_bytes=MOST_ABOUT, advice=EXPORT_AGAIN)[ABOUT]
     needed = [name for name in STORED if name in names or name not in OPTIONAL]
     scans = sorted({int(found[1]) for name in names if (found := SCAN.fullmatch(name))})
     parts = [f"scan{number}_{part}" for number in scans for part in ("time", "grid", "contour")]
-    arrays = load_arrays(path, (*needed, *parts), most_bytes=MOST_ARRAYS, advice=AGAIN)
+    arrays = load_arrays(path, (*needed, *parts), most_bytes=MOST_ARRAYS, advice=EXPORT_AGAIN)
     try:
         return _take(path, _about(text, path), arrays, scans)
     except TakeError as error:  # of a take's own parts, whose advice is for the one who records
-        raise TakeError(error.what, where=error.where, advice=AGAIN) from error
+        raise TakeError(error.what, where=error.where, advice=EXPORT_AGAIN) from error
 
 
 def _names_in(path: Path) -> set[str]:
@@ -72,7 +72,7 @@ def _about(text: NDArray[Any], path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError):
         about = None
     if not isinstance(about, dict):
-        raise TakeError(f"its array {ABOUT!r} is no text that describes a take", where=path, advice=AGAIN)
+        raise TakeError(f"its array {ABOUT!r} is no text that describes a take", where=path, advice=EXPORT_AGAIN)
     return about
 
 
@@ -84,10 +84,10 @@ def _take(path: Path, about: dict[str, Any], arrays: Arrays, scans: list[int]) -
     unseen = {"points_hidden": np.zeros(columns["points_valid"].shape, bool)}
     points = len(garment.points)
     if frames == (0,):
-        raise TakeError("holds no frame", where=path, advice=AGAIN)
+        raise TakeError("holds no frame", where=path, advice=EXPORT_AGAIN)
     check_columns({**absent, **unseen, **columns}, points=points, take_id=str(path), first=0, after=-np.inf)
     if not {*words.missing} <= {*possible_spans(words.missing, columns["time"])}:
-        raise TakeError("its missing_s has a span in which no frames can be missing", where=path, advice=AGAIN)
+        raise TakeError("its missing_s has a span in which no frames can be missing", where=path, advice=EXPORT_AGAIN)
     values: dict[str, Any] = columns | {
         name: columns[name].astype(bool) for name in ("held_valid", "points_valid", "points_hidden") if name in columns
     }
@@ -96,7 +96,7 @@ def _take(path: Path, about: dict[str, Any], arrays: Arrays, scans: list[int]) -
     values["state"] = values["state"].astype(np.uint16)
     found = tuple(_scan(arrays, number, path) for number in scans)
     if len({round(scan.time * TICKS) for scan in found}) < len(found):
-        raise TakeError("has two scans of the surface at one time", where=path, advice=AGAIN)
+        raise TakeError("has two scans of the surface at one time", where=path, advice=EXPORT_AGAIN)
     return Take(
         take_id=words.take_id, created=words.created, rig=rig, garment=garment, source=words.source, notes=words.notes,
         is_complete=about.get("is_complete") is True, missing=words.missing,
@@ -109,16 +109,16 @@ def _missing(about: dict[str, Any], path: Path) -> list[list[float]]:
     try:
         return [[float(end) for end in span] for span in about.get("missing_s", [])]
     except (TypeError, ValueError) as error:
-        raise TakeError("its missing_s must be pairs of seconds", where=path, advice=AGAIN) from error
+        raise TakeError("its missing_s must be pairs of seconds", where=path, advice=EXPORT_AGAIN) from error
 
 
 def _scan(arrays: Arrays, number: int, path: Path) -> SurfaceScan:
     time, grid, contour = (arrays[f"scan{number}_{part}"] for part in ("time", "grid", "contour"))
     if time.ndim or any(one.dtype.kind not in "iuf" for one in (time, grid, contour)):
-        raise TakeError(f"scan {number} is no time with arrays of numbers", where=path, advice=AGAIN)
+        raise TakeError(f"scan {number} is no time with arrays of numbers", where=path, advice=EXPORT_AGAIN)
     scan = SurfaceScan(time=float(time), grid=grid.astype(float), contour=contour.astype(float))
     try:
         encode_scan(scan)
     except TakeError as error:
-        raise TakeError(f"{error.where}: {error.what}", where=path, advice=AGAIN) from error
+        raise TakeError(f"{error.where}: {error.what}", where=path, advice=EXPORT_AGAIN) from error
     return scan

@@ -21,11 +21,13 @@ from formats.importers.stated_values import names_of
 from formats.importers.units import metres_of
 from formats.rows import named_in_cell
 
-COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
+EXPECTED_COLUMNS = (
+    "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
+)
 TIME = "time_s"
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
 SPACED_TRC = re.compile(r"\s*pathfiletype +\d", re.IGNORECASE)  # its first line, with spaces between cells
-UNNAMED = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
+UNNAMED_COLUMN = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
 FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
 
@@ -51,7 +53,8 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
     if TIME not in words:
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,
-            advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
+            advice=f"put above the frames {EXPECTED_COLUMNS}; "
+            "TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
     begin, body = words.index(TIME), rows[1:]
     if begin:
@@ -83,7 +86,7 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
         if name is None:
             raise TakeError(
                 f"column {k + 1} of line {line} is {head[k][:CELL_SHOWN]!r}, no x of a marker", where=path,
-                advice=f"that line must be {COLUMNS}",
+                advice=f"that line must be {EXPECTED_COLUMNS}",
             )  # fmt: skip
         labels.append(name[1])
         stated = stated if len(labels) > 1 else name[3] or ""
@@ -94,14 +97,14 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
                 there = f"is {head[at][:CELL_SHOWN]!r}" if at < len(head) else "is missing"
                 raise TakeError(
                     f"column {at + 1} of line {line} {there}, not {wanted[:CELL_SHOWN]!r}", where=path,
-                    advice=f"that line must be {COLUMNS}",
+                    advice=f"that line must be {EXPECTED_COLUMNS}",
                 )  # fmt: skip
     return labels, stated
 
 
 def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None:
     """Refuse a column before the time, unless the column is unnamed and numbers the lines."""
-    if not UNNAMED.fullmatch(name):
+    if not UNNAMED_COLUMN.fullmatch(name):
         raise TakeError(
             f"column 1 of line {line} is {name[:CELL_SHOWN]!r}, and {TIME} is column 2", where=path,
             advice=WITHOUT_IT,

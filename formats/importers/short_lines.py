@@ -17,7 +17,7 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.errors import TakeError
-from formats.importers.broken_numbers import CLOCK, broken_of
+from formats.importers.broken_numbers import CLOCK_WRITING, broken_of
 from formats.importers.marker_lines import Rows
 
 FEWEST_OTHERS = 3  # lines; our choice: fewer do not show whether the program leaves out cells
@@ -44,7 +44,7 @@ def refuse_a_cut_time(
             )  # fmt: skip
     order = np.arange(len(rows), dtype=float)
     for column in range(min(begin, OF_THE_CLOCK)):
-        for at in np.flatnonzero(broken_of(rows, cells == column + 1, order, clock[:, column], CLOCK)).tolist():
+        for at in np.flatnonzero(broken_of(rows, cells == column + 1, order, clock[:, column], CLOCK_WRITING)).tolist():
             raise within_a_number(rows.numbers[at], column + 1, width, path)
 
 

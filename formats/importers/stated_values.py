@@ -9,7 +9,7 @@ import numpy as np
 from formats.errors import TakeError
 from formats.importers.number_cells import CELL_SHOWN, DECIMALS, number_of, with_point
 from formats.plain_text import counted
-from formats.plausible import RATES
+from formats.plausible import USABLE_RATES
 
 
 def names_of(labels: list[str], path: Path) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def frame_rate(cell: str, path: Path) -> float:
     except ValueError:
         rate = np.nan
     if not 0 < rate < 1e4:
-        shown = repr(cell.strip()[:CELL_SHOWN]) + f"; {RATES}" * bool(rate > 0)
+        shown = repr(cell.strip()[:CELL_SHOWN]) + f"; {USABLE_RATES}" * bool(rate > 0)
         raise TakeError(f"its frame rate is {shown}", where=path, advice="export it with its frame rate")
     return rate
 

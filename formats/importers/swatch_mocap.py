@@ -35,7 +35,7 @@ ON_CORNER = 2e-3  # m, largest distance of a marker from the outline's corner
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
 LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: the drop of cloth held at 70 degrees throughout
-DOWN: dict[str, Vector] = {
+DOWNWARD: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
     "-x": (1.0, 0.0, 0.0), "-y": (0.0, 1.0, 0.0), "-z": (0.0, 0.0, 1.0),
 }  # fmt: skip
@@ -76,8 +76,8 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
             f"a fit needs {FEWEST_SEEN} frames or more, not {frames}", where="--frames",
             advice=f"give {FEWEST_SEEN} or more, or leave it out",
         )  # fmt: skip
-    if up not in DOWN:
-        raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
+    if up not in DOWNWARD:
+        raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWNWARD)}")
     wanted = Wanted(garment.point_names, options.subject, frames)
     tracks = read_marker_tracks(path, options.unit, options.decimal, wanted)
     time, positions = _of_garment(tracks, garment, path, options)
@@ -94,7 +94,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     return Take(
         take_id=path.stem,
         created=datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
-        rig=Rig(format="hangtime-rig/1", name=f"motion capture, {up} up", gravity=DOWN[up]),
+        rig=Rig(format="hangtime-rig/1", name=f"motion capture, {up} up", gravity=DOWNWARD[up]),
         garment=garment, time=time - time[0], held=held, held_valid=held_seen,
         held_sd=np.full(held.shape, MARKER_SD), points=positions, points_valid=seen,
         points_sd=np.full(positions.shape, MARKER_SD), state=state, markers=held, source=path.name,
@@ -113,7 +113,7 @@ def facing(held: Floats, up: str) -> str:
     axes. Only a person who was present knows the direction of the front.
     """
     across = np.nanmean(held[:, 1] - held[:, 0], axis=0)
-    front = np.cross(across, -np.array(DOWN[up]))
+    front = np.cross(across, -np.array(DOWNWARD[up]))
     axis = int(np.argmax(np.abs(front)))
     return f"{'-' if front[axis] < 0 else ''}{'xyz'[axis]}"
 
@@ -268,7 +268,7 @@ def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: 
     fallen = fallen[np.isfinite(fallen).all(2)]
     if not len(fallen):
         return
-    drops = {axis: float(np.median(fallen @ down)) for axis, down in DOWN.items()}
+    drops = {axis: float(np.median(fallen @ down)) for axis, down in DOWNWARD.items()}
     least = LEAST_DROP * float(np.median(flat[below]))
     if drops[up] >= least:
         return

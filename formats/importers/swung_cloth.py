@@ -39,10 +39,11 @@ from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
 
 MOST_BYTES_OF_ARRAYS = 1 << 27  # of all arrays: two hours of 64 points at 9 frames a second
-FRAMES, POINTS = -1, -2  # sizes: the number of times, and of positions on the flat cloth
+FRAME_COUNT, POINT_COUNT = -1, -2  # sizes: the number of times, and of positions on the flat cloth
 SHAPES: dict[str, tuple[int, ...]] = {
-    "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),
-    "rest": (POINTS, 2),
+    "t": (FRAME_COUNT,), "points": (FRAME_COUNT, POINT_COUNT, 3), "valid": (FRAME_COUNT, POINT_COUNT),
+    "hanger_corners": (FRAME_COUNT, 2, 3),
+    "rest": (POINT_COUNT, 2),
 }  # fmt: skip
 FEWEST_GRID_POINTS = 9  # of a grid
 SAME_LINE_METRES = 1e-3  # m, tolerance within which positions share a row or column
@@ -270,9 +271,9 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
 
 def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
     """Refuse arrays whose shapes or types differ from `SHAPES`, and times that do not increase."""
-    counts = {FRAMES: len(data["t"]) if data["t"].ndim else 0}
-    counts[POINTS] = data["points"].shape[1] if data["points"].ndim == 3 else 0
-    frames = counts[FRAMES]
+    counts = {FRAME_COUNT: len(data["t"]) if data["t"].ndim else 0}
+    counts[POINT_COUNT] = data["points"].shape[1] if data["points"].ndim == 3 else 0
+    frames = counts[FRAME_COUNT]
     for name, shape in SHAPES.items():
         found, needed = data[name].shape, tuple(counts.get(size, size) for size in shape)
         if found != needed:
@@ -293,9 +294,9 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             )
     lines = [_line(data["rest"][:, axis].astype(float)) for axis in (1, 0)]
     size = int(np.prod([max(line, default=-1) + 1 for line in lines]))
-    if not len(set(zip(*lines, strict=True))) == size == counts[POINTS] >= FEWEST_GRID_POINTS:
+    if not len(set(zip(*lines, strict=True))) == size == counts[POINT_COUNT] >= FEWEST_GRID_POINTS:
         raise TakeError(
-            f"its {counts[POINTS]} places on the flat cloth ('rest') are no whole grid", where=path,
+            f"its {counts[POINT_COUNT]} places on the flat cloth ('rest') are no whole grid", where=path,
             advice=f"give every place once, {FEWEST_GRID_POINTS} or more of them, rows and columns along x and y",
         )  # fmt: skip
     time = data["t"].astype(float)

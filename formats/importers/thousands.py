@@ -26,13 +26,13 @@ from formats.importers.short_lines import OF_THE_CLOCK
 
 FEWEST_SHOWN = 3  # lines; our choice: one or two may be damaged
 MOST_OTHERWISE = 0.1  # of those lines; our choice: more may be written in the other way, so the user has to decide
-NAMES = {",": "commas", ".": "points", "'": "apostrophes", "\u2019": "apostrophes"}  # every other sign is a space
+SIGN_NAMES = {",": "commas", ".": "points", "'": "apostrophes", "\u2019": "apostrophes"}  # every other sign is a space
 DOUBTFUL = "doubtful"  # stands among the kinds for a frame number such as 1,500 that does not count on
 MANY = 5  # digits, from which on every language separates thousands (Unicode CLDR, minimumGroupingDigits)
 WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
 PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
 SPACED = re.compile(rf"[1-9]\d{{0,2}}[{GROUP_SIGNS}]\d{{3}}", re.ASCII)
-BETWEEN = re.compile(
+GROUPED_CELL = re.compile(
     rf"{SPACED.pattern}|\d,\d{{3}}[.,]|\d\.\d{{3}}[.,]|^\W*[1-9]\d{{0,2}}[.,]\d{{3}}(?!\d)", re.ASCII
 )  # in a number or, as a frame number, at the beginning of a line
 
@@ -74,7 +74,7 @@ class _Reading:
                 continue
             is_certain = sign not in DECIMALS.values() or self.decimal in cell or cell.count(sign) > 1
             is_doubtful = k == 0 and not (is_certain or is_next)
-            self.names.add(DOUBTFUL if is_doubtful else NAMES.get(sign, "spaces"))
+            self.names.add(DOUBTFUL if is_doubtful else SIGN_NAMES.get(sign, "spaces"))
             if is_certain or is_next:
                 is_shown, self.example = True, self.example or cell
         self.shown += is_shown
@@ -113,7 +113,7 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
 def _may_show(line: str, separator: str) -> bool:
     """Return whether a line's text may hold a number that shows thousands separators; cells would take longer."""
     are_cells_whole = separator != "," or '"' in line
-    return (BETWEEN if are_cells_whole else SPACED).search(line) is not None
+    return (GROUPED_CELL if are_cells_whole else SPACED).search(line) is not None
 
 
 def _is_of_a_frame(cell: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_host.oni_records import RECORD_HEADER, Record
 from firmware_host.oni_writer import OniWriter
-from firmware_host.synthetic.scene import TOP, demo_garment, place
+from firmware_host.synthetic.scene import TOP_WIDTH, demo_garment, place
 from firmware_host.synthetic.world import World
 from formats.arrays import Bytes, Unsigned
 from formats.rig import Sensor
@@ -32,7 +32,7 @@ def flat_world(frames: int = 4, depth_step: float = 0.0) -> World:
         (1 - across) * outline[3] + across * outline[2]
     )
     flat_3d = np.concatenate([flat * [1, -1], np.zeros((5, 5, 1))], axis=-1)
-    nodes = hanger.held[:, None, None, 0] + flat_3d + np.array([TOP / 2, 0, 0])
+    nodes = hanger.held[:, None, None, 0] + flat_3d + np.array([TOP_WIDTH / 2, 0, 0])
     corners = nodes[:, [0, 0, -1, -1], [0, -1, -1, 0]]
     return World(time, hanger, nodes, np.concatenate([corners, nodes[:, 2:3, 2]], axis=1), seed=5)
 

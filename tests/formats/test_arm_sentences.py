@@ -11,7 +11,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.arm_path import (
-    LONGEST_STEP,
+    LONGEST_POSE_STEP,
     WHILE,
     ArmPath,
     check_arm_path,
@@ -105,7 +105,7 @@ def test_the_path_for_a_recording_is_the_file_or_that_of_its_name_in_a_folder(tm
 
 
 def test_a_path_is_unknown_in_holes_and_beyond_its_ends():
-    time = np.array([0.0, 0.1, 0.1 + LONGEST_STEP - 1e-9, 0.8, 0.9])
+    time = np.array([0.0, 0.1, 0.1 + LONGEST_POSE_STEP - 1e-9, 0.8, 0.9])
     arm = ArmPath(Path("a"), time, np.zeros((5, 1, 3)), np.tile([0.0, 0, 0, 1], (5, 1)), np.ones((2, 3)))
     found = np.isfinite(arm.at(np.array([-0.01, 0.0, 0.05, 0.2, 0.5, 0.79, 0.85, 0.9, 0.91]))).all((1, 2))
     assert found.tolist() == [False, True, True, True, False, False, True, True, False]

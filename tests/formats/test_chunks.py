@@ -14,7 +14,7 @@ from formats.chunks import (
     MCAP_MAGIC,
     RECORD_BYTES,
     SLAB,
-    UNPACKED,
+    UNPACKED_PER_BYTE,
     Findings,
     _Starts,
     messages_in,
@@ -59,7 +59,7 @@ def test_messages_have_their_shares_of_their_chunk():
 @pytest.mark.parametrize(("spare", "is_read"), [(0, True), (-1, False)])
 def test_a_chunk_that_unpacks_to_more_than_its_share_takes_of_the_bytes_that_are_left(spare, is_read):
     packed = chunk_of(b"z" * 100_000)
-    beyond = 100_031 - UNPACKED * len(packed)
+    beyond = 100_031 - UNPACKED_PER_BYTE * len(packed)
     assert beyond > 0
     other = chunk_of(b"other")
     found, findings = found_in(packed + other, bytes_left=beyond + spare)

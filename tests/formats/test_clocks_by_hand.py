@@ -9,7 +9,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.arm_path import FARTHEST_ARM, ArmPath, _apart, _turned, check_arm_path
-from formats.importers.swatch_mocap import DOWN, facing
+from formats.importers.swatch_mocap import DOWNWARD, facing
 from formats.importers.swung_cloth import _is_crossed, _line, _names
 from formats.summary import _rate, describe, summarise
 from formats.take import FrameState
@@ -145,7 +145,7 @@ def test_the_front_looks_where_the_held_corners_and_the_axis_say(across, up, fro
     held[:, 1] = 0.4 * np.array(across)
     held[2] = np.nan
     assert facing(held, up) == front
-    assert set(DOWN) == {"x", "y", "z", "-x", "-y", "-z"}
+    assert set(DOWNWARD) == {"x", "y", "z", "-x", "-y", "-z"}
 
 
 def test_lines_of_a_grid_are_numbered_and_its_positions_named():

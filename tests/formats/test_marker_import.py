@@ -12,7 +12,7 @@ from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
-from formats.importers.swatch_mocap import DOWN, MarkerOptions, import_marker_take
+from formats.importers.swatch_mocap import DOWNWARD, MarkerOptions, import_marker_take
 from formats.swatch import swatch
 from tests.fit.here import hangtime_here
 
@@ -102,8 +102,8 @@ def test_y_up_means_gravity_along_minus_y(tmp_path):
     assert import_marker_take(path, GARMENT, MarkerOptions(up="y")).rig.gravity == (0.0, -1.0, 0.0)
 
 
-@pytest.mark.parametrize("fitting", DOWN)
-@pytest.mark.parametrize("given", DOWN)
+@pytest.mark.parametrize("fitting", DOWNWARD)
+@pytest.mark.parametrize("given", DOWNWARD)
 def test_only_the_axis_along_which_the_cloth_hangs_is_taken_as_up(tmp_path, given, fitting):
     """Eight rows hang 62.5 to 500 mm below the held corners, 281 mm in the median."""
     path = write_marker_csv(tmp_path / "a.csv", standing(hanging_tracks(), fitting))

@@ -6,7 +6,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.marker_lines import CAN_BE_READ
-from formats.importers.own_text import COLUMNS
+from formats.importers.own_text import EXPECTED_COLUMNS
 from tests.formats.test_marker_tables import MOTIVE, OWN, QTM, TRC, VICON, read
 
 MEND = "mend that line"
@@ -29,14 +29,15 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (OWN + FIRST + "1,2,3,4,5,6,x\n", None, f"line 3 holds 'x', which is no number; {MEND}"),
         (OWN + FIRST + "1,2,3", None, f"ends within line 3, after 3 of its 7 cells; {CUT}"),
         (OWN.replace("a_y_m", "a_z_m"), None,
-         f"column 3 of line 1 is 'a_z_m', not 'a_y_m'; that line must be {COLUMNS}"),
+         f"column 3 of line 1 is 'a_z_m', not 'a_y_m'; that line must be {EXPECTED_COLUMNS}"),
         ("# a\n" + OWN.replace(",b_z_m", ""), None,
-         f"column 7 of line 2 is missing, not 'b_z_m'; that line must be {COLUMNS}"),
+         f"column 7 of line 2 is missing, not 'b_z_m'; that line must be {EXPECTED_COLUMNS}"),
         ("time_s\n0\n", None, "names no markers; export the trajectories with their names"),
         ("\nTime [s],x,y,z\n0,1,2,3\n", None,
-         f"no line names the columns; line 2 begins with 'Time [s]'; put above the frames {COLUMNS}; {NO_COLUMNS}"),
+         "no line names the columns; line 2 begins with 'Time [s]'; put above the frames "
+         f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
         (f"{'x' * 50},1,2\n", None, f"no line names the columns; line 1 begins with '{'x' * 40}'; put above the frames "
-         f"{COLUMNS}; {NO_COLUMNS}"),
+         f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
         (OWN + "0,1,2,3,4,5,6,7\n", None, "line 2 has 8 cells, not 7, none with a decimal point; where commas "
          "are decimal separators too, export decimal points, or semicolons between cells"),
         (OWN + '0,1,"2,3",4,5,6\n', None,

@@ -195,7 +195,7 @@ def test_recordings_in_a_folder_without_permission_keep_no_other_from_being_impo
 
 def test_arrays_that_grow_from_next_to_nothing_are_refused_before_they_are_unpacked(tmp_path, monkeypatch):
     """A million zeros pack a thousand times smaller; as many random numbers hardly pack at all."""
-    monkeypatch.setattr(npz, "FREE", 1 << 22)
+    monkeypatch.setattr(npz, "FREELY_UNPACKED", 1 << 22)
     wanted = {"most_bytes": 1 << 27, "advice": AGAIN}
     np.savez_compressed(tmp_path / "sound.npz", t=np.random.default_rng(1).normal(size=1_000_000))
     assert npz.load_arrays(tmp_path / "sound.npz", ["t"], **wanted)["t"].shape == (1_000_000,)
@@ -206,7 +206,7 @@ def test_arrays_that_grow_from_next_to_nothing_are_refused_before_they_are_unpac
 
 def test_an_archive_that_overstates_its_packed_bytes_is_measured_by_the_file(tmp_path, monkeypatch):
     """The directory of a zip archive may state any number; the file has no more bytes than it has."""
-    monkeypatch.setattr(npz, "FREE", 1 << 22)
+    monkeypatch.setattr(npz, "FREELY_UNPACKED", 1 << 22)
     np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(1_000_000))
     raw = bytearray((tmp_path / "bomb.npz").read_bytes())
     struct.pack_into("<I", raw, raw.rfind(b"PK\1\2") + 20, 1 << 31)  # compressed size (APPNOTE.TXT, 4.3.12)

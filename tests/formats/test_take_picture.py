@@ -9,7 +9,7 @@ import pytest
 
 from formats.figures import round_step
 from formats.motion import axes_of
-from formats.take_picture import COLOURS, MOST_DRAWN, draw_in_letters, draw_png, paths_of, well_spread
+from formats.take_picture import LINE_COLOURS, MOST_DRAWN, draw_in_letters, draw_png, paths_of, well_spread
 from tests.formats.test_archive import a_take
 from tests.formats.test_motion import TIME, moved, turned
 
@@ -71,19 +71,19 @@ def test_a_png_has_its_grid_its_paths_and_their_names_where_they_belong(tmp_path
     assert np.flatnonzero(columns > 0.8).tolist() == [LEFT, 230, 380, 530, 680, RIGHT]
     # After a quarter of the time the edge is at its height, and p0 at its depth, 50 mm either way of the middle.
     reach = np.nanmax(np.abs(paths))
-    for path, colour in ((paths[:, 0], COLOURS[0]), (paths[:, 1], COLOURS[1])):
+    for path, colour in ((paths[:, 0], LINE_COLOURS[0]), (paths[:, 1], LINE_COLOURS[1])):
         for frame in (9, 18, 54, 63):
             x, y = LEFT + 720 * frame / 72, 270 - 214 * path[frame] / reach
             near = seen[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].reshape(-1, 3)
             assert (near == coloured(colour)).all(1).any()
-    late = (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(COLOURS[2])).all(2).any(0)
+    late = (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(LINE_COLOURS[2])).all(2).any(0)
     assert np.flatnonzero(late)[0] == pytest.approx(720 * 54 / 72, abs=2)
-    assert not (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(COLOURS[3])).all(2).any()
+    assert not (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(LINE_COLOURS[3])).all(2).any()
     for number in range(5):  # names stand beside the frame, one below the other, each in its path's colour
         beside = seen[TOP + 18 * number : TOP + 18 * number + 14, RIGHT + 12 :].reshape(-1, 3)
         ink = beside[beside.sum(1).argmin()]
         assert ink.sum() < 600
-        assert min(COLOURS, key=lambda colour: np.abs(ink - coloured(colour)).sum()) == COLOURS[number]
+        assert min(LINE_COLOURS, key=lambda colour: np.abs(ink - coloured(colour)).sum()) == LINE_COLOURS[number]
     is_black = (seen < 60).all(2)
     for y in (TOP, 163, 270, 377, BOTTOM):
         assert is_black[y - 8 : y + 8, 8 : LEFT - 8].any()
@@ -127,7 +127,7 @@ def test_the_steps_of_an_axis_are_round():
 
 
 def test_every_line_has_a_colour_of_its_own():
-    assert len(set(COLOURS)) == MOST_DRAWN == 12
+    assert len(set(LINE_COLOURS)) == MOST_DRAWN == 12
 
 
 def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_path):

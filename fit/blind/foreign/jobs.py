@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.engine import (
+    HANGING_DAMPING,
     HANGING_TIME,
     HEM_BENDING,
     HEM_WIDTH,
     POLES,
     SAMPLES_A_SECOND,
-    SETTLE_DAMPING,
     Engine,
     held_fraction,
     hung,
@@ -68,7 +68,7 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
             "rest": sheet.rest, "triangles": sheet.triangles, "mass": engine.node_mass, "start": start,
             "held": sheet.held, "fraction": held_fraction(sheet), "spot": magnet_spot(sheet), "path": path,
             "dt": np.array(dt), "every": np.array(every), "settle_steps": np.array(round(settle / dt)),
-            "settle_damping": np.array(SETTLE_DAMPING), "rate": np.array(float(SAMPLES_A_SECOND)),
+            "settle_damping": np.array(HANGING_DAMPING), "rate": np.array(float(SAMPLES_A_SECOND)),
             "names": np.array(list(rows[0])), "numbers": np.array([list(row.values()) for row in rows]),
         },
         sheet,

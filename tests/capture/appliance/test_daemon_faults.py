@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from capture.appliance.showing import FAULT
+from capture.appliance.showing import FAULT_LIGHT
 from capture.appliance.spool import Spool
 from formats.archive import read_take, verify_take
 from formats.take import FrameState
@@ -54,7 +54,7 @@ def test_a_sensor_that_stays_silent_for_five_seconds_ends_the_take_and_the_next_
     appliance.cord.write_text("silent")
     told = appliance.wait_for("fault")
     assert "no frame for 5 s" in told["faults"][0]["sentence"]
-    assert told["lamp"] == FAULT.name
+    assert told["lamp"] == FAULT_LIGHT.name
     (kept,) = Spool(appliance.spool).takes()
     assert "no frame for 5 s" in kept.facts["ended_by"]
     assert appliance.ask("start")["what"].startswith("nothing can be recorded: ")

@@ -9,7 +9,7 @@ import pytest
 from capture.appliance.config_tables import ButtonPart, Config, LampPart, SensorPart
 from capture.appliance.faults import FaultBook
 from capture.appliance.panel import REOPENING, Panel
-from capture.appliance.showing import ARMED, FAULT, RECORDING, Lamps
+from capture.appliance.showing import ARMED, FAULT_LIGHT, RECORDING, Lamps
 from firmware_host.button import EVENT, KEY_EVENT, STUCK
 from firmware_host.errors import LampError
 from firmware_host.lamp import StatusLamp
@@ -60,7 +60,7 @@ def change(tmp_path, *levels):
 
 def test_without_a_button_or_a_lamp_there_is_no_press_and_no_fault(tmp_path, faults):
     panel = Panel(Config(sensor=SensorPart(rig=tmp_path, garment=tmp_path)), faults)
-    panel.show(FAULT, 0.0)
+    panel.show(FAULT_LIGHT, 0.0)
     assert (panel.presses(0.0), faults.all) == (0, [])
     panel.close()
 
@@ -110,7 +110,7 @@ def test_a_fault_is_red_and_all_else_green_and_the_other_led_is_dark(leds, panel
     make_leds(leds)
     panel.show(RECORDING, 0.0)
     assert (lit(leds, "green"), lit(leds, "red")) == ("255", "0")
-    panel.show(FAULT, 0.1)
+    panel.show(FAULT_LIGHT, 0.1)
     assert (lit(leds, "green"), lit(leds, "red")) == ("0", "125/125")
     panel.show(ARMED, 0.2)
     assert (lit(leds, "green"), lit(leds, "red")) == ("1500/500", "0")
@@ -122,10 +122,10 @@ def test_a_fault_is_red_and_all_else_green_and_the_other_led_is_dark(leds, panel
 def test_one_led_shows_faults_too_and_an_unchanged_light_writes_nothing(leds):
     make_leds(leds)
     lamps = Lamps(StatusLamp("green", leds))
-    lamps.show(FAULT)
+    lamps.show(FAULT_LIGHT)
     assert lit(leds, "green") == "125/125"
     (leds / "green/delay_on").write_text("7")
-    lamps.show(FAULT)
+    lamps.show(FAULT_LIGHT)
     assert lit(leds, "green") == "7/125"
     lamps.close()
 

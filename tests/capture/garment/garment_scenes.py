@@ -8,7 +8,7 @@ from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.scene import place
 from firmware_host.synthetic.surroundings import Surroundings
-from firmware_host.synthetic.world import BODY, World
+from firmware_host.synthetic.world import NODES_OF_BODY, World
 from tests.firmware_host.rooms import plain
 
 
@@ -18,7 +18,7 @@ def hung(kind: str, distance: float, *, surroundings: Surroundings | None = None
     fold: (a, b), two places [m] on the flat garment; what lies right of the way from a to b is folded behind the rest.
     """
     garment = GARMENTS[kind]()
-    pattern = lay(garment, *BODY.get(garment.kind, (46, 41)))
+    pattern = lay(garment, *NODES_OF_BODY.get(garment.kind, (46, 41)))
     hanger = place(np.zeros((2, 3)), np.zeros(2), np.zeros(2))
 
     def to_sensor(flat: np.ndarray) -> np.ndarray:

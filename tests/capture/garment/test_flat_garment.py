@@ -8,7 +8,7 @@ import pytest
 
 from capture.errors import UntrackableError
 from capture.garment.corners import PanelCorners
-from capture.garment.flat_garment import CENTRE, _laid_flat, flat_garment
+from capture.garment.flat_garment import CENTRE_ROLE, _laid_flat, flat_garment
 from formats.garment import Garment, TrackedPoint
 
 OUTLINE = np.array([[-0.2, 0.0], [0.2, 0.0], [0.3, -0.5], [-0.3, -0.5]])
@@ -86,8 +86,8 @@ def test_a_centre_elsewhere_is_refused_with_the_position_that_is_farthest_from_t
     assert (x, y) == pytest.approx((0.0, -0.3), abs=0.02)
     off = int(said.split("'centre' is ")[1].split(" mm")[0])
     assert off == pytest.approx(1e3 * np.hypot(0.17 - x, -0.02 - y), abs=1)
-    assert of(skirt(centre=(x, y))).roles == [0, CENTRE, 1, 2, 3]
-    assert of(skirt(centre=(x + 0.007, y), name="center")).roles == [0, CENTRE, 1, 2, 3]
+    assert of(skirt(centre=(x, y))).roles == [0, CENTRE_ROLE, 1, 2, 3]
+    assert of(skirt(centre=(x + 0.007, y), name="center")).roles == [0, CENTRE_ROLE, 1, 2, 3]
 
 
 def test_a_centre_that_is_nearly_as_far_from_the_corners_is_as_good():
@@ -96,4 +96,4 @@ def test_a_centre_that_is_nearly_as_far_from_the_corners_is_as_good():
     with pytest.raises(UntrackableError):
         of(skirt(centre=(x + 0.012, y)))
     holed = msgspec.structs.replace(skirt(centre=(x + 0.1, y)), holes_m=(((0.0, -0.1), (0.05, -0.1), (0.0, -0.15)),))
-    assert CENTRE in of(holed).roles
+    assert CENTRE_ROLE in of(holed).roles

@@ -9,9 +9,19 @@ import pytest
 
 from benchmarks.hidden_corners import Examples, depth_frames, examples, fit, fit_to, left_out, rates
 from benchmarks.tracking_scenes import Scene
-from capture.garment.folding import FITTED, FORGETTING, PLACED, REST, THRESHOLD, TRACES, Belief, Weights, traces
+from capture.garment.folding import (
+    FITTED,
+    FOLDED_AT_REST,
+    FORGETTING,
+    PLACED,
+    THRESHOLD,
+    TRACES,
+    Belief,
+    Weights,
+    traces,
+)
 from capture.garment.peeking import peeking_area
-from capture.garment.slant import AROUND, UPRIGHT, Slant, rim_slant
+from capture.garment.slant import FITTED_AROUND, UPRIGHT, Slant, rim_slant
 from capture.garment.tracker import garment_tracker
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import RIG
@@ -99,7 +109,7 @@ def test_a_rim_whose_depth_is_missing_counts_as_level():
     depth, _ = world.frame(0, world.renderer())
     tracker = garment_tracker(world.garment, RIG)
     silhouette = tracker._silhouette(depth, world.hanger.held[0], 0.0)
-    nowhere = np.array([silhouette.window.left - 2 * AROUND * 575.8 / 1.6, 270.0])
+    nowhere = np.array([silhouette.window.left - 2 * FITTED_AROUND * 575.8 / 1.6, 270.0])
     assert rim_slant(silhouette, nowhere, 1.6, RIG.sensor) == UPRIGHT
     silhouette.depth[:] = 0.0
     assert rim_slant(silhouette, np.array([319.0, 270.0]), 1.6, RIG.sensor) == UPRIGHT
@@ -119,7 +129,7 @@ def test_missing_cloth_and_a_receding_rim_speak_for_a_fold_and_other_layers_spea
     assert probability(traces(0.1, 5e-4, 5e-4, away, is_tip=False)) < probability(deep) - 0.3
     assert probability(traces(0.1, 0.0, 0.0, Slant(-0.8, 0.3), is_tip=False)) < probability(deep) - 0.3
     assert probability(traces(0.1, 0.0, 0.0, Slant(0.8, 1.2), is_tip=False)) < probability(deep) - 0.02
-    first = FITTED.constant + FITTED.before * np.log(REST / (1 - REST))
+    first = FITTED.constant + FITTED.before * np.log(FOLDED_AT_REST / (1 - FOLDED_AT_REST))
     assert probability(np.zeros(len(TRACES))) == pytest.approx(1 / (1 + np.exp(-first)))
     assert not probability(np.full(len(TRACES), np.nan)) > THRESHOLD
 
@@ -138,10 +148,10 @@ def test_log_odds_of_earlier_frames_count_and_decay():
     assert np.isnan(first[0])
     placed = 1 / (1 + np.exp(-PLACED))
     later = belief.before(np.log(2) / FORGETTING)
-    assert 1 / (1 + np.exp(-later)) == pytest.approx([(placed + REST) / 2, (first[1] + REST) / 2])
+    assert 1 / (1 + np.exp(-later)) == pytest.approx([(placed + FOLDED_AT_REST) / 2, (first[1] + FOLDED_AT_REST) / 2])
     in_place, in_doubt = belief.update(unclear, 1 / 30)
     assert in_place < in_doubt
-    assert belief.before(60.0) == pytest.approx(np.full(2, np.log(REST / (1 - REST))))
+    assert belief.before(60.0) == pytest.approx(np.full(2, np.log(FOLDED_AT_REST / (1 - FOLDED_AT_REST))))
 
 
 def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.slant import AROUND, UPRIGHT, rim_slant
+from capture.garment.slant import FITTED_AROUND, UPRIGHT, rim_slant
 from tests.capture.garment.flat_cloth import LEFT, PIXEL, SQUARE, TOP, WHOLE, rectangle, silhouette
 
 
@@ -37,7 +37,7 @@ def test_at_a_slanting_rim_outwards_and_along_are_square_to_each_other(sideways,
 def test_cloth_farther_than_fifty_millimetres_does_not_determine_the_slant():
     """Of 15.6 px; beyond, it bends by half a metre a metre."""
     rows, columns = np.indices(WHOLE.shape)
-    far = AROUND * SQUARE.fx / 1.6
+    far = FITTED_AROUND * SQUARE.fx / 1.6
     away = np.hypot(columns - 119, rows - 89)
     depth = np.where(away <= far, 1.6, 1.6 + 0.5 * PIXEL * (away - far))
     pixel = np.array([LEFT + 119.0, TOP + 89.0])

@@ -7,7 +7,7 @@ import pytest
 
 from capture.garment.tracker import garment_tracker
 from firmware_host.synthetic.garments import GARMENTS
-from firmware_host.synthetic.scene import BOTTOM, HEIGHT, RIG, TOP
+from firmware_host.synthetic.scene import BOTTOM_WIDTH, PANEL_LENGTH, RIG, TOP_WIDTH
 from tests.capture.garment.garment_scenes import hung
 
 
@@ -36,7 +36,7 @@ def test_the_contour_is_as_long_as_the_hem_and_sides_and_goes_clockwise_from_the
     assert len(found) > 0.95 * len(scan.contour)
     closed = np.vstack([found, found[:1]])
     length = np.linalg.norm(np.diff(closed[:, :2], axis=0), axis=1).sum()
-    wanted = TOP + BOTTOM + 2 * np.hypot(HEIGHT, 0.5 * (BOTTOM - TOP))
+    wanted = TOP_WIDTH + BOTTOM_WIDTH + 2 * np.hypot(PANEL_LENGTH, 0.5 * (BOTTOM_WIDTH - TOP_WIDTH))
     assert length == pytest.approx(wanted, rel=0.03)
     # The bar reaches 20 mm beyond the held edge's end.
     assert np.linalg.norm(found[0] - world.points[0, 0]) < 0.025

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import endurance
 from benchmarks.endurance import swung_pictures
-from capture.recording.frame_queue import UNPACKED, QueuedSensor
+from capture.recording.frame_queue import UNPACKED_FRAMES, QueuedSensor
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorStalledError
 from tests.capture.stage import StageSensor
@@ -99,11 +99,11 @@ def test_a_hitch_of_a_second_costs_no_frame_and_no_bit_of_one(monkeypatch):
 def test_a_frame_without_colour_that_waits_comes_out_without_colour():
     depth = np.arange(12, dtype=np.uint16).reshape(3, 4)
     inner = Gated(0)
-    inner._inner = StageSensor([(depth, None)] * (UNPACKED + 2))
+    inner._inner = StageSensor([(depth, None)] * (UNPACKED_FRAMES + 2))
     with QueuedSensor(inner) as sensor:
         assert inner.is_dry.wait(600)
         frames = list(sensor.frames())
-    assert len(frames) == UNPACKED + 2
+    assert len(frames) == UNPACKED_FRAMES + 2
     assert all(frame.colour is None and np.array_equal(frame.depth, depth) for frame in frames)
 
 

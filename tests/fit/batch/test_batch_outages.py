@@ -192,7 +192,7 @@ class GoneTwice(Folder):
 
 
 def test_a_finished_fit_waits_for_a_bucket_that_is_gone_as_long_as_patience_lasts(tmp_path, monkeypatch):
-    monkeypatch.setattr(worker, "RETRY", 0.0)
+    monkeypatch.setattr(worker, "SCHEDULER_RETRY", 0.0)
     worker.write_patiently(GoneTwice(tmp_path), "fits/a.json", b"{}", patience=60.0)
     assert (tmp_path / "fits/a.json").read_bytes() == b"{}"
     with pytest.raises(UnreachableError):

@@ -7,8 +7,8 @@ import pytest
 
 from fit.blind import kernel
 from fit.blind.engine import (
+    HANGING_DAMPING,
     SAMPLES_A_SECOND,
-    SETTLE_DAMPING,
     Cloth,
     Engine,
     _air_mass,
@@ -123,7 +123,7 @@ def in_numpy(engine, ends):
     v, a, slip = np.zeros_like(x), np.zeros_like(x), [np.zeros(len(sheet.hinges)) for _ in range(3)]
     seen = []
     for step in range(-round(SETTLE / dt), steps + 1):
-        kept = np.exp(-0.5 * dt * (cloth.damping + (SETTLE_DAMPING if step < 0 else 0.0)))
+        kept = np.exp(-0.5 * dt * (cloth.damping + (HANGING_DAMPING if step < 0 else 0.0)))
         v = kept * v + dt / 2 * a
         x = x + dt * v
         here, was = ((1 - share) * path[at, :3] + share * path[at, 3:] for at in (max(step, 0), max(step - 1, 0)))

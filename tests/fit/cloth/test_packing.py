@@ -141,7 +141,7 @@ def test_calls_are_cut_and_lanes_are_fewer_where_memory_would_run_short(monkeypa
     groups = simulator.groups(np.repeat(material(garment), 40, axis=0), None, shapes=False)[1]
 
     def planned(most, is_pulled=True):
-        monkeypatch.setattr(packing, "MOST_NUMBERS", most)
+        monkeypatch.setattr(packing, "MOST_NUMBERS_OF_CALL", most)
         lanes, calls = packing.plan(groups, 2, (1, 8), is_pulled=is_pulled)
         return lanes, [len(tasks) for tasks in calls]
 

@@ -17,7 +17,7 @@ from fit.export.new_motion import hung_still
 from fit.export.worn import FigureOrder, _less_damped, _remarks, _shortened, _stretched, worn
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
 from fit.figure.gait import ARM_OUT, walk
-from fit.figure.parts import TOUCHING
+from fit.figure.parts import TOUCHING_PARTS
 from fit.figure.wearing import Trouble
 from tests.fit.export.exported import a_fit
 
@@ -45,7 +45,9 @@ class Still:
 @pytest.fixture
 def still(monkeypatch):
     """The trouble that is seen can be set."""
-    seen = SimpleNamespace(depths=np.full((60, len(TOUCHING)), -0.003), through=np.zeros((60, len(TOUCHING)), bool))
+    seen = SimpleNamespace(
+        depths=np.full((60, len(TOUCHING_PARTS)), -0.003), through=np.zeros((60, len(TOUCHING_PARTS)), bool)
+    )
 
     def wear(recording, figure, seconds, fps):
         Still.worn = recording, figure, seconds, fps
@@ -109,7 +111,7 @@ def test_a_t_shirts_bending_is_damped_for_two_milliseconds_at_most_and_a_skirts_
 
 
 def test_the_part_that_goes_through_the_cloth_and_its_frame_are_named(still):
-    still.through[45, TOUCHING.index("left_shank")] = True
+    still.through[45, TOUCHING_PARTS.index("left_shank")] = True
     with pytest.raises(FitError, match=r"walks through the cloth with its left shank in frame 45, at 1\.50 s") as told:
         worn(a_fit(), None, FigureOrder(), 2.0)
     assert told.value.advice == "let it move slower, or give a wider skirt"

@@ -10,7 +10,7 @@ from fit.cloth.mesh import build_mesh
 from fit.errors import FitError
 from fit.figure.dressmaking import girth, plain_skirt, sewn_skirt
 from fit.figure.gait import walk
-from fit.figure.parts import CLEARANCE, TOUCHING, figure_in
+from fit.figure.parts import CLEARANCE, TOUCHING_PARTS, figure_in
 from fit.figure.wearing import Trouble, around
 from tests.fit.scenes import sheet
 
@@ -55,7 +55,7 @@ def test_the_cloth_begins_round_the_body_hardly_strained():
     is_cloth = np.linalg.norm(mesh.rest[sides[:, 0]] - mesh.rest[sides[:, 1]], axis=1)
     length = np.linalg.norm(start[sides[:, 0]] - start[sides[:, 1]], axis=1)
     assert length / is_cloth == pytest.approx(1.0, abs=0.08)
-    bodies, _ = figure.only(TOUCHING)
+    bodies, _ = figure.only(TOUCHING_PARTS)
     nearest = min(body.distance(start).min() for body in bodies)
     assert nearest == pytest.approx(CLEARANCE, abs=5e-4)
     assert start[mesh.held_nodes, 2] == pytest.approx(figure.band[0, 2])

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from fit.kernel_cache import place
-from fit.kernel_cache.index import INDEX, LOCK, sizes_of_kernels
+from fit.kernel_cache.index import INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.mending import mend_cache
 from fit.kernel_cache.notes import NOTED
 
@@ -94,7 +94,7 @@ def cache(tmp_path_factory):
 def test_a_damaged_cache_and_a_lock_left_behind_stop_no_fit(cache):
     """With byte 35 set to 255 a name is 2^40 characters long, and Taichi alone ends for want of memory."""
     folder, run = cache
-    index, lock = folder / INDEX, folder / LOCK
+    index, lock = folder / INDEX, folder / TAICHI_LOCK
     whole = index.read_bytes()
     index.write_bytes(whole[:35] + b"\xff" + whole[36:])
     lock.touch()
@@ -243,7 +243,7 @@ def test_an_index_of_any_size_or_kind_is_put_aside_unread(tmp_path, kind):
 
 def test_a_lock_dated_in_the_future_is_stale_too(tmp_path):
     """A computer without a battery for its clock may start in 1970, and a lock of 2033 lies 63 years ahead."""
-    lock = tmp_path / LOCK
+    lock = tmp_path / TAICHI_LOCK
     for ahead, is_stale in ((30, False), (90, True), (2e9, True)):
         lock.touch()
         os.utime(lock, (time.time() + ahead,) * 2)
@@ -252,7 +252,7 @@ def test_a_lock_dated_in_the_future_is_stale_too(tmp_path):
 
 
 def test_a_lock_that_another_process_holds_is_left_alone(tmp_path):
-    (tmp_path / LOCK).touch()
+    (tmp_path / TAICHI_LOCK).touch()
     (tmp_path / INDEX).write_bytes(b"being written")
     mend_cache(tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == [LOCK, INDEX]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [TAICHI_LOCK, INDEX]

@@ -25,7 +25,7 @@ def test_points_are_as_far_from_a_polygon_as_from_its_nearest_side_or_corner():
 @pytest.mark.parametrize("at_once", [1, 8, 2_000_000])
 def test_every_frame_counts_however_many_fit_into_one_batch(at_once, monkeypatch):
     """One point a frame, 1 to 5 m beside a square that moves up with it: 4 distances a frame, two frames in 8."""
-    monkeypatch.setattr(outline, "AT_ONCE", at_once)
+    monkeypatch.setattr(outline, "DISTANCES_AT_ONCE", at_once)
     up = np.arange(5)[:, None, None] * [0.0, 1.0]
     points = np.array([[[2.0, 0.5]]]) + up + np.arange(5)[:, None, None] * [1.0, 0.0]
     assert to_polygon(points, SQUARE + up)[:, 0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0])

@@ -62,7 +62,7 @@ def test_a_row_fits_all_of_its_frames_into_one_scale_and_joins_simulated_and_tra
     ]  # fmt: skip
     assert {size for _, _, size in pen.dots} == {3.0}
     for (line, colour), dot in zip(pen.lines, (0, 1, 2), strict=True):
-        assert colour == picture.LINK
+        assert colour == picture.LINK_COLOUR
         assert line[0] == pytest.approx(dots[dot])
     tall = dataclasses.replace(views(), simulated=views().simulated * [0.1, 1, 1], seen=views().seen * [0.1, 1, 1])
     pen = Pen()

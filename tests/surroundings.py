@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -15,18 +16,26 @@ from capture.appliance.spool import Spool
 from tests.capture.appliance.spool_takes import record
 from tests.capture.appliance.test_status_lines import told
 from tests.firmware_host.usb_stage.models import KinectCameraModel, KinectMotorModel, Ps1080Model
+from tests.fit.batch.night import free_port, keys_for, serving
 from tests.fit.here import hangtime_here
 
-PS1080, KINECT, EMPTY, APPLIANCE = "a PS1080", "a Kinect", "an empty bus", "an appliance"
+PS1080, KINECT, EMPTY = "a PS1080", "a Kinect", "an empty bus"
+APPLIANCE, BUCKET = "an appliance", "a bucket"
 MODELS = {EMPTY: (), PS1080: (Ps1080Model,), KINECT: (KinectCameraModel, KinectMotorModel)}
 STREAM = "synthetic:swing?seconds=1"
 STATUS = {"ok": True, "state": "armed", "line": "nothing", **told()}
 
 
 @contextlib.contextmanager
-def surroundings(name: str) -> Iterator[None]:
-    """Context of a name of `MODELS`, `APPLIANCE`, or '' for none."""
+def surroundings(name: str, folder: Path) -> Iterator[None]:
+    """Context of a name of `MODELS`, `APPLIANCE`, `BUCKET` with a take of the folder, or '' for none."""
     with pytest.MonkeyPatch.context() as patch:
+        if name == BUCKET:
+            with serving_bucket(folder) as environment:
+                for key, value in environment.items():
+                    patch.setenv(key, value)
+                yield
+            return
         if name == APPLIANCE:
             with answering_daemon() as socket:
                 patch.setenv("HANGTIME_SOCKET", str(socket))
@@ -54,6 +63,16 @@ def put_on_the_bus(patch: pytest.MonkeyPatch, name: str) -> None:
     patch.setattr(openni2_library, "load", lambda: None)
     patch.setattr(openni2_library, "find_driver", lambda driver: Path(f"/drivers/lib{driver}.so.0"))
     patch.setattr(stream_checks, "OpenNI2Sensor", lambda device: open_sensor(STREAM))
+
+
+@contextlib.contextmanager
+def serving_bucket(folder: Path) -> Iterator[dict[str, str]]:
+    """Serve a bucket that holds the folder's first swing, and yield the environment that opens it."""
+    root, port = folder / "served", free_port()
+    (root / "bucket/takes").mkdir(parents=True)
+    shutil.copy(folder / "swing.mcap", root / "bucket/takes")
+    with serving(root, port):
+        yield keys_for(port)
 
 
 @contextlib.contextmanager

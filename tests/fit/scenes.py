@@ -55,10 +55,10 @@ def swing(time, *, amplitude=0.08, hz=0.8, start=0.5, stop=1e9, sideways=0.0):
 
 
 def take_of(garment, time, displacement, points=None, *, sd=0.001, name="scene"):
-    """A take in a frame with z up whose held ends follow `displacement`."""
+    """A take in a frame with z up whose held ends follow `displacement`, (frames, 3) or (frames, 2, 3)."""
     top = np.array(garment.outline_m)[:2]
     ends = np.array([[top[0, 0], 0, 0.0], [top[1, 0], 0, 0.0]])
-    held = ends[None] + displacement[:, None]
+    held = ends[None] + displacement.reshape(len(time), -1, 3)
     count = len(garment.points)
     if points is None:
         points = np.zeros((len(time), count, 3))
@@ -94,7 +94,7 @@ def simulate_take(garment, time, displacement, materials, *, effects=(), amplitu
     """A take whose points our own solver made, with white noise [m]."""
     recording = prepare(take_of(garment, time, displacement, name=name))
     # Settling is drawn to the first observed shape, which does not exist yet: aim it at the hanging sheet.
-    recording = recording.with_points(hung(garment, time) + displacement[:1, None])
+    recording = recording.with_points(hung(garment, time) + displacement[:1].reshape(1, -1, 3).mean(1, keepdims=True))
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     points = simulator.run(materials, amplitudes).points[0]
     points = points + np.random.default_rng(seed).normal(0, noise, points.shape) if noise else points

@@ -38,6 +38,8 @@ def zipped(rest):
         ("fit.gap.gates.of", zipped(", strict=True"), zipped(", strict=False"), True),
         ("fit.gap.gates.of", zipped(", strict=True"), zipped(", strict=None"), True),
         ("fit.gap.gates.of", zipped(", strict=True"), "for a, b in zip(own, strict=True):", False),
+        ("capture.hanger.pose.of", zipped(", strict=True"), zipped(", strict=False"), True),
+        ("capture.recording.session.of", zipped(", strict=True"), zipped(", strict=False"), False),
         ("formats.blocks.of", zipped(", strict=True"), zipped(", "), False),  # files are what others made
         ("formats.blocks.of", "rest.astype(float)", "rest.astype(None)", True),
         ("formats.blocks.of", "rest.astype(int)", "rest.astype(None)", False),

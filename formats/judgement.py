@@ -23,7 +23,17 @@ from formats.judged_cloth import cloth_findings
 from formats.missing import origin_of
 from formats.plain_text import counted
 from formats.rig_bodies import body_findings
-from formats.sights import SETTLING, Sights, exchanged, first_jump, fitted_sights, reach, sights_of
+from formats.sights import (
+    SETTLING,
+    Sights,
+    exchanged,
+    first_jump,
+    fitted_sights,
+    reach,
+    shown_halves,
+    sights_of,
+    too_few_halves,
+)
 from formats.take import LONGEST_GAP, Take
 from formats.two_clocks import shows_hanger, shows_points
 
@@ -86,7 +96,9 @@ def _hanger_gaps(take: Take, sights: Sights) -> list[Finding]:
     words = f"the two {ends_of(take)} were not seen together for {steps.max():.1f} s from {begins:.1f} s on{others}"
     is_grave = fitted_sights(take, sights) < FEWEST_SEEN <= int(take.points_valid[:, sights.free].sum())
     if not is_grave:
-        words += f"; a fit leaves out that time and {SETTLING:g} s after it"
+        lack = _lack_of_halves(take, sights)
+        words += f"; a fit leaves out that time and {SETTLING:g} s after it" + f"; {lack}" * bool(lack)
+        is_grave = bool(lack)
     advice = f"record again with both {ends_of(take)} in view from beginning to end"
     return [Finding(name="hanger_lost", is_grave=is_grave, words=words, advice=advice)]
 
@@ -100,6 +112,9 @@ def _length(take: Take, sights: Sights, *, with_cloth: bool) -> list[Finding]:
     if count < FEWEST_SEEN:
         words = f"the two {ends_of(take)} were seen together in {count} frames, and a fit needs {FEWEST_SEEN}"
         return [_too_short(_few_frames(take) if len(take.time) < FEWEST_SEEN else words, is_grave=True)]
+    lack = _lack_of_halves(take, sights)
+    if lack and np.diff(take.time[sights.held]).max() <= LONGEST_GAP:  # else the gaps are the cause
+        return [_too_short(f"the take is too short: {lack}", is_grave=True)]
     if min(seconds, seen, together) >= SHORTEST_DIAGNOSED:
         return []
     if seconds < SHORTEST_DIAGNOSED:
@@ -109,6 +124,13 @@ def _length(take: Take, sights: Sights, *, with_cloth: bool) -> list[Finding]:
         over = f"the two {ends_of(take)} were seen together over {_below(seen)} s"
         return [_too_short(f"{over}, {none}")]
     return [_too_short(f"garment and hanger were seen together over {_below(together)} s, {none}")]
+
+
+def _lack_of_halves(take: Take, sights: Sights) -> str:
+    """Return why the motion is too short for a fit, '' if it is not, or if other findings tell the cause."""
+    if take.missing or fitted_sights(take, sights) < FEWEST_SEEN:
+        return ""
+    return too_few_halves(shown_halves(take, sights))
 
 
 def _span(times: Floats) -> float:

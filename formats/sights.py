@@ -37,6 +37,8 @@ NOISIER = 10.0  # times the median noise of a path, since stated deviations may 
 SAME_PLACE = 1e-5  # m: an archive's steps are 1e-4 m, and the noise of markers is as large or larger
 FEWEST_TELLING = 5  # sights: fewer do not show an outlier among its neighbours
 JUMPS = 3.0  # times the neighbours' own steps that an outlier is off: swings of 2 Hz have 0.9 at 9 sights a second
+BLOCK_SECONDS = 0.5  # s: residuals further apart than half a swing count as independent
+FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals; our choice: the spread of fewer is unknown
 LARGEST_SHIFT = 0.5  # s, largest offset of the hanger's clock either way: live cameras are late by 0.05 to 0.35 s
 MOST_SHIFTED = 1000  # frames, evenly spaced, for which all clock offsets are tried: 1 s for 64 points
 CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s
@@ -113,6 +115,27 @@ def judged_points(garment: Garment) -> Booleans:
 def fitted_sights(take: Take, sights: Sights) -> int:
     """Return the number of sightings of free points that a fit uses, those while the hanger's path is known."""
     return int(take.points_valid[sights.is_known][:, sights.free].sum())
+
+
+def half_seconds(time: Floats) -> Integers:
+    """Return the half second to which each instant [s] belongs, counted from time 0."""
+    return (time / BLOCK_SECONDS).astype(np.int64)
+
+
+def shown_halves(take: Take, sights: Sights) -> int:
+    """Return the number of half seconds with a point while the hanger's path is known, as a fit counts them.
+
+    Where frames are missing, a fit may use more of them: it then begins after the hole (`fit.recordings.intact`).
+    """
+    seen = sights.is_known & np.asarray(take.points_valid.any(1))
+    return len(np.unique(half_seconds((take.time - take.time[np.argmax(sights.within)])[seen])))
+
+
+def too_few_halves(count: int) -> str:
+    """Return why this number of half seconds with motion is too small for a fit, '' if it is not."""
+    if count >= FEWEST_HALVES:
+        return ""
+    return f"intervals need {FEWEST_HALVES} half-seconds of motion, and there are {count}"
 
 
 def exchanged(time: Floats, ends: Floats) -> Booleans:

@@ -23,8 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fit.observer.residuals import BLOCK_SECONDS, Layout, Observer
+from fit.observer.residuals import Layout, Observer
 from formats.arrays import Floats
+from formats.sights import BLOCK_SECONDS
 
 # Degrees of freedom in space of a smooth error; chosen on amplitudes fitted to takes without any effect.
 FREE_DIRECTIONS = 9

@@ -32,7 +32,6 @@ from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
 from fit.identification.trivial import describe_trivial, trivial_figures
 from fit.methods import distance as objective
-from fit.observer.residuals import BLOCK_SECONDS
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
@@ -51,6 +50,7 @@ from formats.fault_words import state_of_take
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.fit_records import FitError as FitErrors
 from formats.impossible_points import describe_impossible
+from formats.sights import BLOCK_SECONDS
 from formats.take import Take
 
 Progress = Callable[[int, int, float], None]

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fit.observer.residuals import BLOCK_SECONDS
 from fit.recordings.recording import Recording
 from fit.search.intervals import Intervals, LinearModel, block_intervals
 from fit.search.least_squares import DIFFERENCE, BoundedSpace
 from formats.arrays import Floats, Integers
+from formats.sights import half_seconds
 
 Rollouts = Callable[[Floats], Sequence[Floats]]
 
@@ -49,7 +49,7 @@ def blocks_of(recordings: Sequence[Recording]) -> list[Integers]:
     """Return the half-second block of each number, per recording; different recordings share no block."""
     found, first = [], 0
     for recording in recordings:
-        half_second = (recording.time / BLOCK_SECONDS).astype(np.int64) + first
+        half_second = half_seconds(recording.time) + first
         found.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
         first = int(half_second[-1]) + 1
     return found

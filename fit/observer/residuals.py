@@ -33,8 +33,8 @@ from fit.methods import Parameterisation
 from fit.observer.edge import NUMBERS_A_FRAME, EdgeErrors, EdgeResiduals, edge_errors
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats, Integers
+from formats.sights import BLOCK_SECONDS, half_seconds
 
-BLOCK_SECONDS = 0.5  # s: residuals further apart than half a swing count as independent
 # Standard deviations that a candidate is charged per number when it blew up, and at which others are clipped. Our
 # choice: 3 m beside 3 mm of noise, which no point of a garment misses by.
 BLOWN_UP_CHARGE = 1e3
@@ -249,7 +249,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
         seen = recording.counted
         frame, point = np.nonzero(seen)
         frame, point = np.repeat(frame, 3), np.repeat(point, 3)
-        block = (recording.time[frame] / BLOCK_SECONDS).astype(np.int64) + first_block
+        block = half_seconds(recording.time[frame]) + first_block
         first.append(first_block)
         first_block = int(block.max(initial=first_block)) + 1
         axis = np.tile(np.arange(3), len(frame) // 3)
@@ -294,7 +294,7 @@ def _edge_rows(
     frame = np.repeat(edge.frame, NUMBERS_A_FRAME)
     means = len(edge.static_sd)
     last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK_SECONDS)
-    block = np.minimum((recording.time[frame] / BLOCK_SECONDS).astype(np.int64) + first_block, last)
+    block = np.minimum(half_seconds(recording.time[frame]) + first_block, last)
     count = len(frame) + means
     nowhere = np.full(count, -1)
     rows = [

@@ -34,12 +34,12 @@ from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
 from formats.arrays import Booleans, Floats, Integers
 from formats.nature import NORMAL_90
+from formats.sights import too_few_halves
 
 # Of the prior's deviation; our choice: at 1, a parameter without any evidence would be identified.
 SHARE_IDENTIFIED = 0.5
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
 NEAR_BOUND = 0.01  # of the box; our choice: fits end a little short of a bound
-FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals; our choice: the spread of fewer is unknown
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,8 @@ def check_blocks(block: Integers) -> None:
     Raises:
         FitError: fewer than three blocks.
     """
-    count = len(np.unique(block))
-    if count < FEWEST_HALVES:
-        raise FitError(
-            f"the takes are too short: intervals need {FEWEST_HALVES} half-seconds of motion, and there are {count}",
-            advice="record a longer take",
-        )
+    if lack := too_few_halves(len(np.unique(block))):
+        raise FitError(f"the takes are too short: {lack}", advice="record a longer take")
 
 
 @dataclass(frozen=True, kw_only=True)

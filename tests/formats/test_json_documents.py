@@ -76,7 +76,7 @@ VERIFY = {"frames": 150, "blocks": 5, "left": []}
 
 # Findings about an imported recording, and what to do.
 WORDS = ("words", "advice")
-SHORT = ("the take lasts 0.3 s, and none below 2.5 s is diagnosed",
+SHORT = ("the take is too short: intervals need 3 half-seconds of motion, and there are 1",
          "swing for five seconds or more, then hold still until the cloth hangs")  # fmt: skip
 STILL = ("the hanger moved by 0 mm at most, which shows next to nothing of the cloth",
          "swing it to and fro by the width of a hand or more")  # fmt: skip
@@ -126,7 +126,7 @@ UNSEEN = ("row2_column2 was never seen", "bring the whole garment into view, wit
             {"file": "in/m.mcap", **SOUND, "take_id": "m", "frames": 30,
              "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"],
              "clock": None, "file_doubt": None, "left": [], "findings": [
-                 {"name": "too_short", "is_grave": False, **dict(zip(WORDS, SHORT, strict=True))},
+                 {"name": "too_short", "is_grave": True, **dict(zip(WORDS, SHORT, strict=True))},
                  {"name": "hardly_moved", "is_grave": False, **dict(zip(WORDS, STILL, strict=True))},
                  {"name": "points_never_seen", "is_grave": False, **dict(zip(WORDS, UNSEEN, strict=True))},
              ]},

@@ -141,10 +141,10 @@ def test_a_point_is_on_the_held_edge_within_two_percent_of_the_garments_height(d
     assert on_held_edge(garment).tolist() == [True, True, is_on]
 
 
-def test_hanger_and_cloth_that_are_seen_together_for_one_second_are_too_short():
-    take = unseen(without_hanger(swung(20.0), slice(330, None)), slice(None), slice(0, 300))
+def test_hanger_and_cloth_that_are_seen_together_for_two_seconds_are_too_short():
+    take = unseen(without_hanger(swung(20.0), slice(360, None)), slice(None), slice(0, 300))
     assert [words for name, _, words in told(take) if name == "too_short"] == [
-        "garment and hanger were seen together over 1.0 s, and no motion below 2.5 s is diagnosed"
+        "garment and hanger were seen together over 2.0 s, and no motion below 2.5 s is diagnosed"
     ]
 
 

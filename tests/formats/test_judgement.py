@@ -60,11 +60,12 @@ def test_a_hanger_that_was_lost_in_between_is_reported_with_its_time():
 
 @pytest.mark.parametrize(("first", "is_grave"), [(5, True), (6, True), (7, False)])
 def test_a_hanger_that_was_lost_is_grave_where_fewer_than_20_sights_of_points_count(first, is_grave):
-    """At 30 a second the frames from the sight behind the gap on, 2.5 s long, do not count: here all that are left.
+    """At 6 a second the 15 frames from the sight behind the gap on, 2.5 s long, do not count: here all that are left.
 
-    Three points hang below the held edge, and 7 frames have 21 sights of them.
+    Three points hang below the held edge, and 7 frames have 21 sights of them. They last into the third half second.
     """
-    take = swung(first / 30 + 3.4)
+    take = swung((first + 42) / FPS)
+    take = dataclasses.replace(take, time=5 * take.time)
     found = {one.name: one.is_grave for one in judge(without_hanger(take, slice(first, first + 27)))}
     assert found["hanger_lost"] == is_grave
 
@@ -240,3 +241,21 @@ def test_a_garment_of_which_only_the_held_corners_were_seen_is_a_grave_fault():
     (finding,) = judge(dataclasses.replace(take, points_valid=valid))
     assert (finding.name, finding.is_grave) == ("garment_never_seen", True)
     assert finding.words == "no point below the held edge was ever seen"
+
+
+@pytest.mark.parametrize(("frames", "is_grave"), [(21, True), (30, True), (31, False)])
+def test_a_take_of_two_half_seconds_is_refused_as_a_fit_refuses_it(frames, is_grave):
+    """At 30 a second, frame 31 is at 1 s and begins the third half second."""
+    (finding,) = [one for one in judge(swung(frames / FPS)) if one.name == "too_short"]
+    assert finding.is_grave == is_grave
+    assert ("intervals need 3 half-seconds of motion, and there are 2" in finding.words) == is_grave
+
+
+def test_half_seconds_count_from_the_first_sight_and_only_with_points():
+    take = swung(3.0)
+    late = without_hanger(take, slice(0, 50))  # 40 frames from 1.67 s on: 1.3 s
+    assert [one.is_grave for one in judge(late) if one.name == "too_short"] == [False]
+    seen = take.points_valid.copy()
+    seen[30:] = False  # of 90 frames with the hanger
+    hidden = dataclasses.replace(take, points_valid=seen)
+    assert [one.is_grave for one in judge(hidden) if one.name == "too_short"] == [True]

@@ -58,13 +58,13 @@ def test_twelve_good_frames_have_no_bits(good, tmp_path):
 
 
 def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_reported(good, tmp_path):
-    """12 frames of 132 are one in eleven; 21 of 60 are enough. Most of the others are of a bare wall."""
+    """12 frames of 132 are one in eleven; 33 of 60 are enough. Most of the others are of a bare wall."""
     report, take = recorded(tmp_path, [*good * 4, *unseen(good) * 59, *nothing() * 30, nothing()[0]])
     assert take.is_complete
     assert len(take.time) == 132
     assert "in 12 of 132 frames; the take was kept" in str(report.doubt)
     assert "record it again: show both markers to the sensor" in str(report.doubt)
-    assert recorded(tmp_path, [*good * 7, *unseen(good) * 39])[0].doubt is None
+    assert recorded(tmp_path, [*good * 11, *unseen(good) * 27])[0].doubt is None
 
 
 def test_a_take_of_nineteen_frames_with_the_hanger_is_kept_and_no_fit_can_use_it(good, tmp_path):
@@ -89,7 +89,7 @@ def test_a_hanger_that_is_out_of_view_for_over_half_a_second_in_between_is_repor
 
 def test_a_hanger_that_comes_late_and_leaves_early_is_no_doubt(good, tmp_path):
     empty = unseen(good) * 20
-    assert recorded(tmp_path, [*empty, *good * 7, *empty])[0].doubt is None
+    assert recorded(tmp_path, [*empty, *good * 11, *empty])[0].doubt is None
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,8 @@ from fit.gap.correlation import (
     ringing_of,
 )
 from fit.methods import SI
-from fit.observer.residuals import BLOCK_SECONDS, Observer
+from fit.observer.residuals import Observer
+from formats.sights import BLOCK_SECONDS
 from tests.fit.gap.oscillation import POINTS, RATE, oscillation
 from tests.fit.gap.test_gap_statistics import a_still_take
 

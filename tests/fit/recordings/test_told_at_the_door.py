@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
 import numpy as np
 import pytest
 
 from fit.errors import FitError
+from fit.identification.free_intervals import blocks_of
 from fit.recordings import geometry, recording
+from fit.search.intervals import check_blocks
 from formats.judgement import judge
 from tests.formats.test_judged_cloth import exchanged, of_markers, turned
 from tests.formats.test_judgement import swung, with_points, without_hanger
@@ -68,9 +71,18 @@ def test_a_take_that_a_fit_refuses_has_a_grave_finding(name):
 
 @pytest.mark.parametrize(
     "take",
-    [swung(0.7), swung(10.0), without_held(swung(10.0), slice(30, 60)), without_held(swung(10.0), slice(60, 170))],
+    [swung(1.1), swung(10.0), without_held(swung(10.0), slice(30, 60)), without_held(swung(10.0), slice(60, 170))],
     ids=["short", "whole", "hanger lost for a second", "hanger lost for long"],
 )
 def test_a_take_that_a_fit_takes_has_no_grave_finding(take):
     geometry.check_geometry(recording.prepare(take))
     assert not any(one.is_grave for one in judge(take))
+
+
+@pytest.mark.parametrize("frames", [21, 29, 30, 31, 35, 45])
+@pytest.mark.parametrize("lost", [slice(0, 0), slice(20, 45), slice(0, 20)], ids=["whole", "begin", "end"])
+def test_a_take_with_too_few_half_seconds_is_refused_by_both_or_by_none(frames, lost):
+    take = without_held(swung(90 / 30), np.r_[lost.start : lost.stop, lost.stop + frames : 90])
+    is_told = any(one.is_grave and "intervals need 3 half-seconds" in one.words for one in judge(take))
+    with pytest.raises(FitError, match="intervals need 3 half-seconds") if is_told else contextlib.nullcontext():
+        check_blocks(np.concatenate(blocks_of([recording.prepare(take)])))

@@ -40,11 +40,17 @@ def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_p
 
 def test_a_size_that_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
     kept = Checkpoint(tmp_path / "p", {})
-    free = Fitted(np.ones(1), np.zeros(2), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    free = Fitted(
+        np.array([3.0]), np.array([0.2, 0.0]), ("hem", "air_drag"), np.array([1.0, -1.0]), np.array([[4.0], [5.0]]),
+        np.array([0.7]), False,
+    )  # fmt: skip
     pinned = dataclasses.replace(free, pinned=Pinned(np.array([0.5, 0.0]), np.array([0.1, np.inf]), 7.0))
     kept.recall(["free", "pinned"], lambda: [free, pinned])
     again, other = kept.recall(["free", "pinned"], list)
     assert again.pinned is None
+    for name in ("vector", "amplitudes", "residual", "jacobian", "deviation"):
+        assert np.array_equal(getattr(again, name), getattr(free, name)), name
+    assert (again.active, again.is_converged) == (("hem", "air_drag"), False)
     assert other.pinned.amplitudes.tolist() == [0.5, 0.0]
     assert other.pinned.sd.tolist() == [0.1, np.inf]
     assert other.pinned.trust == 7.0

@@ -40,3 +40,13 @@ def test_probabilities_of_the_same_evidence_are_the_same():
     evidence = flat_evidence({"air_lift": 8.6}, resampling=HALVES)
     first, again = (probabilities(evidence, None)["air_lift"] for _ in "12")
     assert 0.05 < first == again < 0.95
+
+
+def test_an_effect_that_the_held_edge_identifies_is_at_work_in_draws_without_any_other_one():
+    """Drag leaves nothing in half of the draws, and slack clips close nothing: 4 x 0.5 / (1 + 3 x 1) each."""
+    evidence = flat_evidence({"air_drag": 6.0, "clip_slack": 12.0}, resampling=HALVES, floor_error_mm=0.0)
+    singles = {**evidence.singles, "air_drag": with_halves(evidence.singles["air_drag"], 5.0, 12.0)}
+    evidence = dataclasses.replace(evidence, singles=singles)
+    assert probabilities(evidence, None) == pytest.approx({"air_drag": 0.8, "clip_slack": 0.0})
+    evidence.__dict__["identified_by_edge"] = frozenset({"clip_slack"})
+    assert probabilities(evidence, None) == pytest.approx({"air_drag": 0.5, "clip_slack": 0.5})

@@ -111,3 +111,17 @@ def test_a_base_fit_that_ends_dearer_than_one_from_an_effects_fit_gives_way_and_
     assert search.fits == sorted([poor, second, third], key=lambda f: f.cost)
     assert search.base.fitted is search.fits[0]
     assert search.base.errors.squared_mm == pytest.approx(float(world.in_mm(search.fits[0].residual)) ** 2)
+
+
+def test_a_further_effect_is_one_of_those_that_were_refitted_beside_the_start(monkeypatch):
+    """On takes that chose no effect: the p-value of each times their number, at most 1."""
+    search = searched(air_drag=1.5, hem=1.0)
+    search.judge = LinearTakes(3)
+    search.judge.missed = search.observer.missed
+    names, recall = [], search.kept.recall
+    monkeypatch.setattr(search.kept, "recall", lambda wanted, go: names.extend(wanted) or recall(wanted, go))
+    monkeypatch.setattr("fit.gap.rounds.gain_p_value", lambda before, after, floor: 0.01 * floor)
+    tried = search._with_another(search.singles["air_drag"], 2.0)
+    assert 1 < len(names) < len(search.tested) - 1
+    assert [p_value for _, p_value in tried] == pytest.approx([0.02 * len(names)] * len(tried))
+    assert tried

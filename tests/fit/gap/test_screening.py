@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -203,6 +205,20 @@ def test_secants_are_taken_where_an_effect_may_be_and_beside_its_smallest_size()
     assert len(found["gravity_tilt"]) == len(found["hem"]) == 1
     assert found["gravity_tilt"][0].rows == pytest.approx(np.stack([row, 2 * row]))
     assert [secant.at for secant in found["hanger_compliance"]] == pytest.approx([0.0, *compliance.probes])
+
+
+def test_a_secant_begins_at_the_amplitude_that_the_fit_has():
+    """Half a typical size of a one-sided and of a two-sided effect with two components: the row is the same there."""
+    row = drawn(4).normal(size=len(NONE))
+    observer = LinearObserver(0 * row, NONE, {"gravity_tilt": np.stack([row, 2 * row]), "hem": 3 * row})
+    amplitudes = observer.off.copy()
+    for name in ("gravity_tilt", "hem"):
+        amplitudes[observer.columns[name]] = 0.5 * KINDS[name].typical
+    residual = observer.residuals(observer.fitted().vector[None], amplitudes[None])[0]
+    fitted = dataclasses.replace(observer.fitted(), amplitudes=amplitudes, residual=residual)
+    found = secants_of(observer, fitted, ("gravity_tilt", "hem"))
+    assert found["gravity_tilt"][0].rows == pytest.approx(np.stack([row, 2 * row]))
+    assert found["hem"][0].rows[0] == pytest.approx(3 * row)
 
 
 def test_an_effect_that_shortens_the_step_is_compared_with_its_smallest_size():

@@ -236,7 +236,8 @@ def test_the_sentence_that_names_a_cause_is_as_sure_as_it_is_probable(mm, least,
 
 @pytest.mark.parametrize(
     ("likely", "words"),
-    [([0.978], "lacks x, with a probability of 98 %."), ([0.9951], "lacks x, with a probability of more than 99 %."),
+    [([0.8], "lacks x, with a probability of 80 %."), ([0.5], "probably lacks x, with a probability of 50 %."),
+     ([0.978], "lacks x, with a probability of 98 %."), ([0.9951], "lacks x, with a probability of more than 99 %."),
      ([0.9, 0.6], "probably lacks x, each with a probability of at least 60 %."),
      ([0.999, 1.0], "lacks x, each with a probability of more than 99 %."),
      ([0.004], "may lack x, with a probability of less than 1 %.")],

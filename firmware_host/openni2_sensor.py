@@ -96,7 +96,7 @@ class OpenNI2Sensor(DepthSensor):
         self._depth = depth = self._device.create_depth_stream()
         self._colour = colour = self._device.create_color_stream()
         if depth is None:
-            raise self._refused("it has no depth stream", "use a depth sensor" if self._path is None else BOTH)
+            raise self._refused("has no depth stream", "use a depth sensor" if self._path is None else BOTH)
         if self._device.playback is not None:
             self._device.playback.set_speed(-1.0)
             self._device.playback.set_repeat_enabled(True)
@@ -126,7 +126,7 @@ class OpenNI2Sensor(DepthSensor):
             registration = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
             if not self._device.is_image_registration_mode_supported(registration):
                 raise self._refused(
-                    "it does not register depth to colour, and Hangtime cannot do it itself", OTHER_SENSOR
+                    "does not register depth to colour, and Hangtime cannot register depth itself", OTHER_SENSOR
                 )
             self._device.set_image_registration_mode(registration)
             self._device.set_depth_color_sync_enabled(True)
@@ -178,7 +178,7 @@ class OpenNI2Sensor(DepthSensor):
             )
         if not rate * 1.001 >= SLOWEST or rate > FASTEST * 1.001:
             raise self._refused(
-                f"it has {rate:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}",
+                f"has {rate:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}",
                 "record with more frames a second, or accept them with --anyway",
             )
 
@@ -186,7 +186,7 @@ class OpenNI2Sensor(DepthSensor):
         mode = depth.get_video_mode()
         width, height = int(mode.resolutionX), int(mode.resolutionY)
         if mode.fps <= 0:
-            raise self._refused(f"it says that its depth comes at {mode.fps} frames a second")
+            raise self._refused(f"says that its depth comes at {mode.fps} frames a second")
         notes = []
         try:
             views = depth.get_horizontal_fov(), depth.get_vertical_fov()
@@ -203,11 +203,11 @@ class OpenNI2Sensor(DepthSensor):
             left_out, of = self._summary.beyond, self._summary.depth_frames
             notes.append(f"{left_out} of its {of} depth frames have numbers above {of} and are left out")
         if self._summary is not None and self._summary.mirrored:
-            notes.append("the recording says that its pictures are mirrored; they are turned round")
+            notes.append("the recording says that its pictures are mirrored; Hangtime turns mirrored pictures round")
         if self._summary is not None and self._summary.interval_us is not None:
             rate = 1e6 / self._summary.interval_us
             if not 1 / RATE_WITHIN <= rate / mode.fps <= RATE_WITHIN:
-                notes.append(f"its frames come at {rate:.1f} a second, it states {mode.fps}")
+                notes.append(f"its frames come at {rate:.1f} a second, the recording states {mode.fps}")
         info = self._device.get_device_info()
         return SensorInfo(
             name=plain(info.name.decode(errors="replace")) or "OpenNI2 device",
@@ -244,7 +244,7 @@ class OpenNI2Sensor(DepthSensor):
             self._pairs = self._paired()  # a generator that raised has ended; the device may return
             raise
         except self._openni2.OpenNIError as error:
-            what = f"it does not give the next frame: {openni2_library.reason(error)}"
+            what = f"does not give the next frame: {openni2_library.reason(error)}"
             if not self._info.is_live:
                 raise self._refused(what) from error
             self._pairs = self._paired()

@@ -37,7 +37,7 @@ HeldOutMotion = Annotated[
         "up-and-down, twist, mixed or still. `hangtime takes show` names the motion of a take. May be repeated.",
     ),
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results. It is made if absent.")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results, made if absent.")]
 Plot = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE.png", help="Also draw the error over time of every take."),

@@ -48,7 +48,7 @@ def doubts_of(take: Take) -> list[str]:
         is_one = report.damaged_blocks == 1
         found.append(f"{counted(report.damaged_blocks, 'block')} of its file {'is' if is_one else 'are'} damaged")
     if report.missing_scans:
-        found.append(f"it lacks {lost_scans(report)}")
+        found.append(f"the take lacks {lost_scans(report)}")
     if report.unread_blocks:
         found.append(unread(report))
     if report.other_blocks:
@@ -86,7 +86,7 @@ def unsettled(report: TakeReport) -> list[str]:
     """Describe what an interrupted recording or import left: a take or descriptions under unfinished names."""
     path = Path(report.file)
     if path.name.endswith(".mcap.partial") and report.is_sound:
-        return [f"it is whole and never got its name; {RECOVERS} of it"]
+        return [f"the file is whole and never got its name; {RECOVERS} of it"]
     return [_left(state, prepared_name(path, name).name, name) for name, state in report.left.items()]
 
 

@@ -113,5 +113,5 @@ def describe_impossible(share: float) -> str:
     found = f"{100 * share:.2g} % of a take's sightings of points {BEYOND_REACH}: markers that jump or are taken for "
     found += "each other."
     if share <= MOST_LEFT_OUT:
-        return f"{found} They are left out."
+        return f"{found} These positions are left out."
     return f"{found} At most {100 * MOST_LEFT_OUT:.0f} % may be: {CHECK_MARKERS}."

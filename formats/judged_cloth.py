@@ -62,7 +62,7 @@ def _points(take: Take, sights: Sights) -> list[Finding]:
     advice = "bring the whole garment into view, with nothing before it"
     if take.rig.hanger is not None and set(_held_points(take)) <= set(never):
         (left, *_), (right, *_) = take.rig.hanger.held_m
-        advice = f"measure hanger.held_m again: it says that the held edge is {100 * (right - left):.0f} cm wide"
+        advice = f"measure hanger.held_m again: by its ends the held edge is {100 * (right - left):.0f} cm wide"
     return [
         Finding(
             name="points_never_seen",

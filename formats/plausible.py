@@ -90,7 +90,7 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
     if SLOWEST / NEAR_A_RATE < 1 / apart < SLOWEST or FASTEST < 1 / apart < FASTEST * NEAR_A_RATE:
         advice = "record with more frames a second" if 1 / apart < SLOWEST else "leave out frames"
         raise ImplausibleError(
-            f"it has {1 / apart:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}", where=where,
+            f"has {1 / apart:.4g} frames a second; a garment needs {SLOWEST:g} to {FASTEST:g}", where=where,
             advice=step_or_anyway(advice, offers_anyway),
         )  # fmt: skip
     if apart > 1 / SLOWEST:
@@ -124,10 +124,10 @@ def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_
     found = 1 / float(np.median(np.diff(time)))
     advice = step_or_anyway("export it again with its frame rate", offers_anyway)
     if not SLOWEST / 1.001 <= found <= FASTEST * 1.001:
-        raise ImplausibleError(f"it states {found:.4g} frames a second; {USABLE_RATES}", where=where, advice=advice)
+        raise ImplausibleError(f"states {found:.4g} frames a second; {USABLE_RATES}", where=where, advice=advice)
     if rate is not None and not 1 / RATE_WITHIN <= found / rate <= RATE_WITHIN:
         raise ImplausibleError(
-            f"it states {found:.4g} frames a second, and its header {rate:.4g}", where=where, advice=advice
+            f"states {found:.4g} frames a second, and its header {rate:.4g}", where=where, advice=advice
         )
 
 

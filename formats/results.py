@@ -112,7 +112,7 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         record = msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
         _refuse_other_version(raw, kind, where)
-        words = "it is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
+        words = "the file is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
         raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
     check_result(record, where)
     return record
@@ -139,7 +139,9 @@ def _refuse_no_text(raw: bytes, where: object) -> None:
         )
     if b"\0" in raw:
         raise ResultError(
-            "holds zero bytes within its text: it is damaged", where=where, advice="copy it again, or make it again"
+            "holds zero bytes within its text: the file is damaged",
+            where=where,
+            advice="copy it again, or make it again",
         )
 
 

@@ -31,7 +31,7 @@ TO_READ = {
     errno.EISDIR: "give a file: this is a folder",
     errno.ENOTDIR: "check the path: a part of it is a file",
     errno.ELOOP: "check the path: a link of it leads to itself",
-    errno.ENAMETOOLONG: "check the path: it is longer than the system allows",
+    errno.ENAMETOOLONG: "shorten the path: the system does not allow its length",
     errno.EIO: "copy the file from elsewhere: its disk fails",
 }
 

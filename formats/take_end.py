@@ -81,7 +81,7 @@ def contradictions(held: Held, ends: list[Message]) -> Iterator[str]:
         return
     end = ends[-1]
     if any(other != end for other in ends):
-        yield "it has several ends that differ"
+        yield "its several ends differ"
     there = int(held.first[-1] + held.rows[-1])
     for name, count in (("frame", there), ("block", len(held.rows)), ("scan", held.scans)):
         if end.get(f"{name}s", count) < count:

@@ -40,7 +40,7 @@ def described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, Words
         check_garment(garment, path)
     except (msgspec.ValidationError, DescriptionError) as error:
         words = error.what if isinstance(error, DescriptionError) else wrong_field(error, (kind, *PARTS[kind]))
-        words = re.sub("^the file must be", "it must be", words)
+        words = re.sub("^the file must be", f"the {held} must be", words)
         raise TakeError(f"its {held} is invalid: {words}", where=path, advice="record it again") from error
     try:
         return rig, garment, msgspec.convert(header, Words)

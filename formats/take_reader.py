@@ -98,7 +98,7 @@ def _bytes_of(path: Path) -> bytes:
             if size > LARGEST_FILE:
                 detail = f" and its profile says {profile}" if profile and not _is_ours(profile) else ""
                 most = f"a take has {LARGEST_FILE / 1e9:.1f} GB at most"
-                raise TakeError(f"is no take: it has {size / 1e9:.1f} GB{detail}", where=path, advice=most)
+                raise TakeError(f"is no take: the file has {size / 1e9:.1f} GB{detail}", where=path, advice=most)
             is_foreign = profile is not None and not _is_ours(profile)
             if is_foreign and not _has_header(raw):
                 return raw
@@ -227,7 +227,7 @@ def _no_frame(ends: list[Message], damaged: int, unread: int, path: object) -> T
     if damaged or (ends and ends[-1]["frames"]):
         detail = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
         return TakeError(f"holds {detail}", where=path, advice=COPY)
-    why = "it ended in its first second" + " or is cut off" * (not ends)
+    why = "the recording ended in its first second" + " or is cut off" * (not ends)
     return TakeError("holds no frame", where=path, advice=why)
 
 
@@ -241,11 +241,11 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
         )  # fmt: skip
     profile = profile_of(raw)
     if profile is not None and not _is_ours(profile):
-        detail = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
+        detail = f"its profile says {profile}" if profile else "the file is MCAP without a profile"
         return TakeError(f"is not a take archive: {detail}", where=path, advice=NO_TAKE)
     if profile is not None and (other := of_another_version(profile.partition("/")[2], path)) is not None:
         return other
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
-        why = "it is not a take archive" if profile is None else "it ended in its first second"
+        why = "the file is not a take archive" if profile is None else "the recording ended in its first second"
         return TakeError("holds no readable header", where=path, advice=f"{why}, or too little of it is left")
     return TakeError("is not a take archive", where=path, advice=NO_TAKE)

@@ -29,7 +29,9 @@ def add_takes_commands(takes: typer.Typer) -> None:
 
 
 def list_takes(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with takes; those below it are listed too.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder with takes; takes in folders below are listed too.")
+    ],
 ) -> None:
     """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
     from msgspec import to_builtins

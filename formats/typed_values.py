@@ -36,7 +36,7 @@ def reword(error: Any) -> None:
     limits = [f"{RANGE_WORDS[name]} {limit:g}" for name, limit in first.get("ctx", {}).items() if name in RANGE_WORDS]
     noun = next((noun for begin, noun in NOUNS.items() if kind.startswith(begin)), None)
     if limits:
-        error.message = f"{given} is outside the range: it must be {' and '.join(limits)}"
+        error.message = f"{given} is outside the range: the value must be {' and '.join(limits)}"
         if given.lower().lstrip("+-") == "nan":
             error.message = f"{given!r} is no number"
     elif noun is not None:

@@ -183,7 +183,7 @@ def check_ends(path: Path) -> None:
     """
     kind = path.stat().st_mode
     if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
-        raise OSError(errno.EINVAL, "it is a pipe or a device, and no file", str(path))
+        raise OSError(errno.EINVAL, "the path is a pipe or a device, and no file", str(path))
 
 
 def read_bounded(path: Path, most: int = LARGEST_STATE) -> bytes:

@@ -199,7 +199,7 @@ class Appliance:
             fault = self.faults.blocking[0]
             return _no(f"nothing can be recorded: {fault.sentence}", fault.advice)
         if state is State.RECORDING:
-            return _no("it is recording already", "`hangtime stop` ends the take")
+            return _no("a take is being recorded already", "`hangtime stop` ends the take")
         return _no(f"no take can begin now: {state.value}", "try again in a moment")
 
     def _stop(self, ended_by: str, event: Event = Event.STOP) -> bool:

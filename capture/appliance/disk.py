@@ -181,7 +181,7 @@ class Disk:
     def _do_look(self) -> None:
         usage = shutil.disk_usage(self._folder)
         if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
-            raise OutputError("the disk is read-only", where=self._folder, advice="replace the card: it is worn out")
+            raise OutputError("the disk is read-only", where=self._folder, advice="replace the card, which is worn out")
         if usage.free < self._least_free and self._take is None:
             with self._reading():
                 room = self._spool.make_room(
@@ -272,8 +272,8 @@ def _named(error: Exception, folder: Path) -> HangtimeError:
         )  # fmt: skip
     advice = {
         errno.ENOSPC: "make room, or let `hangtime sync` send takes away", errno.EFBIG: "make room on the disk",
-        errno.EDQUOT: "make room in the quota", errno.EROFS: "replace the card: it is worn out",
-        errno.EIO: "replace the card: it fails", errno.EACCES: "give it to the account of the recorder",
+        errno.EDQUOT: "make room in the quota", errno.EROFS: "replace the card, which is worn out",
+        errno.EIO: "replace the card, which fails", errno.EACCES: "give it to the account of the recorder",
         errno.EISDIR: "remove what bears this name", errno.ENOTDIR: "remove what bears this name",
         errno.EEXIST: "remove what bears this name",
     }.get(error.errno or 0, "check the disk")  # fmt: skip

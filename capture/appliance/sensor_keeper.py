@@ -66,7 +66,7 @@ class SensorKeeper:
         try:
             frame = self._queue.read()
             if frame is None:
-                raise SensorStalledError("it has come to its end", where=self._queue.info.uri, advice="replug it")
+                raise SensorStalledError("has come to its end", where=self._queue.info.uri, advice="replug it")
         except SensorError as error:
             self.error = error
             self._let_go()

@@ -187,7 +187,7 @@ def proved(proof: Proof | None, now: datetime) -> str:
     if proof is None:
         return "never"
     words = {
-        "sound": "sound", "whole": "its hash is right; it is encrypted and was not opened", "damaged": "DAMAGED",
+        "sound": "sound", "whole": "its hash is right; the encrypted take was not opened", "damaged": "DAMAGED",
         "missing": "MISSING", "refused": "not possible, the keys of this device may not read",
     }  # fmt: skip
     return f"{day_of(proof.at, now)}, {words[proof.outcome]}"

@@ -149,7 +149,7 @@ def calibrate(
 def _described(rig: Rig, sensor: DepthSensor) -> tuple[Hanger, Sensor]:
     if rig.hanger is None:
         raise UntrackableError(
-            "it has no [hanger]", where=rig.name, advice="describe its markers as in docs/reference/file-formats.md"
+            "has no [hanger]", where=rig.name, advice="describe its markers as in docs/reference/file-formats.md"
         )
     if rig.hanger.marker != "fiducial":
         raise UntrackableError(

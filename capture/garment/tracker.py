@@ -70,7 +70,7 @@ class SilhouetteTracker:
     def __init__(self, garment: Garment, rig: Rig, correlation: CorrelationMeter) -> None:
         if rig.sensor is None:
             raise UntrackableError(
-                "it has no sensor section", where=rig.name, advice="add [sensor] with what `hangtime sensor play` says"
+                "has no sensor section", where=rig.name, advice="add [sensor] with what `hangtime sensor play` says"
             )
         self.sensor: Sensor = rig.sensor
         self.correlation = correlation

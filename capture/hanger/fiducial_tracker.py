@@ -98,7 +98,7 @@ def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
     """
     if rig.hanger is None or rig.sensor is None:
         raise UntrackableError(
-            "it has no hanger or no sensor section, so there is nothing to look for",
+            "has no hanger or no sensor section, so there is nothing to look for",
             where="rig",
             advice="describe both as in docs/reference/file-formats.md",
         )

@@ -44,8 +44,8 @@ def _difference(described: Garment, in_view: Garment) -> str:
     if described.kind != in_view.kind:
         return f"its kind is {described.kind} instead of {in_view.kind}"
     if described.held != in_view.held:
-        return f"it is held by its {described.held} instead of its {in_view.held}"
+        return f"the description has the garment held by its {described.held} instead of its {in_view.held}"
     if abs(described.mass_kg - in_view.mass_kg) > SAME_WEIGHED * in_view.mass_kg:
-        return f"it weighs {1e3 * described.mass_kg:.1f} g instead of {1e3 * in_view.mass_kg:.1f} g"
+        return f"the description states {1e3 * described.mass_kg:.1f} g instead of {1e3 * in_view.mass_kg:.1f} g"
     others = [name for name in SAME_FIELDS if getattr(described, name) != getattr(in_view, name)]
     return f"its {others[0]} differ" if others else ""

@@ -121,7 +121,7 @@ def prune_takes(
     for stem in room.left:
         tell(f"{stem} is removed from this device; its receipt says where it is")
     for stem in room.changed:
-        tell(f"{stem} stays: it differs from the file that the server verified; replace this device's disk")
+        tell(f"{stem} stays: the file differs from the one that the server verified; replace this device's disk")
     unsafe = sum(1 for _ in Spool(setup.spool).waiting(setup.settings.url))
     know(
         left=list(room.left),
@@ -134,7 +134,7 @@ def prune_takes(
     tell(f"{counted(len(room.left), 'take')} removed, {sized(room.used)} of takes stay, {sized(room.free)} are free")
     if not room.is_enough:
         asked = "--quota-mb" if quota_mb is not None else "the configuration"
-        tell(f"that is more than {asked} allows: {unsafe} takes are not safe on the server and stay")
+        tell(f"these takes exceed what {asked} allows: {unsafe} takes are not safe on the server and stay")
     _tell_strays(setup.spool)
 
 

@@ -197,9 +197,9 @@ class Sync:
     def _leave(self) -> None:
         room = self.spool.make_room(self.setup.settings.retention, now=self.clock(), url=self.target.url)
         for stem in room.left:
-            LOG.info("%s: left this device; it is safe on the server", stem)
+            LOG.info("%s: left this device; the take is safe on the server", stem)
         for stem in room.changed:
-            LOG.warning("%s: stays; it differs from the file that the server verified: replace the disk", stem)
+            LOG.warning("%s: stays; the file differs from the one that the server verified: replace the disk", stem)
 
     def _tidy(self) -> None:
         """Remove partial files of an earlier sync process that was killed."""

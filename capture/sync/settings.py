@@ -159,7 +159,7 @@ def _refuse_another_file(plain: dict[str, Any], file: Path) -> None:
     try:
         if unknown := [name for name in plain if name not in parts and name != "sync"]:
             stated = plain.get("format")
-            kind = f"; it says that it is {stated}" if isinstance(stated, str) else ""
+            kind = f"; the file states format {stated}" if isinstance(stated, str) else ""
             raise SyncError(
                 f"is no configuration of an appliance: unknown field `{unknown[0]}`{kind}",
                 where=place_in(file, plain, f"unknown field `{unknown[0]}`"), advice=CONFIG_ADVICE,

@@ -46,12 +46,13 @@ def fast_and_powered(examination: Examination) -> Finding:
     speed = SPEEDS.get(camera.speed, SPEEDS[0])[0]
     if 0 < camera.megabits < NEEDED_SPEED:
         return problem(
-            f"it is connected at {speed}, the streams need 480 Mbit/s",
+            f"connected at {speed}, the streams need 480 Mbit/s",
             "use a USB 2 or 3 port of the computer itself, and another cable",
         )
     if camera.on_unpowered_hub and camera.milliamperes > UNPOWERED_PORT:
         return problem(
-            f"it may draw {camera.milliamperes} mA from a hub without a supply, which gives {UNPOWERED_PORT} mA",
+            f"the camera may draw {camera.milliamperes} mA from a hub without a supply, which gives "
+            f"{UNPOWERED_PORT} mA",
             "plug it into the computer itself, or give the hub its supply",
         )
     current = f", up to {camera.milliamperes} mA" if camera.milliamperes else ""

@@ -75,7 +75,7 @@ def reset(
 
     seconds = wait_until_answering(find_again)
     if seconds is None:
-        raise UsbTimeoutError("it does not answer after the reset", where=chosen.where, advice="unplug and replug it")
+        raise UsbTimeoutError("does not answer after the reset", where=chosen.where, advice="unplug and replug it")
     done = "rebooted" if reboot else "reset"
     tell(f"{chosen.where}: {done}, answers again after {seconds:.1f} s", where=chosen.where, done=done, seconds=seconds)
 

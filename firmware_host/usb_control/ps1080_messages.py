@@ -53,7 +53,7 @@ class Mode(IntEnum):
 
 REFUSALS = {  # XnHostProtocolNacks
     1: "an unknown error",
-    UNKNOWN_COMMAND: "it does not know the command",
+    UNKNOWN_COMMAND: "the command is unknown",
     3: "the request's checksum is wrong",
     4: "the request's size is wrong",
     5: "the parameters are wrong",
@@ -64,8 +64,8 @@ REFUSALS = {  # XnHostProtocolNacks
     10: "the file cannot be deleted",
     11: "the file cannot be read",
     12: "the command's size is wrong",
-    NOT_READY: "it is not ready",
-    14: "it ran over",
+    NOT_READY: "the firmware is not ready",
+    14: "the firmware's buffer ran over",
     15: "its overlay is not loaded",
     16: "its file system is locked",
 }

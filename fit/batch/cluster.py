@@ -131,7 +131,7 @@ def _address_in(path: Path) -> str:
     """
     try:
         if not path.is_file():
-            raise ValueError("it is a pipe, a device or a folder")
+            raise ValueError("the path is a pipe, a device or a folder")
         with path.open("rb") as file:  # UTF-8 with or without a mark, or UTF-16
             return str(json.loads(file.read(LONGEST_FILE))["address"])
     except (ValueError, KeyError, TypeError) as error:

@@ -183,4 +183,4 @@ def words_of(error: Exception) -> str:
     """Return an error of a take as text, without the take's name."""
     if isinstance(error, HangtimeError):
         return error.words
-    return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"
+    return f"{type(error).__name__}: {error}; please report this fault of Hangtime with this take"

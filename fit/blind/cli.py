@@ -35,7 +35,7 @@ Options = Annotated[
 ]
 Limit = Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")]
 Again = Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")]
-Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side by side; they share the processors.")]
+Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side by side, which share the processors.")]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -238,7 +238,7 @@ def print_real(score: RealScore) -> None:
         ("newly named", score.newly_named),
     ))  # fmt: skip
     if score.without_answer:
-        tell(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
+        tell(f"{score.without_answer} cases have no estimate to compare and count in no rate of sizes")
 
 
 @blind.command("strike", short_help="Diagnose scored cases with a library that lacks the planted effect.")

@@ -192,7 +192,7 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
         notes.append("The diagnosis gives no probabilities: no Brier score; the verdict `effect` counts as confident.")
     in_base = len(judged) - len(counted)
     if in_base:
-        notes.append(f"{in_base} cases have an effect that is part of the base model; they count in no rate.")
+        notes.append(f"{in_base} cases have an effect that is part of the base model, and count in no rate.")
     planted = [j for j in counted if j.kind in {"single", "pair"}]
     by_size = {name: rates_of([j for j in planted if j.bin == name]) for name in BINS}
     guessed = leave_one_out([j.features for j in singles], [_label(j) for j in singles])

@@ -141,7 +141,7 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
     raise FitError(
         what, where=garment.name,
         advice=f"choose a spacing from {finest:g} m to half of its smaller side"
-        + (f"; it is in metres: {' or '.join(meant)}" if meant else ""),
+        + (f"; the spacing is in metres: {' or '.join(meant)}" if meant else ""),
     )  # fmt: skip
 
 

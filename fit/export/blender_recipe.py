@@ -44,7 +44,7 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
     held, mesh = sheet.held.tolist(), {"points": sheet.start.round(6).tolist(), "faces": sheet.triangles.tolist()}
     cautions = [
         *origin_lines(result),
-        "APPROXIMATE: Blender's settings act per vertex and spring. They mean nothing on another mesh.",
+        "APPROXIMATE: Blender's settings act per vertex and spring. The settings mean nothing on another mesh.",
         *caution_lines(result, fabric),
     ]
     lines = "\n".join(f"# {line}" for line in cautions)

@@ -76,7 +76,8 @@ def export_command(
         typer.Option(
             "--thickness",
             metavar="METRES",
-            help="The fabric's thickness, which motion does not identify. It turns weight into density in usd-physics.",
+            help="The fabric's thickness, which motion does not identify. In usd-physics, thickness turns weight into "
+            "density.",
             show_default="0.001",
         ),
     ] = None,

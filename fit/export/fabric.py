@@ -24,11 +24,11 @@ Status = Literal["measured", "not identified", "no interval", "weighed", "tied t
 
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
-    "not identified": "the takes do not identify it: they leave the whole interval possible",
+    "not identified": "the takes do not identify it: the whole interval stays possible",
     "no interval": "fitted, without a computed interval",
     "weighed": "from the garment's weight and area, not from its motion",
-    "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",
-    "assumed": "a constant of the method; it was not measured",
+    "tied to stretch": "the method ties it to the stretch stiffness; not measured by itself",
+    "assumed": "a constant of the method; not measured",
 }
 
 
@@ -164,7 +164,7 @@ def why_no_fabric(result: FitResult) -> str:
             f"SI value. Fit with si or {result.method}-weighed for those"
         )
     if not set(mat.MATERIAL_NAMES) <= result.material.keys():
-        return "the fit does not hold its material; it is from an older version"
+        return "the fit does not hold its material; its version is older"
     return ""
 
 

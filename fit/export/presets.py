@@ -131,7 +131,7 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
     words = [
         *origin_lines(result), *caution_lines(result, fabric),
         "MuJoCo's flex is isotropic: its shear stiffness is half of the stretch stiffness, not the fabric's.",
-        "thickness and young are chosen so that membrane and bending are right; they are no measurements.",
+        "thickness and young are chosen so that membrane and bending are right; neither value is a measurement.",
         "Linear damping is no part of the file, since MuJoCo refuses it at a flex's nodes. After loading, in Python: "
         "rate = model.numeric('hangtime_velocity_damping').data[0]; "
         "model.dof_damping[:] = rate * model.body_mass[model.dof_bodyid].",

@@ -116,8 +116,8 @@ def software_table(result: FitResult, fabric: Fabric) -> str:
 UNIT_WORDS = (
     "CLO and Marvelous Designer show stretch, shear and bending as numbers without a unit. Their scale is not "
     "published, so no formula here would be honest.",
-    "In CLO and Marvelous Designer, enter weight and thickness, then use the emulator of the fabric window: it takes "
-    "forces and lengths of strips. The rows `force` and `overhang` are such readings, computed from motion.",
+    "In CLO and Marvelous Designer, enter weight and thickness, then use the emulator of the fabric window, which "
+    "takes forces and lengths of strips. The rows `force` and `overhang` are such readings, computed from motion.",
     "Browzwear takes the readings of a fabric analyser. Give the same rows to whoever fills in its fabric editor.",
     "Motion loads cloth with its own weight, hundreds of times less than a strip test. A fabric that stiffens as it "
     "stretches shows a higher force there than this table.",

@@ -217,7 +217,7 @@ def _named(path: Path, joints: list[_Joint]) -> dict[str, int]:
             elif part in JOINTS_NEEDED:
                 raise FitError(
                     f"has no joint that is a {side} {part}", where=path,
-                    advice=f"name it {side.capitalize()}{SUGGESTED[part]}; it has {', '.join(_few(joints))}",
+                    advice=f"name it {side.capitalize()}{SUGGESTED[part]}; the file has {', '.join(_few(joints))}",
                 )  # fmt: skip
     for ours, names in (("neck", ("neck",)), ("head", ("head",))):
         match = next((plain.index(n) for n in names if n in plain), None)

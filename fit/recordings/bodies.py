@@ -121,7 +121,7 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
     length = float(np.linalg.norm(way))
     if not length > 0:
         raise FitError(
-            "it ends where it starts and is a sphere", where=f"capsule at {start}", advice="use sphere(centre, radius)"
+            "ends where it starts and is a sphere", where=f"capsule at {start}", advice="use sphere(centre, radius)"
         )
     centre = np.add(start, end) / 2
     return Body(centre=_triple(centre), axes=_square_to(way / length), half_size=(0.0, 0.0, length / 2), radius=radius)

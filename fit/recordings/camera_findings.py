@@ -130,7 +130,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
         found.append(CameraFinding(
             name="publish_time", take_ids=[r.take_id for r, _, _ in shares], figure=figure, interval=interval,
             unit="1", sentence=(
-                "Stamps say when a frame was published. They are late by a share of the interval's excess over the "
+                "Stamps say when a frame was published. Stamps are late by a share of the interval's excess over the "
                 f"usual one: {figure:.2f} [{interval[0]:.2f} to {interval[1]:.2f}]. Taken out."),
         ))  # fmt: skip
     own = [(r, t) for r, t in mended if t.deviation > 0]
@@ -153,7 +153,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
             name="latency", take_ids=[r.take_id for r, _ in left], figure=figure, interval=interval, unit="s",
             is_left=True, sentence=(
                 f"The held row is {_late(figure)} [{interval[0]:.3f} to {interval[1]:.3f} s] against the hanger's "
-                "path. This was left in: it may be a clock, a tracker that lags, or the hanger."),
+                "path. This was left in: the cause may be a clock, a tracker that lags, or the hanger."),
         ))  # fmt: skip
     return found
 
@@ -169,7 +169,7 @@ def _skewed(recordings: Sequence[Recording]) -> list[CameraFinding]:
         name="skewed_grids", take_ids=[r.take_id for r in recordings if r.camera.skewed], figure=share, unit="1",
         sentence=(
             f"{askew} of {frames} grids ({100 * share:.0f} %) lie askew on the silhouette by more than {SKEWED:g} "
-            "degrees. They are left out."),
+            "degrees. These grids are left out."),
     )]  # fmt: skip
 
 
@@ -199,7 +199,7 @@ def _offset(recordings: Sequence[Recording]) -> list[CameraFinding]:
     return [CameraFinding(
         name="frame_offsets", take_ids=[r.take_id for r, _ in moved], figure=rms, unit="m", sentence=(
             f"While the hanger moves, whole frames are off across the cloth by {1e3 * rms:.0f} mm rms, as the held row "
-            "shows, on which no physics acts. They are moved back by it."),
+            "shows, on which no physics acts. These frames are moved back by this shift."),
     )]  # fmt: skip
 
 
@@ -248,7 +248,7 @@ def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
             found.append(CameraFinding(
                 name="eaten_by_pose", take_ids=[r.take_id for r, _ in leaning], figure=figure, interval=span, unit="m",
                 sentence=(
-                    f"The silhouette's length depends on pose: it {'loses' if figure > 0 else 'gains'} "
+                    f"The silhouette's length depends on pose: the silhouette {'loses' if figure > 0 else 'gains'} "
                     f"{1e3 * abs(figure):.0f} mm per unit of lean [{1e3 * least:.0f} to {1e3 * most:.0f}]. Positions "
                     "beyond it count as unseen."),
             ))  # fmt: skip

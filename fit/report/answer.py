@@ -84,7 +84,9 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
             title = effect.id.replace("_", " ")
             figures.append((f"size of {title}", number(effect.amplitude) + unit, meaning))
             if effect.probability is not None:
-                figures.append((f"probability of {title}", in_percent(effect.probability), "that the model lacks it"))
+                figures.append(
+                    (f"probability of {title}", in_percent(effect.probability), "that the model lacks the effect")
+                )
     if gap.raw_mm is not None and gap.closure_from_raw is not None:
         closed = f"{percent(gap.closure_from_raw)} of the gap from there closed, the camera's faults included"
         figures.append(("base model on the points as tracked", tenths(gap.raw_mm), closed))

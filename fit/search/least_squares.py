@@ -272,7 +272,7 @@ class _Search:
             if reason and (is_fresh or renewals == settings.renewals):
                 break
             if self._is_hopeless(history, has_moved=moved is not None):
-                is_hopeless, reason = True, "it will hardly fall below the known cost"
+                is_hopeless, reason = True, "the cost will hardly fall below the known one"
                 break
             if reason:  # the updated Jacobian may be the only cause
                 jacobian, made_at = (yield from self._jacobian(u, r)), u

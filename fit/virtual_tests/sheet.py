@@ -42,9 +42,7 @@ def tests_of(result: FitResult) -> Sheet:
             advice="fit with --engine own",
         )
     if not set(MATERIAL_NAMES) <= result.material.keys():
-        raise FitError(
-            "does not hold its material", where=result.label, advice="it is from an older version: fit again"
-        )
+        raise FitError("does not hold its material", where=result.label, advice="its version is older: fit again")
     return _tests(result.material, result.layers, result.effects.get(HYSTERESIS, 0.0))
 
 

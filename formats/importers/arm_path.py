@@ -203,7 +203,7 @@ def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
         worst = int(for_a_while.argmax())
         first, last = time[seen[worst]] - time[0], time[seen[worst + WHILE - 1]] - time[0]
         raise TakeError(
-            f"its held corners leave those of the recording's pictures: they are {for_a_while.max():.3g} m apart "
+            f"its held corners leave those of the recording's pictures: both are {for_a_while.max():.3g} m apart "
             f"{span_words(first, last, 1, 'from ')}", where=arm.file,
             advice="give the path of the whole take, or cut both files before that",
         )  # fmt: skip
@@ -213,19 +213,19 @@ def _mistakes(arm: ArmPath) -> Iterator[tuple[ArmPath, str]]:
     """Yield the trajectory with a common mistake corrected, and the advice about that mistake."""
     for name, unit in (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)):
         place, tool = unit * arm.place, unit * arm.tool
-        yield replace(arm, place=place), f"give the places of 'tcp_pose' in metres: they seem to be {name}"
-        yield replace(arm, tool=tool), f"give 'tcp_to_corner_m' in metres: they seem to be {name}"
+        yield replace(arm, place=place), f"give the places of 'tcp_pose' in metres: the values seem to be {name}"
+        yield replace(arm, tool=tool), f"give 'tcp_to_corner_m' in metres: the values seem to be {name}"
         yield (
             replace(arm, place=place, tool=tool),
-            f"give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be {name}",
+            f"give 'tcp_pose' and 'tcp_to_corner_m' in metres: the values seem to be {name}",
         )
     yield (
         replace(arm, turn=arm.turn[:, [1, 2, 3, 0]]),
-        "give the quaternions as x y z w: they seem to be w x y z",
+        "give the quaternions as x y z w: the file's order seems to be w x y z",
     )
     yield (
         replace(arm, turn=arm.turn * [-1, -1, -1, 1]),
-        "give rotations from the tool's frame: they seem to be their inverses",
+        "give rotations from the tool's frame: the file seems to hold their inverses",
     )
 
 

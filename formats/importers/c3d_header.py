@@ -74,8 +74,8 @@ def read_words(path: Path, parameters_at: int | None = None) -> HeaderWords:
         head = file.read(BLOCK_BYTES)
         if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:
             is_text = bool(head) and not head.translate(None, TEXT_BYTES)
-            advice = "it is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
-            raise TakeError("is no C3D file that can be read (it lacks a C3D header)", where=path, advice=advice)
+            advice = "the file is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
+            raise TakeError("is no C3D file that can be read (the file lacks a C3D header)", where=path, advice=advice)
         parameters_at = BLOCK_BYTES * (head[0] - 1) if parameters_at is None else parameters_at
         file.seek(parameters_at + 3)
         processor = (file.read(1) or b"\0")[0]

@@ -144,7 +144,7 @@ def cut_off(found: int, stated: int, who: str, path: Path) -> TakeError:
     """Return the error of a file that ends before its last frame."""
     return TakeError(
         f"holds {found} of the {stated} frames that {who}", where=path,
-        advice="it is cut off: copy or export it again",
+        advice="the file is cut off: copy or export the file again",
     )  # fmt: skip
 
 
@@ -214,7 +214,7 @@ def _doubts(
     if words.start and begin > 1 and begin != words.start:
         yield (
             f"its header and its parameter POINT:DATA_START state blocks {words.start} and {begin} as the first of "
-            f"its frames; they were read from block {layout.start}"
+            f"its frames; the frames were read from block {layout.start}"
         )
     used = parameters.numbers("POINT", "USED")
     if len(used) and (count := int(first_of(used))) != words.points:

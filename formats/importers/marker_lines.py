@@ -183,10 +183,10 @@ def read_lines(path: Path, decimal: str = "") -> tuple[str, Rows]:
     except UnicodeDecodeError as error:
         if error.reason in CUT_LETTER:
             raise TakeError(
-                "ends within a character", where=path, advice="it is cut off: copy or export it again"
+                "ends within a character", where=path, advice="the file is cut off: copy or export the file again"
             ) from error
         is_c3d = error.object[1:2] == b"\x50"
-        advice = "it looks like C3D: give it the ending .c3d" if is_c3d else "export it as text again"
+        advice = "the file looks like C3D: give it the ending .c3d" if is_c3d else "export it as text again"
         raise TakeError("cannot be read (not a text file)", where=path, advice=advice) from error
     if not lines:
         raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")

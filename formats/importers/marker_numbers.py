@@ -297,7 +297,7 @@ def _check_the_last(
     if ending is Ending.CUT and not row[last].strip():
         raise TakeError(
             f"ends within line {number}, before its last number", where=path,
-            advice="it is cut off: copy or export it again",
+            advice="the file is cut off: copy or export the file again",
         )  # fmt: skip
     if ending is Ending.CUT:
         raise within_a_number(number, last + 1, width, path)
@@ -319,7 +319,7 @@ def _refuse_a_wrong_line(rows: Rows, at: int, row: list[str], table: Table, path
     if rows.is_cut and at == len(rows) - 1 and len(row) < width and not _may_leave_out_cells(rows, at, table):
         raise TakeError(
             f"ends within line {number}, after {len(row)} of its {width} cells", where=path,
-            advice="it is cut off: copy or export it again",
+            advice="the file is cut off: copy or export the file again",
         )  # fmt: skip
     if len(row) < width and _marks_join_cells(rows, at):
         raise TakeError(

@@ -86,7 +86,7 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
         if name is None:
             raise TakeError(
                 f"column {k + 1} of line {line} is {head[k][:CELL_SHOWN]!r}, no x of a marker", where=path,
-                advice=f"that line must be {EXPECTED_COLUMNS}",
+                advice=f"the line of names must be {EXPECTED_COLUMNS}",
             )  # fmt: skip
         labels.append(name[1])
         stated = stated if len(labels) > 1 else name[3] or ""
@@ -97,7 +97,7 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
                 there = f"is {head[at][:CELL_SHOWN]!r}" if at < len(head) else "is missing"
                 raise TakeError(
                     f"column {at + 1} of line {line} {there}, not {wanted[:CELL_SHOWN]!r}", where=path,
-                    advice=f"that line must be {EXPECTED_COLUMNS}",
+                    advice=f"the line of names must be {EXPECTED_COLUMNS}",
                 )  # fmt: skip
     return labels, stated
 

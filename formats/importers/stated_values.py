@@ -88,6 +88,6 @@ def warning_of_count(found: int, stated: int, wanted: int | None, path: Path) ->
     if found < stated:
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,
-            advice="it is cut off: copy or export it again",
+            advice="the file is cut off: copy or export the file again",
         )  # fmt: skip
     return ""

@@ -132,7 +132,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
         )  # fmt: skip
     if pathless := [name for name in absent if name in {label.rpartition(":")[2] for label in tracks.without_path}]:
         raise TakeError(
-            f"names {pathless[0]!r} and has no path of it: it has {counted(len(tracks.labels), 'path')} and "
+            f"names {pathless[0]!r} and has no path of it: the file has {counted(len(tracks.labels), 'path')} and "
             f"{counted(len(tracks.labels) + len(tracks.without_path), 'name')}", where=path,
             advice="export it again with the paths of all markers",
         )  # fmt: skip

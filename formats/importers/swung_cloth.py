@@ -225,7 +225,7 @@ def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]
     astray = np.flatnonzero(apart.min(1) > DESCRIBED_WITHIN)
     if len(astray):
         raise TakeError(
-            f"it has no point where the described garment has {garment.points[int(astray[0])].name!r}", where=path,
+            f"has no point where the described garment has {garment.points[int(astray[0])].name!r}", where=path,
             advice=advice,
         )  # fmt: skip
     return np.asarray(apart.argmin(1))

@@ -68,7 +68,7 @@ def fail(*arguments: Any) -> None:
 
 def test_a_device_that_does_not_register_depth_to_colour_is_refused(device: SimpleNamespace) -> None:
     device.is_image_registration_mode_supported = lambda mode: False
-    with pytest.raises(SensorUnavailableError, match=r"1d27/0600@1/4: it does not register depth to colour.*; use a"):
+    with pytest.raises(SensorUnavailableError, match=r"1d27/0600@1/4: does not register depth to colour.*; use a"):
         OpenNI2Sensor()
     assert device.closed == 1
 

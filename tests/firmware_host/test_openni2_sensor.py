@@ -113,7 +113,7 @@ def test_a_recording_that_says_zero_frames_a_second_is_refused(tmp_path: Path) -
     at = raw.index(name) + len(name) + 4 + 8
     assert raw[at : at + 4] == (30).to_bytes(4, "little")
     path.write_bytes(raw[:at] + bytes(4) + raw[at + 4 :])
-    with pytest.raises(RecordingError, match=r"a\.oni: it says that its depth comes at 0 frames a second; copy"):
+    with pytest.raises(RecordingError, match=r"a\.oni: says that its depth comes at 0 frames a second; copy"):
         OpenNI2Sensor(path)
 
 

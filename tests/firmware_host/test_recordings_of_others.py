@@ -50,7 +50,7 @@ def test_stamps_more_than_a_fifth_off_the_stated_rate_are_refused_or_accepted(tm
     with pytest.raises(RecordingError, match=told):
         OpenNI2Sensor(path)
     with OpenNI2Sensor(path, anyway=True) as sensor:
-        assert sensor.info.notes[-1] == f"its frames come at {1e6 / interval:.1f} a second, it states 30"
+        assert sensor.info.notes[-1] == f"its frames come at {1e6 / interval:.1f} a second, the recording states 30"
 
 
 @pytest.mark.parametrize("stamp_of", [lambda k: 0, lambda k: 5, lambda k: 33_333 * (100 - k)])
@@ -83,13 +83,13 @@ def test_a_recording_that_is_refused_leaves_no_stream_behind(tmp_path):
 def test_stamps_within_a_fifth_of_the_stated_rate_are_accepted(tmp_path, interval):
     path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: interval * (k + 1))
     with OpenNI2Sensor(path) as sensor:
-        assert not any("it states" in note for note in sensor.info.notes)
+        assert not any("the recording states" in note for note in sensor.info.notes)
 
 
 def test_a_recording_of_fewer_than_five_frames_a_second_is_refused_or_accepted(tmp_path, monkeypatch):
     path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 250_000 * (k + 1))
     monkeypatch.setattr("firmware_host.openni2_sensor.RATE_WITHIN", 10.0)  # as if the file stated 4 frames a second
-    told = "it has 4 frames a second; a garment needs 5 to 1000; record with more frames a second, or accept them with"
+    told = "has 4 frames a second; a garment needs 5 to 1000; record with more frames a second, or accept them with"
     with pytest.raises(RecordingError, match=told):
         OpenNI2Sensor(path)
     with OpenNI2Sensor(path, anyway=True) as sensor:
@@ -146,6 +146,6 @@ def test_pictures_that_the_recording_says_are_mirrored_are_turned_round(tmp_path
     assert summarise(path).mirrored == {2, 3}
     with OpenNI2Sensor(path) as sensor:
         turned = next(sensor.frames())
-        assert "mirrored; they are turned round" in sensor.info.notes[-1]
+        assert "mirrored; Hangtime turns mirrored pictures round" in sensor.info.notes[-1]
     assert np.array_equal(turned.depth, plain.depth[:, ::-1])
     assert np.array_equal(turned.colour, plain.colour[:, ::-1])

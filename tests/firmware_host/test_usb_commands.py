@@ -200,7 +200,7 @@ def test_a_version_is_asked_once_and_again_after_a_reset() -> None:
 def test_a_sensor_that_is_never_ready_is_asked_three_times_a_second_apart() -> None:
     model, clock = Ps1080Model(), FakeClock()
     model._answer = lambda opcode, words: (13, b"")  # type: ignore[method-assign]
-    with pytest.raises(FirmwareRefusalError, match=r"it is not ready \(error 13\); wait for some seconds"):
+    with pytest.raises(FirmwareRefusalError, match=r"the firmware is not ready \(error 13\); wait for some seconds"):
         Ps1080(ModelLink(model), clock=Clock(clock.now, clock.sleep)).keep_alive()
     assert (len(model.asked), clock.slept) == (3, [READY_PAUSE] * 2)
 

@@ -137,8 +137,11 @@ def test_a_denied_device_names_the_rules_file(bus: Callable[..., None]) -> None:
     ("options", "expected"),
     [
         ({"speed": 3}, "ok: high speed, 480 Mbit/s, up to 500 mA"),
-        ({"speed": 2}, "problem: it is connected at full speed, 12 Mbit/s, the streams need 480 Mbit/s"),
-        ({"hub_attributes": 0x80}, "problem: it may draw 500 mA from a hub without a supply, which gives 100 mA"),
+        ({"speed": 2}, "problem: connected at full speed, 12 Mbit/s, the streams need 480 Mbit/s"),
+        (
+            {"hub_attributes": 0x80},
+            "problem: the camera may draw 500 mA from a hub without a supply, which gives 100 mA",
+        ),
         ({"hub_attributes": 0xC0}, "ok: high speed"),
         ({"speed": 0}, "ok: unknown speed"),
     ],

@@ -48,7 +48,7 @@ def test_a_path_in_another_unit_is_refused_with_the_unit_and_the_array(tmp_path,
     said = refused(check_arm_path, wrong, time[:60:6], corners[:60:6])
     assert re.fullmatch(
         rf"{tmp_path}/arm\.npz: its held corners are \d[\d.e+]* m from those of the recording's pictures, in the "
-        rf"median and at any shift up to 0\.5 s; give {words} in metres: they seem to be {unit}", said,
+        rf"median and at any shift up to 0\.5 s; give {words} in metres: the values seem to be {unit}", said,
     )  # fmt: skip
 
 
@@ -56,9 +56,9 @@ def test_a_path_in_another_unit_is_refused_with_the_unit_and_the_array(tmp_path,
     ("change", "advice"),
     [
         (lambda arm: {"turn": arm.turn[:, [3, 0, 1, 2]]},
-         "give the quaternions as x y z w: they seem to be w x y z"),
+         "give the quaternions as x y z w: the file's order seems to be w x y z"),
         (lambda arm: {"turn": arm.turn * [-1, -1, -1, 1]},
-         "give rotations from the tool's frame: they seem to be their inverses"),
+         "give rotations from the tool's frame: the file seems to hold their inverses"),
         (lambda arm: {"place": arm.place + 0.5},
          "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"),
     ],
@@ -193,6 +193,6 @@ def test_a_path_of_fewer_pictures_than_a_while_may_leave_the_corners(tmp_path):
     aside[3 : WHILE + 1] += 0.5
     said = refused(check_arm_path, arm, time[many], aside[many])
     assert re.fullmatch(
-        rf"{tmp_path}/arm\.npz: its held corners leave those of the recording's pictures: they are 0\.8\d* m apart "
+        rf"{tmp_path}/arm\.npz: its held corners leave those of the recording's pictures: both are 0\.8\d* m apart "
         r"from 0\.0 to 0\.3 s; give the path of the whole take, or cut both files before that", said,
     )  # fmt: skip

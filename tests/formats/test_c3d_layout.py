@@ -81,7 +81,7 @@ def test_frames_beyond_the_header_are_all_read_or_the_file_is_refused(tmp_path, 
     found = read(tmp_path, raw)
     assert (len(found.time), found.warning) == (72_000, "")
     np.testing.assert_allclose(1e3 * found.positions[-1], places[-1], atol=1e-3)
-    with pytest.raises(TakeError, match="holds 71968 of the 72000 frames that its parameters state; it is cut off"):
+    with pytest.raises(TakeError, match="holds 71968 of the 72000 frames that its parameters state; the file is cut"):
         read(tmp_path, raw[:-512])
 
 

@@ -66,10 +66,10 @@ def test_parameters_count_frames_further_than_the_header_can(tmp_path, held, mor
     [
         (long_file(65600), "has room for 65600 frames and states 65535: its header counts no further; export it in "
          "shorter parts, or as text"),
-        (long_file(65536, fields((1, 0), (64, 1))), "holds 65536 of the 65600 frames that its parameters state; it is "
-         "cut off: copy or export it again"),
-        (long_file(65472), "holds 65472 of the 65535 frames that its header states; it is cut off: copy or export it "
-         "again"),
+        (long_file(65536, fields((1, 0), (64, 1))), "holds 65536 of the 65600 frames that its parameters state; the "
+         "file is cut off: copy or export the file again"),
+        (long_file(65472), "holds 65472 of the 65535 frames that its header states; the file is cut off: copy or "
+         "export the file again"),
     ],
     ids=["longer", "shorter than its parameters", "shorter than its header"],
 )  # fmt: skip
@@ -113,11 +113,11 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
 @pytest.mark.parametrize(
     ("raw", "sentence"),
     [
-        (b"", "is no C3D file that can be read (it lacks a C3D header); export it again"),
-        (b"\2\x50" + bytes(509), "is no C3D file that can be read (it lacks a C3D header); export it again"),
-        (b"\0\x50" + bytes(600), "is no C3D file that can be read (it lacks a C3D header); export it again"),
-        (b"x\ty\r\n" * 200, "is no C3D file that can be read (it lacks a C3D header); it is text: give it the "
-         "ending .trc, .csv or .tsv"),
+        (b"", "is no C3D file that can be read (the file lacks a C3D header); export it again"),
+        (b"\2\x50" + bytes(509), "is no C3D file that can be read (the file lacks a C3D header); export it again"),
+        (b"\0\x50" + bytes(600), "is no C3D file that can be read (the file lacks a C3D header); export it again"),
+        (b"x\ty\r\n" * 200, "is no C3D file that can be read (the file lacks a C3D header); the file is text: "
+         "give it the ending .trc, .csv or .tsv"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=10_001.0), "states 10001 frames a second; 5 to 1000 can be "
          "used; export it again with its frame rate"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], rate=None, header={"rate": 0}), "states no frame rate above 0; "
@@ -126,8 +126,8 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
          "trajectories, not only analogue data"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], scale=0.1, header={"scale": 0.2}), "its header states a scale of 0.2, "
          "its parameter POINT:SCALE 0.1; export it again"),
-        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], "holds 63 of the 64 frames that its header states; it is cut "
-         "off: copy or export it again"),
+        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], "holds 63 of the 64 frames that its header states; the file "
+         "is cut off: copy or export the file again"),
     ],
     ids=["empty", "short", "no parameters", "text", "rate", "no rate", "analogue", "scale", "cut"],
 )  # fmt: skip
@@ -150,7 +150,7 @@ def test_a_file_larger_than_any_is_refused_unread(tmp_path):
         read_c3d(tmp_path / "a.c3d", None)
     with (tmp_path / "a.c3d").open("wb") as file:
         file.truncate(LARGEST_C3D)
-    with pytest.raises(TakeError, match="it lacks a C3D header"):
+    with pytest.raises(TakeError, match="the file lacks a C3D header"):
         read_c3d(tmp_path / "a.c3d", None)
 
 

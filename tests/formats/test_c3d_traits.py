@@ -142,7 +142,7 @@ def test_the_block_of_the_frames_that_agrees_with_the_size_counts(tmp_path, head
     np.testing.assert_allclose(1e3 * found.positions, paths(), rtol=1e-6, equal_nan=True)
     stated = f"state blocks {true + header} and {true + copy} as the first of its frames"
     assert found.warning == (
-        f"its header and its parameter POINT:DATA_START {stated}; they were read from block {true}"
+        f"its header and its parameter POINT:DATA_START {stated}; the frames were read from block {true}"
     )  # fmt: skip
 
 

@@ -120,10 +120,10 @@ def test_a_path_is_near_by_the_median_of_what_was_seen(tmp_path):
 @pytest.mark.parametrize(
     ("change", "advice"),
     [
-        (lambda arm: {"place": 1e3 * arm.place}, "places of 'tcp_pose' in metres: they seem"),
+        (lambda arm: {"place": 1e3 * arm.place}, "places of 'tcp_pose' in metres: the values seem"),
         (lambda arm: {"place": 1e3 * arm.place, "tool": 1e3 * arm.tool}, "'tcp_pose' and 'tcp_to_corner_m' in metres"),
-        (lambda arm: {"turn": arm.turn[:, [3, 0, 1, 2]]}, "they seem to be w x y z"),
-        (lambda arm: {"turn": arm.turn * [-1, -1, -1, 1]}, "they seem to be their inverses"),
+        (lambda arm: {"turn": arm.turn[:, [3, 0, 1, 2]]}, "order seems to be w x y z"),
+        (lambda arm: {"turn": arm.turn * [-1, -1, -1, 1]}, "seems to hold their inverses"),
         (lambda arm: {"place": arm.place + 0.5}, "give the path of the same take"),
     ],
 )

@@ -63,7 +63,7 @@ def test_ends_that_differ_are_named(raw, tmp_path):
     path, chunks = tmp_path / "a.mcap", chunks_of(raw)
     path.write_bytes(raw[: chunks[1][0]] + chunk_of({**chunks[-1][2], "frames": 200}) + raw[chunks[1][0] :])
     take, report = read_with_report(path)
-    assert (len(take.time), report.doubts) == (150, ("it has several ends that differ",))
+    assert (len(take.time), report.doubts) == (150, ("its several ends differ",))
 
 
 @pytest.mark.parametrize(

@@ -301,7 +301,7 @@ def test_a_cut_number_is_detected_in_every_format(tmp_path, wide, cut, message):
 
 def test_a_file_that_ends_behind_its_last_separator_is_cut(tmp_path):
     whole = own()[:-1]
-    with pytest.raises(TakeError, match="ends within line 31, before its last number; it is cut off"):
+    with pytest.raises(TakeError, match="ends within line 31, before its last number; the file is cut off"):
         read(tmp_path, whole.removesuffix("-1.23456"), "m", "own.csv")
     unseen = read(tmp_path, whole.rpartition("0.44444")[0] + ",,", "m", "own.csv")
     assert np.isnan(unseen.positions[-1, 1]).all()

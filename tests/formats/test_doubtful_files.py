@@ -76,7 +76,9 @@ def test_names_of_a_c3d_file_behind_its_last_point_are_reported(tmp_path, more, 
 def test_a_marker_that_a_c3d_file_names_without_a_path_is_reported_as_such(tmp_path):
     names = swatch(0.05, side=0.4, markers=4).point_names
     (tmp_path / "a.c3d").write_bytes(c3d_bytes(1e3 * drawn(60).reshape(12, 15, 3), names))
-    words = f"names {names[15]!r} and has no path of it: it has 15 paths and 16 names; export it again with the paths"
+    words = (
+        f"names {names[15]!r} and has no path of it: the file has 15 paths and 16 names; export it again with the paths"
+    )
     with pytest.raises(TakeError, match=words):
         import_marker_take(tmp_path / "a.c3d", swatch(0.05, side=0.4, markers=4))
 

@@ -101,7 +101,7 @@ def test_a_take_that_lost_all_of_its_blocks_is_not_said_to_have_ended_early(raw)
     for broken, sentence in (
         (raw[:begin] + bytes(end - begin) + raw[end:], "holds none of the 150 frames that it had; copy it again"),
         (raw[:begin] + bytes(len(raw) - begin), "holds no frame that is sound; copy it again"),
-        (raw[: begin + 200], "holds no frame; it ended in its first second or is cut off"),
+        (raw[: begin + 200], "holds no frame; the recording ended in its first second or is cut off"),
     ):
         with pytest.raises(TakeError, match=sentence):
             take_of(broken, "lost")
@@ -121,7 +121,7 @@ def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
     with path.open("r+b") as file:
         file.truncate(300 * 10**9)
     most, said = peak_of(lambda: read_take(path))
-    assert "is no take: it has 300.0 GB and its profile says ros2; a take has 1.1 GB at most" in said
+    assert "is no take: the file has 300.0 GB and its profile says ros2; a take has 1.1 GB at most" in said
     assert most < 32 << 20
 
 

@@ -164,11 +164,11 @@ def test_a_swatch_is_no_take_by_its_name(tmp_path):
 
 def test_a_wrong_ending_is_reported_with_the_right_one(tmp_path):
     (tmp_path / "a.c3d").write_text(TRC * 9)
-    with pytest.raises(TakeError, match=r"it lacks a C3D header\); it is text: give it the ending \.trc"):
+    with pytest.raises(TakeError, match=r"the file lacks a C3D header\); the file is text: give it the ending \.trc"):
         read_marker_tracks(tmp_path / "a.c3d")
     (tmp_path / "b.c3d").write_bytes(bytes(600))
-    with pytest.raises(TakeError, match=r"it lacks a C3D header\); export it again"):
+    with pytest.raises(TakeError, match=r"the file lacks a C3D header\); export it again"):
         read_marker_tracks(tmp_path / "b.c3d")
     (tmp_path / "a.csv").write_bytes(c3d_bytes(1e3 * drawn(), LABELS))
-    with pytest.raises(TakeError, match=r"not a text file\); it looks like C3D: give it the ending \.c3d"):
+    with pytest.raises(TakeError, match=r"not a text file\); the file looks like C3D: give it the ending \.c3d"):
         read_marker_tracks(tmp_path / "a.csv")

@@ -184,7 +184,7 @@ def assert_usable(folder, whole, former):
         assert (again.returncode, "is what an interrupted recording or import" in again.stderr) == (2, True)
         assert "m.mcap.partial: " in told_of(folder)[0]
         is_whole = len(held["m.mcap.partial"]) == len(whole["m.mcap"])
-        assert ("it is whole and never got its name; `hangtime takes recover`" in told_of(folder)[0]) == is_whole
+        assert ("the file is whole and never got its name; `hangtime takes recover`" in told_of(folder)[0]) == is_whole
     done = hangtime_here(*IMPORT, "o", "--overwrite", folder=folder)
     assert done.returncode == 0
     is_aside = bool(held.get("m.mcap.partial"))

@@ -286,7 +286,7 @@ def test_blocks_whose_headers_are_lost_go_into_no_take_behind_their_end(tmp_path
 def test_a_recovered_take_keeps_the_doubts_of_its_file(tmp_path):
     raw = b"".join([*raw_of(3), end_of_version_1(3), end_of_version_1(9)])
     _, lines = recovered(tmp_path, raw)
-    doubt = "it has several ends that differ"
+    doubt = "its several ends differ"
     assert lines == [f"c.recovered.mcap: 93 frames, missing: from 21.00 s on; {doubt}"]
     assert doubts_of(read_take(tmp_path / "c.recovered.mcap")) == [doubt]
     told = hangtime_here("takes", "verify", "c.recovered.mcap", folder=tmp_path).stdout

@@ -60,7 +60,7 @@ def desk(tmp_path_factory):
 
 
 AFTER, WITHIN = "from 4.97 s on", "2.03 to 3.10 s"
-BLOCK, SCAN = "1 block of its file is damaged", "it lacks 1 scan of the surface"
+BLOCK, SCAN = "1 block of its file is damaged", "the take lacks 1 scan of the surface"
 SOUND = {"take_id": "a", "state": "sound", "is_complete": True, "missing": "", "missing_frames": 0, "missing_scans": 0,
          "unread_blocks": 0, "damaged_blocks": 0, "other_blocks": 0, "other_takes": 0, "trailing_bytes": 0,
          "doubts": [], "earlier_doubts": ""}  # fmt: skip

@@ -182,7 +182,7 @@ def test_held_ends_that_are_never_seen_while_the_rest_is_are_the_rigs():
     take = swung()
     take.points_valid[:, :2] = False
     (finding,) = judge(take)
-    assert finding.advice == "measure hanger.held_m again: it says that the held edge is 40 cm wide"
+    assert finding.advice == "measure hanger.held_m again: by its ends the held edge is 40 cm wide"
 
 
 @pytest.mark.parametrize("way", ["twist", "seesaw"])

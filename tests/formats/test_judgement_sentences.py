@@ -104,7 +104,7 @@ MEASURE = "measure it again, or choose the file of the garment that hangs there"
         (unseen(swung(), [2]), "points_never_seen", False, f"{NAMES[2]} was never seen", IN_VIEW),
         (unseen(swung(), [1, 2]), "points_never_seen", False, f"{NAMES[1]}, {NAMES[2]} were never seen", IN_VIEW),
         (unseen(swung(), [0, 1]), "points_never_seen", False, f"{NAMES[0]}, {NAMES[1]} were never seen",
-         "measure hanger.held_m again: it says that the held edge is 40 cm wide"),
+         "measure hanger.held_m again: by its ends the held edge is 40 cm wide"),
         (imported(unseen(swung(), [0, 1])), "points_never_seen", False,
          f"{NAMES[0]}, {NAMES[1]} were never seen", IN_VIEW),
         (scaled(0.84), "garment_smaller", False,

@@ -58,6 +58,6 @@ def test_a_recording_that_was_killed_in_its_first_second_says_so(tmp_path, comma
     assert done.returncode == 2
     said = done.stdout.rstrip().partition("t.mcap.partial: ")[2]
     assert said in (
-        "holds no readable header; it ended in its first second, or too little of it is left",
-        "holds no frame; it ended in its first second or is cut off",
+        "holds no readable header; the recording ended in its first second, or too little of it is left",
+        "holds no frame; the recording ended in its first second or is cut off",
     )

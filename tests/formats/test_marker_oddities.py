@@ -37,7 +37,7 @@ def test_a_last_line_that_is_cut_is_named_and_one_without_its_end_is_read(tmp_pa
     path.write_text(whole)
     check(read_marker_tracks(path), np.abs(drawn()), 1e-6)
     path.write_text(whole[: max(whole.rfind("\t"), whole.rfind(","))])
-    with pytest.raises(TakeError, match=r"ends within line \d+, after \d+ of its \d+ cells; it is cut off"):
+    with pytest.raises(TakeError, match=r"ends within line \d+, after \d+ of its \d+ cells; the file is cut off"):
         read_marker_tracks(path)
 
 
@@ -87,7 +87,7 @@ def test_a_text_of_western_windows_and_one_that_ends_with_ctrl_z_are_read(tmp_pa
 def test_a_text_that_ends_within_a_letter_is_cut_off(tmp_path, encoding):
     path = tmp_path / "a.csv"
     path.write_bytes(vicon(1e3 * drawn()).encode(encoding)[:-3])
-    with pytest.raises(TakeError, match="ends within a character; it is cut off: copy or export it again"):
+    with pytest.raises(TakeError, match="ends within a character; the file is cut off: copy or export the file again"):
         read_marker_tracks(path)
 
 
@@ -168,7 +168,7 @@ def test_a_c3d_file_whose_parameters_begin_before_it_is_one_sentence(tmp_path):
     raw = bytearray(c3d_bytes(1e3 * drawn(), LABELS))
     raw[0] = 0
     (tmp_path / "a.c3d").write_bytes(raw)
-    with pytest.raises(TakeError, match="it lacks a C3D header"):
+    with pytest.raises(TakeError, match="the file lacks a C3D header"):
         read_marker_tracks(tmp_path / "a.c3d")
 
 

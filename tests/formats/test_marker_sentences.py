@@ -12,7 +12,7 @@ from tests.formats.test_marker_tables import MOTIVE, OWN, QTM, TRC, VICON, read
 MEND = "mend that line"
 AGAIN = "export it again"
 MEND_UNIT = "mend the unit that the file states"
-CUT = "it is cut off: copy or export it again"
+CUT = "the file is cut off: copy or export the file again"
 UNITS = "m, dm, cm, mm, um, in, ft"
 RATE = "export it with its frame rate"
 NO_COLUMNS = "TRC, Vicon, Motive and Qualisys exports are read as they are"
@@ -29,9 +29,9 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (OWN + FIRST + "1,2,3,4,5,6,x\n", None, f"line 3 holds 'x', which is no number; {MEND}"),
         (OWN + FIRST + "1,2,3", None, f"ends within line 3, after 3 of its 7 cells; {CUT}"),
         (OWN.replace("a_y_m", "a_z_m"), None,
-         f"column 3 of line 1 is 'a_z_m', not 'a_y_m'; that line must be {EXPECTED_COLUMNS}"),
+         f"column 3 of line 1 is 'a_z_m', not 'a_y_m'; the line of names must be {EXPECTED_COLUMNS}"),
         ("# a\n" + OWN.replace(",b_z_m", ""), None,
-         f"column 7 of line 2 is missing, not 'b_z_m'; that line must be {EXPECTED_COLUMNS}"),
+         f"column 7 of line 2 is missing, not 'b_z_m'; the line of names must be {EXPECTED_COLUMNS}"),
         ("time_s\n0\n", None, "names no markers; export the trajectories with their names"),
         ("\nTime [s],x,y,z\n0,1,2,3\n", None,
          "no line names the columns; line 2 begins with 'Time [s]'; put above the frames "

@@ -163,8 +163,8 @@ DELIVER = "cameras deliver 5 to 1000; give its time in seconds"
 @pytest.mark.parametrize(
     ("step", "words"),
     [
-        (0.201, f"it has 4.975 frames a second; {NEEDS}; record with more frames a second"),
-        (0.399, f"it has 2.506 frames a second; {NEEDS}; record with more frames a second"),
+        (0.201, f"has 4.975 frames a second; {NEEDS}; record with more frames a second"),
+        (0.399, f"has 2.506 frames a second; {NEEDS}; record with more frames a second"),
         (0.401, f"its frames are 0.401 s apart in the median; is its time in seconds? {SECONDS}"),
         (0.5, f"its frames are 0.5 s apart in the median; is its time in seconds? {SECONDS}"),
         (1.5, f"its frames are 1.5 s apart in the median; are these milliseconds? {SECONDS}"),
@@ -175,8 +175,8 @@ DELIVER = "cameras deliver 5 to 1000; give its time in seconds"
         (33300.0, f"its frames are 33300 s apart in the median; are these microseconds? {SECONDS}"),
         (3.33e7, f"its frames are 3.33e+07 s apart in the median; are these nanoseconds? {SECONDS}"),
         (1e9, f"its frames are 1e+09 s apart in the median; is its time in seconds? {SECONDS}"),
-        (0.000998, f"it has 1002 frames a second; {NEEDS}; leave out frames"),
-        (0.000501, f"it has 1996 frames a second; {NEEDS}; leave out frames"),
+        (0.000998, f"has 1002 frames a second; {NEEDS}; leave out frames"),
+        (0.000501, f"has 1996 frames a second; {NEEDS}; leave out frames"),
         (0.000499, f"its frames are 499 µs apart in the median, 2004 a second; {DELIVER}"),
         (0.0001, f"its frames are 100 µs apart in the median, 10000 a second; {DELIVER}"),
     ],

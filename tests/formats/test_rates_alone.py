@@ -24,9 +24,9 @@ def written(tmp_path, rate, copy):
 @pytest.mark.parametrize(
     ("rate", "copy", "words"),
     [
-        (0.8, 0.8, "it states 0.8 frames a second; 5 to 1000 can be used; export it again with its frame rate"),
-        (2500.0, 2500.0, "it states 2500 frames a second; 5 to 1000 can be used; export it again"),
-        (100.0, 50.0, "it states 100 frames a second, and its header 50; export it again with its frame rate"),
+        (0.8, 0.8, "states 0.8 frames a second; 5 to 1000 can be used; export it again with its frame rate"),
+        (2500.0, 2500.0, "states 2500 frames a second; 5 to 1000 can be used; export it again"),
+        (100.0, 50.0, "states 100 frames a second, and its header 50; export it again with its frame rate"),
     ],
 )
 def test_a_rate_that_no_camera_has_or_a_copy_contradicts_is_named(tmp_path, rate, copy, words):

@@ -245,8 +245,9 @@ SAVE = "save it as UTF-8, or copy it from where it was made"
         (lambda raw: bytes(len(raw)), f"holds nothing but zeros, as a power cut leaves a file; {COPY}"),
         (lambda raw: b" \n", f"is empty; {COPY}"),
         (lambda raw: b"", f"is empty; {COPY}"),
-        (lambda raw: raw[:300] + bytes(9) + raw[309:], f"holds zero bytes within its text: it is damaged; {COPY}"),
-        (lambda raw: b"\xef\xbb\xbf\n" + raw + b"\0", f"holds zero bytes within its text: it is damaged; {COPY}"),
+        (lambda raw: raw[:300] + bytes(9) + raw[309:],
+         f"holds zero bytes within its text: the file is damaged; {COPY}"),
+        (lambda raw: b"\xef\xbb\xbf\n" + raw + b"\0", f"holds zero bytes within its text: the file is damaged; {COPY}"),
         (lambda raw: b"PK34" + raw[:99] + bytes(9), "is a binary file, and no result; give the folder or the .json of "
          "a fit or diagnosis"),
     ],

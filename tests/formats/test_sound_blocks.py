@@ -187,7 +187,7 @@ def test_missing_frames_are_those_between_blocks_and_to_the_end(first, end, span
         ([END | {"frames": 4}], []),
         ([END | {"frames": 5}], []),
         ([END | {"frames": 4}, END | {"frames": 4}], []),
-        ([END | {"frames": 5}, END | {"frames": 4}], ["it has several ends that differ"]),
+        ([END | {"frames": 5}, END | {"frames": 4}], ["its several ends differ"]),
         ([END | {"frames": 3}], ["its end counts 3 frames, and there are 4"]),
         ([END | {"frames": 4, "blocks": 1}], ["its end counts 1 block, and there are 2"]),
         ([END | {"frames": 4, "from": 1, "until": 299_999}], []),

@@ -149,7 +149,7 @@ def test_a_take_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path, words):
     command, _, *rest = words
     for name, step in (
         ("f", "(Is a directory); give a file: this is a folder"),
-        (LONG * 2, "(File name too long); check the path: it is longer than the system allows"),
+        (LONG * 2, "(File name too long); shorten the path: the system does not allow its length"),
     ):
         done = hangtime_here("takes", command, name, *rest, folder=tmp_path)
         if command in ("recover", "export") and name == LONG * 2:  # its file would have a name that is longer still

@@ -115,11 +115,11 @@ def test_columns_without_a_unit_need_one_to_be_given(tmp_path, axes):
         (["time_s", *MM], [["0", *cells] for cells in TIMED], "line 2 has 8 columns, not 7; mend that line"),
         (["time_s", *MM], [*TIMED[:2], NUMBERED[2]], "line 4 has 8 columns, not 7; mend that line"),
         (["time_s", *MM[:3], "two_x", "two_y", "two_z"], TIMED,
-         f"column 5 of line 1 is 'two_x', not 'two_x_mm'; that line must be {EXPECTED_COLUMNS}"),
+         f"column 5 of line 1 is 'two_x', not 'two_x_mm'; the line of names must be {EXPECTED_COLUMNS}"),
         (["time_s", *MM, "force"], [[*cells, "1"] for cells in TIMED],
-         f"column 8 of line 1 is 'force', no x of a marker; that line must be {EXPECTED_COLUMNS}"),
+         f"column 8 of line 1 is 'force', no x of a marker; the line of names must be {EXPECTED_COLUMNS}"),
         (["time_s", "one_X_mm", "one_y_mm", "One_Z_mm"], TIMED,
-         f"column 4 of line 1 is 'One_Z_mm', not 'one_Z_mm'; that line must be {EXPECTED_COLUMNS}"),
+         f"column 4 of line 1 is 'One_Z_mm', not 'one_Z_mm'; the line of names must be {EXPECTED_COLUMNS}"),
     ],
 )  # fmt: skip
 def test_a_header_of_ours_that_cannot_be_read_names_its_column(tmp_path, head, lines, sentence):

@@ -38,14 +38,15 @@ LZ4 = chunk_of(b"x", compression=b"lz4")
         (b"", "a: is empty; give a take archive"),
         (b"hello", f"a: is not a take archive; {GIVE}"),
         (b"x" * 4083 + b"hangtime-take",
-         "a: holds no readable header; it is not a take archive, or too little of it is left"),
+         "a: holds no readable header; the file is not a take archive, or too little of it is left"),
         (b"x" * 4084 + b"hangtime-take", f"a: is not a take archive; {GIVE}"),
-        (MCAP_MAGIC + bytes(99), "a: holds no readable header; it is not a take archive, or too little of it is left"),
-        (profiled(b"hangtime-take/2"), "a: holds no readable header; it ended in its first second, or too little "
-         "of it is left"),
+        (MCAP_MAGIC + bytes(99),
+         "a: holds no readable header; the file is not a take archive, or too little of it is left"),
+        (profiled(b"hangtime-take/2"),
+         "a: holds no readable header; the recording ended in its first second, or too little of it is left"),
         (profiled(b"hangtime-take/9"), "a: is of format version 9; this Hangtime reads 1 to 2; update Hangtime"),
         (profiled(b"ros2"), f"a: is not a take archive: its profile says ros2; {GIVE}"),
-        (profiled(b""), f"a: is not a take archive: it is an MCAP file without a profile; {GIVE}"),
+        (profiled(b""), f"a: is not a take archive: the file is MCAP without a profile; {GIVE}"),
         (profiled(b"hangtime-take/2") + LZ4 + chunk_of(b"x", compression=b"brotli"),
          "a: is compressed with brotli, lz4, which is not read; compress it with zstd, or not at all"),
     ],
@@ -64,11 +65,11 @@ def test_a_file_without_a_header_is_named_by_its_likeliest_cause(raw, sentence):
         ({"take_id": 3}, "a: its header is invalid: take_id must be text (got a whole number); record it again"),
         (
             {"rig": 3},
-            "a: its rig is invalid: it must be a table (got a whole number); record it again",
+            "a: its rig is invalid: the rig must be a table (got a whole number); record it again",
         ),
         (
             {"garment": None},
-            "a: its garment is invalid: it must be a table (got nothing); record it again",
+            "a: its garment is invalid: the garment must be a table (got nothing); record it again",
         ),
         (
             {"rig": msgspec.to_builtins(msgspec.structs.replace(RIG, gravity=(0.0, 2.0, 0.0)))},
@@ -88,6 +89,6 @@ def test_a_take_of_which_no_frame_is_left_says_how_many_it_had(raw):
     broken = bytearray(raw[parts[1][0] : parts[1][1]])
     broken[60] ^= 1
     assert refused(header + bytes(broken)) == f"a: holds no frame that is sound; {COPY}"
-    assert refused(header) == "a: holds no frame; it ended in its first second or is cut off"
+    assert refused(header) == "a: holds no frame; the recording ended in its first second or is cut off"
     none = {**msgpack.unpackb(msgpack.packb(parts[-1][2])), "frames": 0, "blocks": 0}
-    assert refused(header + chunk_of(none)) == "a: holds no frame; it ended in its first second"
+    assert refused(header + chunk_of(none)) == "a: holds no frame; the recording ended in its first second"

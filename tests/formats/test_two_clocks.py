@@ -129,18 +129,30 @@ def times(*factors):
     ("name", "change", "advice"),
     [
         ("tcp_pose", lambda pose: pose + np.array([0.0, 0.04, 0.0, 0, 0, 0, 0]), "give the path of the same take"),
-        ("tcp_pose", times(1e3, 1e3, 1e3, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be milli"),
+        (
+            "tcp_pose",
+            times(1e3, 1e3, 1e3, 1, 1, 1, 1),
+            "the places of 'tcp_pose' in metres: the values seem to be milli",
+        ),
         pytest.param(
             "tcp_pose",
             times(1e2, 1e2, 1e2, 1, 1, 1, 1),
-            "the places of 'tcp_pose' in metres: they seem to be centi",
+            "the places of 'tcp_pose' in metres: the values seem to be centi",
             marks=pytest.mark.slow,
         ),
-        ("tcp_to_corner_m", times(1e3, 1e3, 1e3), "give 'tcp_to_corner_m' in metres: they seem to be millimetres"),
-        ("both", lambda values: values, "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres"),
-        ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: they seem to be w x y z"),
+        (
+            "tcp_to_corner_m",
+            times(1e3, 1e3, 1e3),
+            "give 'tcp_to_corner_m' in metres: the values seem to be millimetres",
+        ),
+        (
+            "both",
+            lambda values: values,
+            "give 'tcp_pose' and 'tcp_to_corner_m' in metres: the values seem to be millimetres",
+        ),
+        ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: the file's order seems to be w x y z"),
         pytest.param(
-            "tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "they seem to be their inverses", marks=pytest.mark.slow
+            "tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "seems to hold their inverses", marks=pytest.mark.slow
         ),
     ],
 )
@@ -313,7 +325,7 @@ def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_cor
     np.savez(tmp_path / "a.npz", **recording)
     path["tcp_pose"][path["tcp_t"] > time[28] - 1e-9, 0] += 0.2
     np.savez(tmp_path / "arm/a.npz", **path)
-    sentence = r"leave those of .*: they are 0\.2 m apart from 2\.\d to 3\.\d s; give the path of the whole take"
+    sentence = r"leave those of .*: both are 0\.2 m apart from 2\.\d to 3\.\d s; give the path of the whole take"
     with pytest.raises(TakeError, match=sentence):
         import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
 

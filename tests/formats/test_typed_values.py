@@ -26,7 +26,7 @@ from tests.fit.here import hangtime_here
         ("record --seconds 1_0", "'1_0' is no number; write it without an underscore"),
         ("swatch a.toml --mass 0.04 --markers 1_0", "'1_0' is no whole number; write it without an underscore"),
         ("takes export a --to pdf --out x", "'pdf' is not one of 'csv', 'c3d', 'npz', 'parquet', 'rrd'"),
-        ("record --seconds 100000", "100000 is outside the range: it must be"),
+        ("record --seconds 100000", "100000 is outside the range: the value must be"),
     ],
 )
 def test_a_value_that_an_option_does_not_take_is_named_with_what_was_meant(tmp_path, words, said):

@@ -180,7 +180,7 @@ def test_a_few_impossible_sightings_are_left_out_and_many_are_a_finding():
 def test_a_share_of_impossible_sightings_is_said_with_its_next_step():
     assert describe_impossible(0.0).startswith("No point is further")
     assert describe_impossible(MOST_LEFT_OUT).startswith(f"{100 * MOST_LEFT_OUT:.2g} % of a take's sightings")
-    assert describe_impossible(MOST_LEFT_OUT).endswith("each other. They are left out.")
+    assert describe_impossible(MOST_LEFT_OUT).endswith("each other. These positions are left out.")
     assert f"At most {100 * MOST_LEFT_OUT:.0f} % may be: check the markers'" in describe_impossible(
         1.01 * MOST_LEFT_OUT
     )

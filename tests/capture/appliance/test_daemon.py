@@ -67,7 +67,7 @@ def test_the_commands_speak_with_it_and_it_imports_nothing_heavy_and_listens_to_
     assert run("start").returncode == 0
     again = run("start")
     assert (again.returncode, again.stderr) == (
-        2, f"hangtime: {appliance.socket}: it is recording already; `hangtime stop` ends the take\n",
+        2, f"hangtime: {appliance.socket}: a take is being recorded already; `hangtime stop` ends the take\n",
     )  # fmt: skip
     said = run("status", "--json", "--preview", str(appliance.folder / "seen.png"))
     told = json.loads(said.stdout)

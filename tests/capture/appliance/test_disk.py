@@ -118,8 +118,8 @@ def test_a_take_whose_frame_could_not_be_written_is_kept_as_far_as_it_came_and_s
     ("number", "advice"),
     [
         (errno.ENOSPC, "make room, or let `hangtime sync`"), (errno.EFBIG, "make room on the disk"),
-        (errno.EDQUOT, "make room in the quota"), (errno.EROFS, "replace the card: it is worn out"),
-        (errno.EIO, "replace the card: it fails"), (errno.EACCES, "give it to the account"),
+        (errno.EDQUOT, "make room in the quota"), (errno.EROFS, "replace the card, which is worn out"),
+        (errno.EIO, "replace the card, which fails"), (errno.EACCES, "give it to the account"),
         (errno.ENOTDIR, "remove what bears"), (errno.EEXIST, "remove what bears"), (errno.EBUSY, "check the disk"),
     ],
 )  # fmt: skip

@@ -99,7 +99,7 @@ def test_a_take_has_its_pre_roll_its_notes_and_its_facts_and_ends_after_its_long
     assert (plan.notes["begun_by"], plan.source) == ("command", "script")
     assert len(armed.disk.of("add")) == 6
     assert float(plan.notes["pre_roll_s"]) == pytest.approx(5 * FRAME, abs=1e-3)
-    assert armed.ask("start")["what"] == "it is recording already"
+    assert armed.ask("start")["what"] == "a take is being recorded already"
     armed.frame(dropped=2)
     running = armed.it.status()["recording"]
     assert (running["frames"], running["dropped"], running["gaps"]) == (7, 2, 1)

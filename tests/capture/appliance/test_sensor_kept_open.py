@@ -106,7 +106,7 @@ def test_silence_is_reported_from_the_last_frame_or_the_opening_on():
 @pytest.mark.parametrize(
     ("end", "said"),
     [
-        (None, "it has come to its end"),
+        (None, "has come to its end"),
         (SensorStalledError("nothing came", where="x", advice="replug it"), "nothing came"),
     ],
 )

@@ -98,7 +98,7 @@ def test_a_time_that_is_none_is_unknown():
     ("outcome", "is_bad", "said"),
     [
         ("sound", False, "sound"),
-        ("whole", False, "its hash is right; it is encrypted and was not opened"),
+        ("whole", False, "its hash is right; the encrypted take was not opened"),
         ("damaged", True, "DAMAGED"),
         ("missing", True, "MISSING"),
         ("refused", False, "not possible, the keys of this device may not read"),

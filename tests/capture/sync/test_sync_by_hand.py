@@ -107,10 +107,10 @@ def test_takes_that_leave_and_takes_that_changed_are_in_the_journal(tmp_path, sp
     with caplog.at_level("INFO"):
         sync._leave()
     assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
-        ("INFO", "take-000001: left this device; it is safe on the server"),
+        ("INFO", "take-000001: left this device; the take is safe on the server"),
         (
             "WARNING",
-            "take-000002: stays; it differs from the file that the server verified: replace the disk",
+            "take-000002: stays; the file differs from the one that the server verified: replace the disk",
         ),
     ]
 

@@ -195,7 +195,7 @@ def test_options_of_prune_have_the_ranges_of_the_configuration(tmp_path, spool, 
 
 def test_prune_names_the_limit_that_the_takes_exceed(spool, three):
     by_option = hangtime("takes", "prune", "--spool", spool.folder, "--quota-mb", 0).stdout
-    assert "that is more than --quota-mb allows: 3 takes are not safe on the server and stay" in by_option
+    assert "these takes exceed what --quota-mb allows: 3 takes are not safe on the server and stay" in by_option
 
 
 def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named(tmp_path, spool, three):
@@ -206,7 +206,9 @@ def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named
     content[100] ^= 1
     three[1].path.write_bytes(content)
     setup = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
-    assert "take-000002 stays: it differs from the file that the server verified; replace this device's disk" in setup
+    assert (
+        "take-000002 stays: the file differs from the one that the server verified; replace this device's disk" in setup
+    )
     assert [take.sequence for take in spool.takes()] == [2]
 
 

@@ -202,9 +202,9 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", ".", "--hours", "nan"), "--hours"),
         (
             ("batch", ".", "--dashboard-port", "65536"),
-            "65536 is outside the range: it must be at most 65535",
+            "65536 is outside the range: the value must be at most 65535",
         ),
-        (("batch", ".", "--dashboard-port", "-1"), "-1 is outside the range: it must be at least 0"),
+        (("batch", ".", "--dashboard-port", "-1"), "-1 is outside the range: the value must be at least 0"),
         *(
             (("batch", ".", "--until", bad), f"--until: {bad!r} is no time of the day; give hours and minutes, such as")
             for bad in ("7pm", "24:00", "07:60", "7", "-1:00", "07:00:00")

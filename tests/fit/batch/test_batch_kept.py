@@ -163,9 +163,9 @@ def test_a_file_larger_than_any_take_is_refused_unread_and_the_others_wait(night
     ("make", "why"),
     [
         (lambda path: path.symlink_to("nowhere.mcap"), "No such file or directory"),
-        (os.mkfifo, "it is a pipe or a device, and no file"),
-        (lambda path: path.symlink_to("/dev/zero"), "it is a pipe or a device, and no file"),
-        (lambda path: os.mknod(path, stat.S_IFSOCK | 0o600), "it is a pipe or a device, and no file"),
+        (os.mkfifo, "the path is a pipe or a device, and no file"),
+        (lambda path: path.symlink_to("/dev/zero"), "the path is a pipe or a device, and no file"),
+        (lambda path: os.mknod(path, stat.S_IFSOCK | 0o600), "the path is a pipe or a device, and no file"),
     ],
     ids=["link to nowhere", "pipe", "device", "socket"],
 )

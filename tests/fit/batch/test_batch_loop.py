@@ -50,7 +50,7 @@ def connections(monkeypatch):
             yield client
 
         monkeypatch.setattr(runner, "connect", connect)
-        monkeypatch.setattr(runner, "RETRY", 0.0)
+        monkeypatch.setattr(runner, "SCHEDULER_RETRY", 0.0)
         monkeypatch.setattr(runner, "POLL", 0.01)
         yield counts
         GOES_ON.set()

@@ -66,7 +66,7 @@ def ended(night, error=None, **changes):
         (OSError(errno.EACCES, "Permission denied"), "refused", "this worker cannot do it (Permission denied)", False),
         (ImportError("no module named x"), "refused", "this worker cannot do it (no module named x)", False),
         (FitError("is too small", where="a", advice="record another"), "failed", "is too small; record another", True),
-        (KeyError("k"), "failed", "KeyError: 'k'; that is a fault of Hangtime, please report it with this take", True),
+        (KeyError("k"), "failed", "KeyError: 'k'; please report this fault of Hangtime with this take", True),
     ],
 )  # fmt: skip
 def test_only_what_would_fail_again_is_stored_as_a_failure(night, error, state, words, is_stored):

@@ -63,7 +63,7 @@ def test_a_quantity_of_a_parameter_that_is_not_identified_is_not_either():
     fabric = fabric_of(result)
     assert [q.name for q in fabric.not_identified] == ["shear"]
     (line,) = [line for line in caution_lines(result, fabric) if line.startswith("shear:")]
-    meaning = "the takes do not identify it: they leave the whole interval possible"
+    meaning = "the takes do not identify it: the whole interval stays possible"
     assert line == f"shear: 90 % interval 24 to 37.5 N/m; {meaning}."
     bare = [msgspec.structs.replace(p, interval_low=None, interval_high=None) for p in result.parameters]
     result = msgspec.structs.replace(result, parameters=bare)

@@ -81,7 +81,7 @@ def test_twice_as_tall_a_figure_is_twice_as_large(tmp_path):
     ("text", "reason"),
     [
         ("nothing", "is no BVH file"),
-        (TWO_BONES, "has no joint that is a left hip; name it LeftUpLeg; it has Hips, Arm"),
+        (TWO_BONES, "has no joint that is a left hip; name it LeftUpLeg; the file has Hips, Arm"),
         (TWO_BONES.replace("Frames: 2", "Frames: 3"), "says 3 frames of 9 numbers"),
         (TWO_BONES.replace("90 0 0 0 90", "90 0 nine 0 90"), "something else than numbers"),
         (TWO_BONES.replace("OFFSET 0 10 0", "OFFSET 0 ten 0"), "has a damaged hierarchy"),

@@ -179,7 +179,7 @@ def test_joints_are_known_by_many_names_and_a_missing_one_is_named_with_what_the
     lacking = [_Joint(f"j{k}", -1, np.zeros(3)) for k in range(14)] + [_Joint("Site", -1, np.zeros(3))]
     assert _few(lacking) == [*(f"j{k}" for k in range(12)), "..."]
     assert _few(lacking[2:]) == [f"j{k}" for k in range(2, 14)]
-    with pytest.raises(FitError, match="has no joint that is a left hip; name it LeftUpLeg; it has j0, j1"):
+    with pytest.raises(FitError, match="has no joint that is a left hip; name it LeftUpLeg; the file has j0, j1"):
         _named("a.bvh", lacking)
 
 

@@ -60,7 +60,7 @@ def test_two_markers_that_are_confused_are_left_out_and_no_other():
     found = hygiene(recording)
     assert found.passed
     assert found.figure == pytest.approx(100 * 20 / (240 * 81))
-    assert "They are left out." in found.sentence
+    assert "These positions are left out." in found.sentence
 
 
 def test_a_marker_that_jumps_out_of_the_cloth_is_left_out():

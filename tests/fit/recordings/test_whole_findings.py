@@ -35,26 +35,26 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
          "Both sides are used. The cloth is judged again once it has forgotten the motion in the gap."),
         ("latency", 0.05, (0.04, 0.06), "s", False, "The points' stamps are 0.050 s late [0.040 to 0.060 s] in a, as "
          "the held row shows against the hanger's path. Taken out."),
-        ("publish_time", 0.8, (0.7, 0.9), "1", False, "Stamps say when a frame was published. They are late by a "
+        ("publish_time", 0.8, (0.7, 0.9), "1", False, "Stamps say when a frame was published. Stamps are late by a "
          "share of the interval's excess over the usual one: 0.80 [0.70 to 0.90]. Taken out."),
         ("frame_shifts", 0.03, None, "s", True, "The held row is off in each frame as if its stamp were, by 30 ms rms "
          "of its own. Stamps are not changed for it; frames are moved back across the cloth where that is certain."),
         ("latency", 0.03, (0.02, 0.04), "s", True, "The held row is 0.030 s late [0.020 to 0.040 s] against the "
-         "hanger's path. This was left in: it may be a clock, a tracker that lags, or the hanger."),
+         "hanger's path. This was left in: the cause may be a clock, a tracker that lags, or the hanger."),
         ("skewed_grids", 0.05, None, "1", False, "10 of 200 grids (5 %) lie askew on the silhouette by more than 4 "
-         "degrees. They are left out."),
+         "degrees. These grids are left out."),
         ("held_edge", 0.005, None, "m", False, "The held edge is taken from the top row of the points at rest, 4 mm "
          "lower and 3 mm further in than the hanger's path has it. The edge is as long as on the flat cloth."),
         ("frame_offsets", 0.009, None, "m", False, "While the hanger moves, whole frames are off across the cloth by 9 "
-         "mm rms, as the held row shows, on which no physics acts. They are moved back by it."),
+         "mm rms, as the held row shows, on which no physics acts. These frames are moved back by this shift."),
         ("sliding_points", 0.005, None, "m", False, "Points of a silhouette slide over the cloth, here by 5 mm rms. "
          "Each point got the material position at its distance from the held edge. 50 % of these positions are "
          "seen."),
         ("eaten_border", 0.006, (0.006 - border, 0.006 + border), "m", False, "The silhouette ends inside the cloth: "
          "by 10.0 mm [9.0 to 11.0] at the bottom and 4.0 mm [3.0 to 5.0] at each side. Positions beyond it count as "
          "unseen."),
-        ("eaten_by_pose", 0.03, (0.029, 0.031), "m", False, "The silhouette's length depends on pose: it loses 30 mm "
-         "per unit of lean [29 to 31]. Positions beyond it count as unseen."),
+        ("eaten_by_pose", 0.03, (0.029, 0.031), "m", False, "The silhouette's length depends on pose: the silhouette "
+         "loses 30 mm per unit of lean [29 to 31]. Positions beyond it count as unseen."),
         ("depth_scale", 0.02, (0.015, 0.025), "1", True, "The held row travels 2.0 % [1.5 to 2.5] farther than the "
          "hanger, away from the camera and back: depths and path differ in scale. This was left in."),
         ("lean", 0.02, (0.01, 0.03), "rad", True, "At rest the cloth leans out of the vertical by 1.1 degrees [0.6 to "

@@ -328,7 +328,7 @@ def test_a_size_whose_interval_holds_zero_is_shown_as_that_interval_unless_its_e
 
 def test_the_figures_at_the_top_hold_the_probability_of_a_named_effect_in_rows_of_like_length():
     page = html.unescape(render_report(fit=None, diagnosis=diagnosis()))
-    assert "<dt>probability of air drag</dt><dd>94 %<small>that the model lacks it</small>" in page
+    assert "<dt>probability of air drag</dt><dd>94 %<small>that the model lacks the effect</small>" in page
     assert '<dl class="figures of-3">' in page  # of six figures
 
 

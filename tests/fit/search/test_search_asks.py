@@ -202,7 +202,7 @@ def curved(candidates):
         (curved, {"max_iterations": 2, "cost_tolerance": 0.0, "step_tolerance": 0.0, "is_exact": False},
          "stopped after 2 iterations", False, 2),
         (linear, {"known_cost": 1e-6, "cost_tolerance": 1e-9, "step_tolerance": 0.0, "max_iterations": 4},
-         "it will hardly fall below the known cost", False, 2),
+         "the cost will hardly fall below the known one", False, 2),
     ],
 )  # fmt: skip
 def test_a_search_says_why_it_ended(residual, changes, reason, is_converged, steps):

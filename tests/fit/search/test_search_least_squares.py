@@ -88,7 +88,7 @@ def test_a_search_far_above_the_known_cost_is_stopped_after_a_few_steps():
     assert whole.is_converged
     assert len(hopeless.cost_history) == UNJUDGED + 1
     assert not hopeless.is_converged
-    assert hopeless.reason == "it will hardly fall below the known cost"
+    assert hopeless.reason == "the cost will hardly fall below the known one"
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
 
 

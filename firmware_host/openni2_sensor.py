@@ -33,7 +33,9 @@ CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
 # s without a frame after which a recording of unknown length has ended. Our choice: it is waited once, at the end; a
 # disk that pauses for longer would end the recording too early. Half and double were not tried.
 END_WAIT = 1.0
-MOST_COLOURS = 4  # colour frames read per depth frame while they are too old for it
+# colour frames read per depth frame while they are too old for it. Our choice: bounds a wait for colour to four
+# reads. Half and double were not tried.
+MOST_COLOURS = 4
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame: above, they are of different clocks or a restarted clock
 # Depth frames for which a colour frame so far ahead is kept. Our choice: one second at 30 a second, so that frames up
 # to 2 s ahead find theirs. Half and double were not tried.

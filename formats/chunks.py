@@ -28,7 +28,8 @@ UNPACKED_PER_BYTE = 32
 FREE_BYTES = 1 << 26  # budget beyond that, for all chunks of a file together
 COPY_EVERY = 20  # chunks between copies of a header that are free of charge: writers put 30 blocks between them
 RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # packed bytes for each record of a chunk; budget of a file beyond that
-SLAB = 1 << 20  # bytes searched at once for the next chunk
+# bytes searched at once for the next chunk. Our choice: bounds memory, and the chunks that are found are the same.
+SLAB = 1 << 20
 FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
 LONGEST_NAME = 16  # bytes of a compression's name
 LONGEST_RECORD = 1 << 20  # bytes of a record that is skipped: the specification is the longest

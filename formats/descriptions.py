@@ -51,7 +51,7 @@ LARGEST_FIELD = 1e9  # in any unit: squares and products of larger ones may over
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
 THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m, radius: a thinner body slips between the points where contact is checked
 SHORTEST_CAPSULE = 1e-6  # m between the ends: the square of a shorter length is lost in rounding
-ON_OUTLINE = 2e-3  # m, tolerance of a tracked point outside the outline
+ON_OUTLINE = 2e-3  # m, of a tracked point outside the outline; our choice: a ruler errs by 1 mm at either end
 
 
 def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-AXIS_STEPS = (1, 2, 2.5, 5, 10)  # steps of an axis, times a power of ten
+# steps of an axis, times a power of ten. Our choice: round numbers that divide ten or its multiples, at most 2.5
+# times apart; a scale in sevenths is hard to read.
+AXIS_STEPS = (1, 2, 2.5, 5, 10)
 
 
 def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more

@@ -23,7 +23,7 @@ MEASURED_APART = 0.06  # m more: held ends and points are measured by different 
 SMALLER, LARGER = 0.85, 1.10
 RIGHT_MOST = 95  # percentile of a distance over the take: folds shorten it, and cloth never stretches by 10 %
 HANGS_WITHIN = 15.0  # degrees between gravity and the mean hang: below 1 in the synthetic motions
-MOST_NAMES = 5  # of points in one sentence
+MOST_NAMES = 5  # of points in one sentence; our choice: more would hide the sentence's advice
 ENOUGH = 10  # frames that both points of a distance must be seen in; our choice: half and double were not tried
 
 

@@ -17,7 +17,7 @@ from formats.plain_text import plain
 from formats.take import Take
 from formats.take_report import Span
 
-MOST_SPANS = 5  # listed in one sentence
+MOST_SPANS = 5  # listed in one sentence; our choice: more would hide the sentence's advice
 DOUBTS = ("clock", "file")  # notes in which an import reports a clock offset, or contradictions in a file
 
 

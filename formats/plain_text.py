@@ -8,7 +8,8 @@ from collections.abc import Sequence
 LONGEST_TEXT = 2000  # characters of one text; our choice: 25 rows of 80, about the terminal's height
 NAME_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
 MOST_LISTED = 3  # items of one kind that a sentence lists; our choice: a longer list hides the advice behind it
-ENDS_SHOWN = 60  # characters at either end of a longer name
+# characters at either end of a longer name. Our choice: both ends of a name fit two lines of a terminal.
+ENDS_SHOWN = 60
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 

@@ -43,7 +43,9 @@ KEYS_OF = {
 }  # fmt: skip
 ALLOWING = {"S3": "AWS_ALLOW_HTTP", "MicrosoftAzure": "AZURE_ALLOW_HTTP"}  # Google's needs none
 KEYS_BEGIN = {S3: "AWS_", AZURE: "AZURE_"}  # settings sent as headers; Google's keys are JSON of several lines
-LONGEST_REASON = 200  # characters of a server's reason that an error quotes
+# characters of a server's reason that an error quotes. Our choice: two lines of a terminal or less than three. A
+# longer page of a proxy would hide our own words.
+LONGEST_REASON = 200
 
 
 def folder_of(url: str) -> Path | None:

@@ -19,7 +19,8 @@ from formats.integers import decode_tables, encode_tables
 
 PLACE_STEP = 1e-4  # m; our choice: a tenth of the millimetre of a depth image
 LARGEST_GRID = 512  # positions along a side: more than a depth sensor has on a garment
-MOST_OUTLINE_PLACES = 65536  # around the silhouette
+# around the silhouette. Our choice: above the border of an image of 640 x 480, so that only a damaged file has more.
+MOST_OUTLINE_PLACES = 65536
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -15,9 +15,12 @@ from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
 from formats.take import Take
 
-LETTERS_ACROSS, LETTERS_DOWN = 64, 8  # size of the plot in braille letters, each of 2 x 4 dots
+# size of the plot in braille letters, each of 2 x 4 dots. Our choice: with labels it fits a terminal of 80 columns; a
+# wider plot would be wrapped.
+LETTERS_ACROSS, LETTERS_DOWN = 64, 8
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
-FIGURE_WIDTH, FIGURE_HEIGHT, FIGURE_MARGIN = 960, 540, 56  # px
+# px. Our choice: 16 to 9, with a margin for labels of 15 px; with less, labels would be cut off.
+FIGURE_WIDTH, FIGURE_HEIGHT, FIGURE_MARGIN = 960, 540, 56
 LINE_COLOURS = (
     "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f", "#e377c2", "#bcbd22",
     "#000000", "#00441b",

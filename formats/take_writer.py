@@ -33,7 +33,7 @@ from formats.wrong_fields import wrong_field
 
 VERSION = 2  # of the format, `formats/SPEC.md`
 PROFILE = f"hangtime-take/{VERSION}"
-FILE_BLOCK_SECONDS = 1.0  # lost at most in a power cut
+FILE_BLOCK_SECONDS = 1.0  # lost at most in a power cut; our choice: double would lose twice as much, half pack worse
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"

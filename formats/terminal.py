@@ -13,7 +13,7 @@ from formats.interrupts import raise_swallowed
 from formats.plain_text import lines_of
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
-BAR_WIDTH = 24  # characters of a progress bar
+BAR_WIDTH = 24  # characters of a progress bar; our choice: with words it fits 80 columns; a wider bar would be wrapped
 BAR_OF_80 = 10  # characters, below 100 columns; our choice: leaves room for the words
 LEAST_WORDS = 20  # characters beside a bar; our choice: room for a number with its unit, or for the remaining time
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the remaining time is estimated

@@ -18,7 +18,9 @@ from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
 
 LARGEST_TOML = 1 << 20  # bytes of a file; our choice: hundreds of times a rig's or a garment's description
-LONGEST_LINE = 1000  # characters of a line that are searched for a number
+# characters of a line that are searched for a number. Our choice: nobody writes a longer line by hand, and the
+# search's time stays bounded.
+LONGEST_LINE = 1000
 # Limits of characters in a file, including strings and comments. Python takes 1 kB and 12 us for each part of a table's
 # name, hence gigabytes for a file of a megabyte. A garment of 1000 corners, 1000 corners of holes and 2000 points has
 # 8000 of each, but 4000 equals signs.

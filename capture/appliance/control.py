@@ -26,7 +26,8 @@ MOST_ASKERS = 16  # clients at once; one more, and the recorder disconnects the 
 MOST_CALLERS = 128  # connections that the kernel queues until the next poll; our choice: beyond askers and watchers
 MOST_WATCHERS = 64  # watchers at once; one more, and the recorder disconnects the oldest
 ANSWER_PATIENCE = 10.0  # s that a client waits for a whole answer: a busy one answers within one frame
-ANSWER_PIECE = 1 << 16  # bytes of an answer that are read at once
+# bytes of an answer that are read at once. Our choice: bounds a read, and a longer answer takes further reads.
+ANSWER_PIECE = 1 << 16
 LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
 MODE = 0o660  # of the socket: its user and its group may speak to the recorder, nobody else
 UNIT = "hangtime-capture"

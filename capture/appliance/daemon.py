@@ -34,11 +34,15 @@ from formats.errors import HangtimeError, OutputError
 
 WAIT = 0.07  # s that the loop waits for a frame: a press must count within 100 ms
 RESTING = {State.READY, State.SYNCING, State.FAULT}  # states in which only an occasional frame is processed
-LOOK_EVERY = 1.1  # s between two searches for the hanger while it is not in view
-GONE_AFTER = 5.0  # s without the hanger after which the pre-roll is discarded
-KEEP_HOUSE = 1.0  # s between two checks of disk, voltage and sync
-TRY_AGAIN = 2.0  # s between two attempts to use a spool that failed
-LONGEST_SHUTDOWN = 20.0  # s that a running take has to reach the disk when the daemon is stopped
+LOOK_EVERY = 1.1  # s between searches for a hanger; our choice: half and double change its delay and the load alone
+# s without the hanger after which the pre-roll is discarded. Our choice: longer than a hand covers the hanger while
+# it hangs a garment. Half and double were not tried.
+GONE_AFTER = 5.0
+KEEP_HOUSE = 1.0  # s between checks of disk, voltage and sync; our choice: it delays a fault on the lamp, nothing else
+TRY_AGAIN = 2.0  # s between attempts to use a failed spool; our choice: it delays the use of a mended disk alone
+# s that a running take has to reach the disk when the daemon is stopped. Our choice: two thirds of TimeoutStopSec in
+# systemd/system/hangtime-capture.service, which kills the daemon.
+LONGEST_SHUTDOWN = 20.0
 
 
 class Appliance:

@@ -28,7 +28,9 @@ from formats.judgement import judge
 from formats.rig import Rig
 from formats.whole_files import make_writable
 
-READING_TIME = 60.0  # s of processor time allowed for reading and checking a take before the disk counts as slow
+# s of processor time allowed for reading and checking a take before the disk counts as slow. Our choice: half and
+# double change only how late a slow disk is told.
+READING_TIME = 60.0
 COUNT_EVERY = 10.0  # s between two counts of the takes: sync adds receipts meanwhile
 
 

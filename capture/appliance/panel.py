@@ -11,7 +11,9 @@ from firmware_host.button import STUCK, ButtonContact, Presses, open_contact
 from firmware_host.errors import ButtonError, LampError
 from firmware_host.lamp import StatusLamp
 
-REOPENING = 2.0  # s between two attempts to open the button or the lamp
+# s between two attempts to open the button or the lamp. Our choice: half and double change only how late a replugged
+# button or lamp works.
+REOPENING = 2.0
 
 
 class Panel:

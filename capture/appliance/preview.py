@@ -14,7 +14,8 @@ from firmware_host.depth_sensor import SensorFrame
 from formats.arrays import Bytes, Unsigned
 
 PICTURE_WIDTH = 320  # px of the picture; our choice: half of the sensor's, a quarter of the bytes over the air
-MARKER_COLOUR, POINT_COLOUR, LINE_COLOUR = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
+# RGB. Our choice: three hues that differ from one another; with equal hues a line would hide its points.
+MARKER_COLOUR, POINT_COLOUR, LINE_COLOUR = (0, 200, 0), (255, 160, 0), (0, 120, 255)
 
 
 class Preview:

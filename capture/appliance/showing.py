@@ -32,8 +32,11 @@ SYNCING = Light("syncing", "takes are on their way to the server", 60, 440)
 READY_LIGHT = Light("ready", "waiting for the hanger", 60, 2940)
 STARTING = Light("starting", "the sensor is being opened", 60, 60)
 
-BEHIND_S = 2.0  # s of a running take that may be lost
-KEPT_S = 3.0  # s for which the lamp signals a kept take
+# s of a running take that may be lost. Our choice: a block is written every second, so one late block is no fault.
+BEHIND_S = 2.0
+# s for which the lamp signals a kept take. Our choice: time to look from the button to the lamp. Half and double were
+# not tried.
+KEPT_S = 3.0
 
 
 def lamp_signal(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:

@@ -51,7 +51,7 @@ from formats.whole_files import make_folders, read_bounded, sync_folder, write_w
 
 TAKE_NAME = re.compile(r"take-([0-9]{6,12})\.")
 LAST_NUMBER = 10**12 - 1  # a name has at most 12 digits; nobody would find a take with more
-PIECE = 1 << 20  # bytes read at once while hashing
+PIECE = 1 << 20  # bytes read at once while hashing; our choice: bounds memory, and the hash is the same for any size
 
 CRASHED = "the recorder ended without finishing this take: a power cut or a crash; up to its last second is missing"
 UNNAMED = "the recorder ended after the last frame and before the take had its name: a power cut or a crash"

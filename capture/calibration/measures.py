@@ -35,7 +35,7 @@ from formats.rig import Rig, Sensor
 
 MOUNTING_SD = 1e-3  # m, a printed marker stuck by eye to a plumb line or held by a clip at its black edge
 DISTANCE_SD = 0.5e-3  # m, a distance read off a ruler with millimetres
-CUT_SD = 0.7e-3  # m, middle of a plate whose two edges are each cut to a millimetre
+CUT_SD = 0.7e-3  # m, middle of a plate whose two edges are each cut to a millimetre; 1 mm / sqrt(2)
 
 
 @dataclass(frozen=True)

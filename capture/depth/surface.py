@@ -27,9 +27,13 @@ from formats.arrays import Booleans, Floats
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
 LATERAL_SD = 0.8  # px, position of a depth edge (Nguyen et al. 2012, section 3.2, below 60 degrees)
 CORRELATED_PIXELS = 13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
-OUTLIER_SD = 4.0  # standard deviations of a pixel from the surface, beyond which the pixel is an outlier
+# standard deviations of a pixel from the surface, beyond which the pixel is an outlier. Of Gaussian noise, one pixel
+# in 16 000 lies beyond.
+OUTLIER_SD = 4.0
 FLATTEST_SPREAD = 1e-6  # determinant of the pixels' scaled scatter: below, they lie on one line of the image
-FEWEST_PIXELS = 12  # fewer noisy pixels do not determine a plane
+# fewer noisy pixels do not determine a plane. Our choice: four for each of a plane's three numbers. Half and double
+# were not tried.
+FEWEST_PIXELS = 12
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,14 @@ from formats.errors import OutputError
 from formats.outputs import write_text
 
 PAGE = (210.0, 297.0)  # mm, A4
-PRINTER_MARGIN = 15.0  # mm that no printer reaches
-SCALE_BAR = 100.0  # mm
-GAP = 12.0  # mm between markers, with their labels
+# mm that no printer reaches. Our choice: wider than a home printer leaves blank; with less, a border would be cut
+# off.
+PRINTER_MARGIN = 15.0
+# mm. Our choice: long enough that a ruler's 0.5 mm is 0.5 %; a shorter bar would hide a printer's wrong scale.
+SCALE_BAR = 100.0
+# mm between markers, with their labels. Our choice: room for a label of 3.6 mm and scissors; with less, a cut would
+# enter a border.
+GAP = 12.0
 LABEL_STYLE = {"font-family": "sans-serif", "font-size": "3.6"}  # mm
 
 

@@ -23,7 +23,9 @@ KEY_CODES = {
     "AuthorizationHeaderMalformed", "AuthorizationFailure", "UnknownAccessKeyId",
 }  # fmt: skip
 CLOCK_CODES = {"RequestTimeTooSkewed", "RequestExpired"}
-LONGEST_WORDS = 120  # characters of the server's message
+# characters of the server's message. Our choice: one and a half lines of a terminal. A longer page of a proxy would
+# hide our own words.
+LONGEST_WORDS = 120
 
 Kind = Literal["passing", "person", "take"]
 

@@ -27,7 +27,9 @@ from formats.whole_files import make_folders
 
 LOG = logging.getLogger("hangtime.sync")
 SAME_DISK = "The server's folder is on the same disk as the takes: a broken disk loses both."
-STATUS_SECONDS = 5.0  # s between two writes of the status during uploads
+# s between two writes of the status during uploads. Our choice: half and double change only how old a shown status
+# is.
+STATUS_SECONDS = 5.0
 PASSES_IN_A_ROW = 1000  # takes recorded meanwhile are uploaded too; this bound ends the loop
 
 

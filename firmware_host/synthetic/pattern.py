@@ -18,7 +18,8 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.garment import Garment
 
 SHIRT_CORNERS = 10  # shoulder, shoulder, sleeve hem (2), underarm, body hem (2), underarm, sleeve hem (2)
-SLEEVE_COLUMNS = 7  # cells across a sleeve
+# cells across a sleeve. Our choice: finer than the panels, as a sleeve is narrow. Half and double were not tried.
+SLEEVE_COLUMNS = 7
 SLEEVE_BULGE = 0.03  # m, initial distance of a hanging sleeve's hem from the plane, so that it can buckle
 
 

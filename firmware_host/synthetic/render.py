@@ -17,7 +17,9 @@ from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS,
 from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
 from formats.arrays import Booleans, Floats, Integers
 
-SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
+# a side, per pixel of plates and bar. Our choice: edges in steps of a ninth of a pixel's area. Half and double were
+# not tried.
+SAMPLES_A_SIDE = 3
 DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
 # Our choice: brightness, 0 to 255, that keeps wall, bar, cloth and plates apart.
 WALL, BAR_GREY, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0

@@ -16,9 +16,10 @@ from formats.rig import Calibration, Hanger, Rig, Sensor
 # PS1080 at VGA: OpenNI's factory focal length.
 CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 FPS = 30  # frames a second, of the PS1080 at VGA
-HANGER_REST = (0.0, -0.27, 1.6)  # m, midway between the markers
-WALL_DISTANCE = 2.6  # m
-PLATE_SIZE = 0.076  # m, white plate that carries a marker
+# m, midway between the markers. Our choice: the skirt's 0.45 m below it and its swing stay in view at this distance.
+HANGER_REST = (0.0, -0.27, 1.6)
+WALL_DISTANCE = 2.6  # m; our choice: a metre behind the cloth, within the sensor's 3.5 m; half would touch a swing
+PLATE_SIZE = 0.076  # m, white plate that carries a marker; our choice: leaves a quiet zone around the marker
 BAR_SIZE = (0.44, 0.022)  # m, clamp bar along the held edge; our choice: 20 mm beyond either held corner
 
 HANGER = Hanger(

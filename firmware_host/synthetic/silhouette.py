@@ -42,7 +42,9 @@ SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
 RECORDED_RATE, INTERVAL_SPREAD = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
 AWAY, HERTZ, REST_TIME = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
 EYE = np.array([0.0, -1.5, 0.0])  # m, origin of depth
-TRUTH_RATE = 100.0  # samples a second of the true cloth
+# samples a second of the true cloth. Our choice: eleven a frame, so the error of linear interpolation is 121 times
+# smaller. Half and double were not tried.
+TRUTH_RATE = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,9 @@ from formats.outputs import output_folder, refuse_to_replace, write_bytes, write
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 
 SWATCH_FPS, SWATCH_FRAMES = 120.0, 500  # section 2
-CELLS_BETWEEN_MARKERS = 3  # of the cloth's grid between two markers
+# of the cloth's grid between two markers. Our choice: finer than the markers by a whole number. Half and double were
+# not tried.
+CELLS_BETWEEN_MARKERS = 3
 HELD_APART = 0.92  # of the swatch's width, distance of the held corners: fingers do not stretch it
 UNEVENNESS = 5e-3  # m: no cloth hangs perfectly flat, and a flat one would never fold
 MARKER_NOISE = 2e-4  # m per axis; optical systems have 0.1 to 0.5 mm

@@ -23,11 +23,15 @@ from fit.batch.room import Room
 from fit.errors import BatchError, UnreachableError
 from formats.interrupts import held
 
-CONNECT = 5.0  # s that one attempt to reach a scheduler may take
+# s that one attempt to reach a scheduler may take. Our choice: half and double change only how late a lost scheduler
+# is told.
+CONNECT = 5.0
 SCHEDULER_RETRY = 2.0  # s between attempts; our choice: nobody waits for longer once the other side is back
 WAITS = "hangtime-waits"  # topic of a worker's messages on waiting
 STAGES = "hangtime-stages"  # topic of a worker's messages on the stage and share of a diagnosis, with the job's key
-LONGEST_FILE = 1 << 20  # characters of a scheduler file at most
+# characters of a scheduler file at most. Our choice: a scheduler file is a short JSON object, and a longer file is
+# another one.
+LONGEST_FILE = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)

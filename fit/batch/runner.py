@@ -30,7 +30,9 @@ from formats.plain_text import counted
 
 POLL = 0.25  # s; our choice: fits take minutes, and Ctrl-C is answered at once
 FRUITLESS = 10  # connections in a row without any outcome, after which the batch gives up
-GATHER = 60.0  # s of waiting for a finished job's message
+# s of waiting for a finished job's message. Our choice: longer than a message waits on a busy network. Half and
+# double were not tried.
+GATHER = 60.0
 WORKER_INTERVAL = 5.0  # s between checks for workers; our choice: fits take minutes, half and double were not tried
 ARRIVAL = 60.0  # s: time for workers to start or restart, even if the patience is shorter
 SILENCE = 300.0  # s; a request to an unreachable bucket fails after 180 s at the latest (obstore's retry_timeout)

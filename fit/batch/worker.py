@@ -22,7 +22,9 @@ from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError, NewerFormatError
 from formats.system_causes import FULL
 
-HEARS_WITHIN = 5.0  # s between messages of a waiting worker to the batch
+# s between messages of a waiting worker to the batch. Our choice: half and double change only how late a wait is
+# shown.
+HEARS_WITHIN = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)

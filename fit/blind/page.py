@@ -38,7 +38,8 @@ TARGET_RATES = (
     ("seconds a case, most", "seconds_most", "at most 180"),
 )
 Table = tuple[list[Any], list[list[Any]]]  # column heads, and the cells of each row
-LARGE = 10.0  # figures from here on are written without decimals
+# figures from here on are written without decimals. Our choice: a decimal would be below a tenth of the shown figure.
+LARGE = 10.0
 
 
 def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:

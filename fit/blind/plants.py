@@ -26,7 +26,8 @@ import numpy as np
 from fit.blind.engine import Cloth
 from fit.errors import FitError
 
-SMALLEST_PLANT, LARGEST_PLANT = 0.5, 3.0  # times the typical size
+# times the typical size. Our choice: from below to well above what a take can show. Half and double were not tried.
+SMALLEST_PLANT, LARGEST_PLANT = 0.5, 3.0
 
 BOTTOM_PLACES = ("bottom left", "bottom centre", "bottom right")
 

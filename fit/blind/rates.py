@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import msgspec
 import numpy as np
 
-Z = 1.959964  # 95 %
+Z = 1.959964  # 95 %; quantile of the standard normal distribution at 97.5 %
 
 
 class Rate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -22,7 +22,9 @@ from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times the usual time
-INTERRUPT_PATIENCE = 10.0  # s after the terminal's Ctrl-C, until a diagnosis that still runs is interrupted too
+# s after the terminal's Ctrl-C, until a diagnosis that still runs is interrupted too. Our choice: time for a
+# diagnosis to save its state. Half and double were not tried.
+INTERRUPT_PATIENCE = 10.0
 DIAGNOSIS, FAILURE, OUTPUT_FILE = "diagnosis.json", "failure.txt", "output.txt"
 KEPT = "diagnosis.partial"  # folder with saved fits of an interrupted diagnosis
 Progress = Callable[[int, int, int], None]

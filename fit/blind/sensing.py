@@ -25,7 +25,9 @@ SLOW_TIME = 0.3  # s; our choice: about the third of a second that a diagnosis a
 HELD_SHARE = 0.3  # of the points' noise: fiducial markers are found better than cloth
 CORNER_REACH = 0.02  # m; our choice: 7 px at 1.6 m and f = 576 px, half and double were not tried
 GAP_FRAMES = 3  # frames: mean length of a gap of a point
-SPARE = 0.15  # s of simulation beyond a take's end, for clocks that run ahead
+# s of simulation beyond a take's end, for clocks that run ahead. Our choice: room for a clock that is fast. Half and
+# double were not tried.
+SPARE = 0.15
 
 
 def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tuple[Planted, ...]) -> Floats:

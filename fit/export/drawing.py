@@ -30,7 +30,8 @@ OUTSIDE_FIRST = 0.01  # m: depth offset of the outside of cloth, as layers in co
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
 AMBIENT = 0.42  # share of the light that comes from everywhere, set by eye: folds show, and no cloth is black
 TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame, set by eye: from above and beside
-FRONT_COLOUR, BACK_COLOUR = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
+# RGB. Our choice: with near colours a fold could not be told from its back.
+FRONT_COLOUR, BACK_COLOUR = np.array([74, 119, 176]), np.array([206, 156, 96])
 SKIN = np.array([196, 188, 180])  # RGB; our choice: each is told from its neighbours
 SKY = (244, 245, 247)  # RGB; our choice: each is told from its neighbours
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])  # RGB; our choice: each is told from its neighbours
@@ -39,7 +40,9 @@ LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px:
 TITLE_LINES = 3.0  # times the letters' size: space for text at the top
 LEAST_TITLED = 200  # px: below this height the cloth fills the picture without text
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
-PIECES_OF_A_LINE = 24  # of a line on the floor
+# of a line on the floor. Our choice: perspective bends no straight line, so the count only bounds how far depth is
+# off where cloth hides a line.
+PIECES_OF_A_LINE = 24
 FLOOR_LINES, SMALL_LINES = 0.5, 0.2  # m between lines: of large motion, and of small motion
 SMALL_EXTENT = 1.2  # m: motion of a smaller extent is small
 LINE_SHARE, FLOOR_SPANS = 0.024, 6  # width of a line over the distance of lines, and these distances from end to end

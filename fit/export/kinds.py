@@ -33,7 +33,8 @@ from formats.take import Take
 # Programs choose the format by the suffix alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
 BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2", ".csv", ".parquet", ".u3m", ".xml", ".py"}
 Show = Callable[[float, str], None]
-LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
+# m, from the thinnest foil to quilted wadding. Our choice: outside is a thickness in another unit.
+LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -26,11 +26,13 @@ NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
 # s. Our choice: a ramp lasts half a swing at 0.9 Hz, and a second of rest shows how the motion decays. Half and double
 # were not tried.
 RISE_TIME, LAST_REST = 0.6, 1.0
-SHORTEST_MOTION, LONGEST_MOTION = 2.0, 60.0  # s
+# s. Our choice: at 2 s the rise, until 0.6 s, meets the fall, from 0.4 s; a minute bounds time and memory.
+SHORTEST_MOTION, LONGEST_MOTION = 2.0, 60.0
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
-TWIST_TURN = np.radians(40.0)  # of a twist
+# of a twist. Our choice: a wrist's comfortable turn to either side. Half and double were not tried.
+TWIST_TURN = np.radians(40.0)
 RATES = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
-MOTION_FPS = 30.0  # frames a second of a new motion
+MOTION_FPS = 30.0  # frames a second of a new motion; our choice: as the sensors' 30
 HUNG_SIDE = 0.4  # m: side of a swatch without a take
 
 

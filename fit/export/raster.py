@@ -23,7 +23,9 @@ import numpy as np
 from fit import runtime
 from formats.arrays import Bytes, Floats
 
-FINER = 2  # drawn pixels per output pixel along each side
+# drawn pixels per output pixel along each side. Our choice: 1 shows stairs on edges, and 3 takes more than twice the
+# time.
+FINER = 2
 UNCOVERED = np.int64(2**63 - 1)  # index of a pixel without a triangle
 
 

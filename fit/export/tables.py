@@ -26,7 +26,8 @@ from formats.nature import GRAVITY
 from formats.rows import aligned, csv_text
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
-LINE_LENGTH = 100  # characters per line of text
+# characters per line of text. Our choice: as this project's prose; longer lines would be cut off in a terminal.
+LINE_LENGTH = 100
 
 
 PARAMETER_HEADS = (

@@ -44,7 +44,8 @@ SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
 # triangles; double was not tried.
 WORN_SPACING = 0.012
 LONGEST_WALK = 20.0  # s: single precision resolves micrometres over the distance of this walk
-SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
+# m. Our choice: from a toddler to beyond the tallest players; outside is a height in another unit.
+SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3
 MOST_STRAIN = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
 # Share of the cloth, whose largest strain is reported as well. Our choice: it leaves out single corners, and no result
 # depends on it.

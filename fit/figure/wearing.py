@@ -30,7 +30,7 @@ from formats.nature import GRAVITY
 BEGINS_APART = CLEARANCE + 3e-3  # m: initial distance of a T-shirt's nodes from the body; between nodes cloth is nearer
 BODY_FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
 LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
-SAMPLES_APART = 0.025  # m
+SAMPLES_APART = 0.025  # m; our choice: below the radius of every part, so that no part passes between two samples
 DEEPEST = 0.012  # m inside a body: deeper cloth is not pinched between thighs, but a leg passed through it
 
 

@@ -22,7 +22,9 @@ from fit.errors import FitError
 
 WORKER_FOLDER = Path(__file__).with_name("workers")
 READY_LINE = "ready "
-CLOSING_TIME = 10.0  # s for a program to end after its last job
+# s for a program to end after its last job. Our choice: a program that still runs then hangs. Half and double were
+# not tried.
+CLOSING_TIME = 10.0
 
 
 @dataclass(frozen=True)

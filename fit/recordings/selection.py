@@ -17,7 +17,8 @@ from formats.motion import MOTION_KINDS, kind_of
 from formats.plain_text import counted, shortened
 from formats.take import Take, told_apart
 
-MOST_FIELDS = 2  # differing fields of a garment that one sentence names
+# differing fields of a garment that one sentence names. Our choice: more would hide the sentence's advice.
+MOST_FIELDS = 2
 
 
 def content_of(take: Take) -> str:

@@ -17,7 +17,8 @@ from formats.plain_text import in_one_line
 from formats.soft_lines import SoftLines
 from formats.take_picture import stretches
 
-WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48  # px
+# px. Our choice: letters of 15 px fit the margins; with less, labels would be cut off or cross the curves.
+WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
 
 

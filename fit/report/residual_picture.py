@@ -27,7 +27,8 @@ from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
 
 INSTANTS = 6  # pictures side by side; our choice: each stays 150 px wide
-ROW_HEIGHT, CHART, MARGIN = 210, 190, 44  # px
+# px. Our choice: six pictures fit the width, and labels the margin; with less, labels would cross the cloth.
+ROW_HEIGHT, CHART, MARGIN = 210, 190, 44
 FRAME, GREY, LINK_COLOUR, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
 DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
 

@@ -18,7 +18,7 @@ from formats.importers.c3d_header import C3D_KEY
 from formats.importers.c3d_parameters import FLOAT, INTEL, SECTION_HEAD, SHORT, TEXT
 
 POINT_BYTES = 16  # of a point in a frame: three coordinates and a residual as floats (C3D user guide)
-BYTES_AT_ONCE = 1 << 22  # bytes that are written at once
+BYTES_AT_ONCE = 1 << 22  # bytes that are written at once; our choice: bounds memory, and the file is the same
 MOST_LABELS_OF_ONE = 255  # labels that one parameter can hold; LABELS2 holds the next (C3D user guide)
 MOST_BLOCKS = 255  # of parameters, counted in a byte
 MILLIMETRES = 1e3  # in a metre

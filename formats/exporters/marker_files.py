@@ -24,7 +24,9 @@ from formats.unfinished import ANOTHER_FOLDER
 
 HELD = ("held_left", "held_right")
 FRAMES_AT_ONCE = 1 << 12  # compared at once: 8 MB for 81 points
-ON_POINT = 1e-9  # m within which a held end is a tracked point
+# m within which a held end is a tracked point. Our choice: rounding alone; a marker's position is known to 0.1 mm at
+# best.
+ON_POINT = 1e-9
 LATE = 0.25  # of an interval: largest move of a frame in a file with one rate
 LEAST_MOVED = 1e-4  # s: smaller moves of frames are not reported
 FROM_ORIGIN = 1e-6  # m, the last digit of a coordinate in CSV

@@ -22,7 +22,9 @@ from formats.take import Take
 from formats.unfinished import ANOTHER_FOLDER
 
 DRAWN_RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
-GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
+# m of the arrow that shows which way gravity pulls. Our choice: seen beside a garment of half a metre; a longer arrow
+# would cross the cloth.
+GRAVITY_LENGTH = 0.3
 
 
 def write_rrd(path: Path, take: Take, *, overwrite: bool = True) -> None:

@@ -41,7 +41,7 @@ FARTHEST_FOR_A_WHILE = 0.1  # m, median over WHILE pictures: the corners that a 
 LONGEST_POSE_STEP = 0.2  # s between poses that are interpolated linearly: four steps of the public paths
 WHILE = 9  # pictures: a second of the public recordings
 SMALLEST_SHOWN = 1e-3  # s, standard error
-MOST_OTHERS = 2  # equally good shifts that one note names
+MOST_OTHERS = 2  # equally good shifts that one note names; our choice: more would hide the sentence's advice
 NORM_WITHIN = 1e-2  # deviation of a quaternion's norm from 1: one printed with two decimals still passes
 ARM_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 

@@ -35,7 +35,9 @@ from formats.plain_text import first_few, sized
 from formats.plausible import USABLE_RATES
 
 LARGEST_C3D = 1 << 30  # bytes; our choice: memory; two hours of 40 markers at 200 frames a second have 0.9 GB
-CONVERTED_AT_ONCE = 1 << 22  # bytes of the data that are converted to positions at once
+# bytes of the data that are converted to positions at once. Our choice: bounds memory, and the positions are the
+# same.
+CONVERTED_AT_ONCE = 1 << 22
 TEXTS = ("LABELS", "UNITS")  # of each point
 CONTINUED_BY = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
 

@@ -43,7 +43,9 @@ from formats.held_row import FEWEST_BLOCKS, HALF_SWING, LEAST_EXPLAINED, OUTLIER
 Path = Callable[[Floats], Floats]
 
 FARTHEST_SHIFT, SHIFT_STEP = 5.0, 0.02  # s, limit and step of the grid; a step is 10 mm at 0.5 m/s
-SEEN_AT_ALL = 0.5  # share of positions for which the shifted trajectory must be known
+# share of positions for which the shifted trajectory must be known. Our choice: below, most of a comparison would be
+# missing. Half and double were not tried.
+SEEN_AT_ALL = 0.5
 # Pictures, evenly spread over the recording. Our choice: 67 s at 30 a second are whole, a million positions on the grid
 # of 501 shifts. Half and double were not tried.
 MOST_LOOKED_AT = 2000

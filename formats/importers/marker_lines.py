@@ -40,7 +40,7 @@ LINES_OF_VICON_HEAD = 8  # from `Trajectories` on: rate, names and columns, and 
 # Lines searched for delimiters where the header has a single cell; our choice: half a second at 100 a second.
 LOOKED_AT = 50
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some more
-LONGEST_CELL = 1 << 17  # characters
+LONGEST_CELL = 1 << 17  # characters; our choice: a longer one is no number or name but another kind of file
 MINUS = "\u2212"  # the sign of negative numbers in Swedish, Norwegian or Finnish (Unicode CLDR)
 
 

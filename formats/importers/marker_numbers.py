@@ -39,8 +39,8 @@ MOST_NUMBERS_OF_FILE = 1 << 25  # of a file: 19 minutes of 81 markers at 120 fra
 SAY_WHICH = "say which with --decimal comma or --decimal point"
 WITHIN_ITS_LAST = "may be cut off within its last number, so its last marker counts as not seen there"
 NO_THOUSANDS = "export numbers without a thousands separator"
-MOST_WRONG = 100  # unreadable lines that an error counts
-LINES_AT_ONCE = 64  # lines converted to positions together
+MOST_WRONG = 100  # unreadable lines that an error counts; our choice: bounds the time on a file of another kind
+LINES_AT_ONCE = 64  # lines converted to positions together; our choice: bounds memory, and the positions are the same
 
 
 @dataclass(frozen=True)

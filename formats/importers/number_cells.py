@@ -15,7 +15,8 @@ DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in 
 # A space of any width or an apostrophe as the thousands separator, as in 1 500,25 and 1'500.25.
 GROUP_SIGNS = " \u00a0\u2009\u202f'\u2019"
 GROUPED = re.compile(rf"[+-]?[1-9]\d{{0,2}}([{GROUP_SIGNS}])\d{{3}}(\1\d{{3}})*([.,]\d*)?", re.ASCII)
-CELL_SHOWN = 40  # characters of a cell in a message
+# characters of a cell in a message. Our choice: half a line of a terminal; a longer cell would hide the sentence.
+CELL_SHOWN = 40
 # Missing values of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
 GAP_WORDS = {"", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "nan(snan)"}
 # The older C library pads `1.#QNAN` with zeros, or rounds its letters: to two decimals 1.#R, to three 1.#QO.

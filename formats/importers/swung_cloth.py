@@ -46,10 +46,13 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "rest": (POINT_COUNT, 2),
 }  # fmt: skip
 FEWEST_GRID_POINTS = 9  # of a grid
-SAME_LINE_METRES = 1e-3  # m, tolerance within which positions share a row or column
+# m, tolerance within which positions share a row or column. Our choice: above rounding, and below a tenth of the
+# points' distance.
+SAME_LINE_METRES = 1e-3
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fabrics"
-DESCRIBED_WITHIN = 2e-3  # m between a described point and its position in the grid
+# m between a described point and its position in the grid. Our choice: a ruler's reading errs by 1 mm at either end.
+DESCRIBED_WITHIN = 2e-3
 LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbours: 0.98 in the public recordings
 FARTHEST_HELD = 0.5  # of the cloth's side, median distance of corners from the held row: public recordings have < 0.1
 ON_TOP = 1e-3  # of the side, tolerance within which a position is in the held row

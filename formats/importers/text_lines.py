@@ -15,10 +15,11 @@ from typing import BinaryIO, overload
 from formats.errors import TakeError
 from formats.plain_text import encoding_of
 
-PIECE_BYTES = 1 << 20  # bytes of a file that are decoded at once
+PIECE_BYTES = 1 << 20  # bytes of a file that are decoded at once; our choice: bounds memory, and the lines are the same
 MOST_LINES_OF_A_FILE = 5_000_000  # 80 minutes at 1000 frames a second
 CTRL_Z, MOST_CTRL_Z = b"\x1a", 4096  # the end mark of DOS text files; bytes of marks that are skipped
-LOOKED_AT_BYTES = 200  # in which a zero byte shows UTF-16
+# in which a zero byte shows UTF-16. Our choice: more than a header's first line. Half and double were not tried.
+LOOKED_AT_BYTES = 200
 VISIBLE_BYTES = re.compile(rb"[^\0\r\n\t ]")  # bytes of visible characters
 NEVER_IN_TEXT = re.compile(rb"[\0-\x08\x0b\x0c\x0e-\x1f]")  # bytes that no Windows text contains
 

@@ -151,9 +151,7 @@ def times(*factors):
             "give 'tcp_pose' and 'tcp_to_corner_m' in metres: the values seem to be millimetres",
         ),
         ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: the file's order seems to be w x y z"),
-        pytest.param(
-            "tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "seems to hold their inverses", marks=pytest.mark.slow
-        ),
+        pytest.param("tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "seems to hold their inverses", marks=pytest.mark.slow),
     ],
 )
 def test_a_path_that_is_not_where_the_pictures_have_the_corners_is_refused(tmp_path, name, change, advice):

@@ -21,19 +21,22 @@ from formats.arrays import Integers
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
-LARGEST_WINDOW = 1 << 23  # bytes of zstd's window
+LARGEST_WINDOW = 1 << 23  # bytes of zstd's window; RFC 8878, section 3.1.1.1.2: decoders should support it
 # Unpacked bytes for each packed byte of a chunk. Blocks have 1 to 17, or 390 with 2000 unseen points. A header of 2000
 # points has 5, one of repetitive notes 50. A second of version 1 at rest has 18 to 1700 (2000 points).
 UNPACKED_PER_BYTE = 32
-FREE_BYTES = 1 << 26  # budget beyond that, for all chunks of a file together
+# budget beyond that, for all chunks of a file together. Our choice: bounds memory. Half and double were not tried.
+FREE_BYTES = 1 << 26
 COPY_EVERY = 20  # chunks between copies of a header that are free of charge: writers put 30 blocks between them
 RECORD_BYTES, FREE_RECORDS = 64, 1 << 16  # packed bytes for each record of a chunk; budget of a file beyond that
 # bytes searched at once for the next chunk. Our choice: bounds memory, and the chunks that are found are the same.
 SLAB = 1 << 20
-FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
-LONGEST_NAME = 16  # bytes of a compression's name
+# bytes of a chunk record without its compression's name, its records and their length. MCAP specification, chunk.
+FIXED = 45
+LONGEST_NAME = 16  # bytes of a compression's name; our choice: MCAP knows `lz4` and `zstd`
 LONGEST_RECORD = 1 << 20  # bytes of a record that is skipped: the specification is the longest
-KNOWN = {0x01, 0x02, 0x03, 0x04, 0x07, 0x08, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F}  # records that hold no frames
+# records that hold no frames. MCAP specification, opcodes.
+KNOWN = {0x01, 0x02, 0x03, 0x04, 0x07, 0x08, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F}
 
 
 @dataclass

@@ -97,7 +97,7 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
         fitting = [name for name, unit in CLOCKS if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]
         meant = f"are these {fitting[0]}?" if fitting else "is its time in seconds?"
         if np.all(np.abs(np.diff(time) - 1.0) < 1e-6):
-            meant = "these are frame numbers, or milliseconds at 1000 frames a second"
+            meant = "its times are frame numbers, or milliseconds at 1000 frames a second"
         raise ImplausibleError(
             f"its frames are {apart:g} s apart in the median; {meant}", where=where,
             advice=step_or_anyway(

@@ -43,7 +43,7 @@ BLOCK_SECONDS = 0.5  # s: residuals further apart than half a swing count as ind
 FEWEST_HALVES = 3  # half-seconds of motion, at least, for intervals; our choice: the spread of fewer is unknown
 LARGEST_SHIFT = 0.5  # s, largest offset of the hanger's clock either way: live cameras are late by 0.05 to 0.35 s
 MOST_SHIFTED = 1000  # frames, evenly spaced, for which all clock offsets are tried: 1 s for 64 points
-CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s
+CLOCKS_APART = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 0.01, 0.02)  # s; our choice: half and double were not tried
 
 
 @dataclass(frozen=True)

@@ -197,7 +197,7 @@ def read_bounded(path: Path, most: int = LARGEST_STATE) -> bytes:
         size = os.fstat(file.fileno()).st_size
         raw = file.read(most + 1) if size <= most else b""
     if max(size, len(raw)) > most:  # it may have grown since
-        what = f"it has {sized(max(size, len(raw)))}, and such a file {sized(most)} at most"
+        what = f"the file has {sized(max(size, len(raw)))}, and one of its kind {sized(most)} at most"
         raise OSError(errno.EINVAL, what, str(path))
     return raw
 

@@ -71,7 +71,7 @@ def test_every_command_names_the_unit_that_was_probably_meant_and_its_way_to_acc
     refused = hangtime_here(*words, folder=folder)
     assert refused.returncode == 2
     assert "or --anyway to accept it" in refused.stderr
-    assert any(hint in refused.stderr for hint in ("grams meant", "millimetres", "these are frame numbers"))
+    assert any(hint in refused.stderr for hint in ("grams meant", "millimetres", "its times are frame numbers"))
     accepted = hangtime_here(*words, "--anyway", folder=folder)
     assert "--anyway" not in accepted.stderr  # other errors do not matter here
     assert "Traceback" not in accepted.stderr

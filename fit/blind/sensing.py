@@ -20,7 +20,9 @@ from fit.blind.engine import SAMPLES_A_SECOND
 from fit.blind.plants import Planted
 from formats.arrays import Booleans, Floats
 
-SLOW_PART = 1 / 3  # of the white noise's deviation
+# of the white noise's deviation. Our choice: slow noise that is seen beside the white one. Half and double were not
+# tried.
+SLOW_PART = 1 / 3
 SLOW_TIME = 0.3  # s; our choice: about the third of a second that a diagnosis assumes, half and double were not tried
 HELD_SHARE = 0.3  # of the points' noise: fiducial markers are found better than cloth
 CORNER_REACH = 0.02  # m; our choice: 7 px at 1.6 m and f = 576 px, half and double were not tried

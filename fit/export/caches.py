@@ -34,7 +34,7 @@ from formats.rows import csv_text
 GLTF_FLOAT, GLTF_UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
 SKIN_RGB = (0.77, 0.74, 0.71)  # RGB, of a figure
-CODES_PER_SECOND = 30.0  # USD time codes a second
+CODES_PER_SECOND = 30.0  # USD time codes a second; our choice: as the new motions' 30 frames
 
 
 def words(result: FitResult, fabric: Fabric | None) -> list[str]:

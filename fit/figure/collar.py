@@ -22,7 +22,7 @@ from formats.garment import Garment
 APART, COLLAR_HEIGHT = 0.012, 0.034
 TILT = np.radians(12.0)  # rad, lower in front: with DIP the neck is as high behind as on the shoulders
 DIP = 0.018  # m: depth of its middle in front and behind
-PIECES_OF_A_QUARTER = 64  # of a quarter
+PIECES_OF_A_QUARTER = 64  # of a quarter; chords leave an arc of 6 cm by 5 um
 
 
 def half_side(garment: Garment, radius: float) -> float:

@@ -52,7 +52,8 @@ from formats.arrays import Floats
 from formats.meant_units import SPEED_UNITS
 
 BETWEEN_INSTANTS = 2e-3  # s: between instants a body at 2 m/s changes its speed by centimetres a second
-SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8  # m/s, between a stroll and the change to running
+# m/s, between a stroll and the change to running. Our choice: round numbers. Other bounds were not tried.
+SLOWEST_WALK, NORMAL_SPEED, FASTEST_WALK = 0.4, 1.2, 1.8
 WALK_RATIO = 0.006  # m min, step length over steps a minute
 STANCE = 0.62  # of a stride: stance of a foot
 NORMAL_STEP = 0.75  # m, of a man's normal walk, at which the pelvis moves as its source says

@@ -25,7 +25,7 @@ TRUNK = 0.818 - 0.530  # from the hips to the shoulders
 SHOULDER_OFFSET = 0.115  # from the middle to either shoulder's centre
 NECK, HEAD = 0.870 - 0.818, 0.130  # from the shoulders to the chin, and on to the top
 UPPER_ARM, FOREARM, HAND = 0.186, 0.146, 0.108  # of the height, Drillis and Contini 1966
-STANDARD_HEIGHT = 1.70  # m
+STANDARD_HEIGHT = 1.70  # m; our choice: between women's and men's means
 
 SIDES = ("left", "right")
 

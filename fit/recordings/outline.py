@@ -26,7 +26,8 @@ from formats.arrays import Floats
 # Standard deviation of the lean [1], a swing of 2 degrees, from which a slope is estimated. Our choice: beyond the
 # 0.004 that noise of 2 mm makes on 0.45 m. Half and double were not tried.
 LEAST_SWING = 0.02
-FEWEST_SEGMENTS = 12  # between neighbours down the grid, that a frame must show
+# between neighbours down the grid, that a frame must show. Our choice: half and double were not tried.
+FEWEST_SEGMENTS = 12
 
 
 @dataclass(frozen=True)

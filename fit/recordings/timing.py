@@ -49,7 +49,7 @@ MOVING, STILL = 0.1, 0.03  # m/s of the row: faster frames show delays, and slow
 # m of an axis. Our choice: below a camera's 2 mm; without a bound, an axis without noise would count for everything.
 # Half and double were not tried.
 LEAST_NOISE = 5e-4
-FEWEST_NOISE_FRAMES = 8  # frames for an estimate of noise
+FEWEST_NOISE_FRAMES = 8  # frames for an estimate of noise; our choice: half and double were not tried
 MEDIAN_TELLS = 0.37  # efficiency of a median absolute deviation relative to a mean square
 WIDEST_INTERVAL = 0.05  # s: largest half interval; a wider one means that the hanger hardly moved
 # Half 90 % intervals: 3.5 standard errors. Student's t with 15 degrees of freedom, as for a take of 8 s, exceeds this 1

@@ -21,7 +21,7 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.plain_text import counted
 
-BLOCK_BYTES = 512  # bytes
+BLOCK_BYTES = 512  # bytes; C3D user guide
 BLOCKS_AT_ONCE = 1 << 12  # blocks read at once; our choice: 2 MB, and no result depends on it
 MOST_RUNS = 3  # of zero blocks; our choice: more are gaps for which a program writes zeros
 

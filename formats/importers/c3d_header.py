@@ -25,7 +25,7 @@ from formats.importers.c3d_blocks import BLOCK_BYTES
 from formats.importers.c3d_parameters import FLOAT, SGI, NoParametersError, Parameters, numbers_of
 
 TEXT_BYTES = bytes(range(32, 256)) + b"\t\r\n"  # bytes of text without zeros
-C3D_KEY = 0x50  # second byte of every C3D file
+C3D_KEY = 0x50  # second byte of every C3D file; C3D user guide
 LEAST_RATE = 1e-3  # frames a second, so that quotients are finite
 WORD_VALUES = 1 << 16  # numbers that a word of 16 bits can state
 MOST_STATED_FRAMES = WORD_VALUES - 1  # that the header can state

@@ -19,8 +19,8 @@ import numpy as np
 from formats.arrays import Floats, Singles
 
 INTEL, DEC, SGI = 84, 85, 86  # numbers of the processors, C3D user guide, parameter section
-SECTION_HEAD = 4  # bytes
-TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds
+SECTION_HEAD = 4  # bytes; C3D user guide
+TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds; C3D user guide: kinds of a parameter
 USED = {"POINT", "TRIAL"}  # groups whose parameters must be well-formed; errors in others are ignored
 
 

@@ -55,7 +55,7 @@ SURELY = 3.5  # standard errors: exceeded by chance once in 300, with 15 degrees
 LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves determines no offset
 LEAST_SHIFT = 5e-3  # s: a hanger at 0.5 m/s moves 2.5 mm meanwhile, as much as the noise of a point
 SAME_MINIMUM = 0.1  # s: nearer minima count as one; a swing of 2 Hz has a minimum every 0.25 s
-STEPS = 6  # of Gauss-Newton, each at most `SHIFT_STEP`
+STEPS = 6  # of Gauss-Newton, each at most `SHIFT_STEP`; our choice: half and double were not tried
 
 
 @dataclass(frozen=True)

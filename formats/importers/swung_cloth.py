@@ -45,7 +45,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "hanger_corners": (FRAME_COUNT, 2, 3),
     "rest": (POINT_COUNT, 2),
 }  # fmt: skip
-FEWEST_GRID_POINTS = 9  # of a grid
+FEWEST_GRID_POINTS = 9  # of a grid; our choice: three rows of three, the fewest that bend both ways
 # m, tolerance within which positions share a row or column. Our choice: above rounding, and below a tenth of the
 # points' distance.
 SAME_LINE_METRES = 1e-3
@@ -55,7 +55,9 @@ MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fab
 DESCRIBED_WITHIN = 2e-3
 LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbours: 0.98 in the public recordings
 FARTHEST_HELD = 0.5  # of the cloth's side, median distance of corners from the held row: public recordings have < 0.1
-ON_TOP = 1e-3  # of the side, tolerance within which a position is in the held row
+# of the side, tolerance within which a position is in the held row. Our choice: above rounding, and far below the
+# distance of rows.
+ON_TOP = 1e-3
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 STATED_HELD_SD = 0.002  # m; our choice: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = (

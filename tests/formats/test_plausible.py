@@ -168,7 +168,7 @@ DELIVER = "cameras deliver 5 to 1000; give its time in seconds"
         (0.401, f"its frames are 0.401 s apart in the median; is its time in seconds? {SECONDS}"),
         (0.5, f"its frames are 0.5 s apart in the median; is its time in seconds? {SECONDS}"),
         (1.5, f"its frames are 1.5 s apart in the median; are these milliseconds? {SECONDS}"),
-        (1.0, "its frames are 1 s apart in the median; these are frame numbers, or milliseconds at 1000 frames a "
+        (1.0, "its frames are 1 s apart in the median; its times are frame numbers, or milliseconds at 1000 frames a "
          f"second; g{SECONDS[1:]}"),
         (33.3, f"its frames are 33.3 s apart in the median; are these milliseconds? {SECONDS}"),
         (200.0, f"its frames are 200 s apart in the median; are these milliseconds? {SECONDS}"),

@@ -75,8 +75,8 @@ def grid(rows, columns, **others):
         ({"t": with_value(7, 6 * 0.11 - 0.34)}, f"{OF_FRAMES} 7, at 0.32 s; {MEND}"),
         ({"t": lambda t: 1e3 * t}, f"its frames are 110 s apart in the median; are these milliseconds? G{SECONDS}"),
         ({"t": lambda t: 1e9 * t}, f"its frames are 1.1e+08 s apart in the median; are these nanoseconds? G{SECONDS}"),
-        ({"t": np.arange(40.0)}, "its frames are 1 s apart in the median; these are frame numbers, or milliseconds at "
-         f"1000 frames a second; g{SECONDS}"),
+        ({"t": np.arange(40.0)}, "its frames are 1 s apart in the median; its times are frame numbers, or milliseconds "
+         f"at 1000 frames a second; g{SECONDS}"),
         ({"t": lambda t: t[:-1]}, f"the array 'points' has shape (40, 64, 3), not (39, 64, 3); {WHAT_TO_GIVE}"),
         ({"points": lambda points: points[:, 0]},
          f"the array 'points' has shape (40, 3), not (40, 0, 3); {WHAT_TO_GIVE}"),

@@ -190,12 +190,12 @@ def test_a_file_is_read_up_to_a_bound_and_refused_above_it(tmp_path):
     path = tmp_path / "note"
     path.write_bytes(b"0123456789")
     assert read_bounded(path, 10) == b"0123456789"
-    with pytest.raises(OSError, match="it has 10 bytes, and such a file 9 bytes at most"):
+    with pytest.raises(OSError, match="the file has 10 bytes, and one of its kind 9 bytes at most"):
         read_bounded(path, 9)
 
 
 @pytest.mark.parametrize("path", ["/dev/zero", "pipe"])
 def test_a_file_without_an_end_is_not_read(tmp_path, path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OSError, match="it is a pipe or a device"):
+    with pytest.raises(OSError, match="the path is a pipe or a device"):
         read_bounded(tmp_path / path)

@@ -9,7 +9,7 @@ import numpy as np
 
 BLIND_AIR = 1.2041  # kg/m^3, dry air at 20 degC; formats.nature has 1.204; existing cases keep this value
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth, as `fit.blind.kernel`
-DRAUGHT = 1.2  # plate coefficient of a draught
+DRAUGHT = 1.2  # plate coefficient of a draught; as the typical one of `fit.effects.air_drag`
 BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on, as `fit.blind.kernel`
 
 

@@ -10,11 +10,11 @@ import pytest
 from fit.cloth.model import Resolution
 from fit.gap import base_fit, gates
 from fit.gap.base_fit import MOST_STARTS, coarsened, fit_base, middle
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Pinned, Problem, Task, fit
 from fit.methods import SI
 from formats.diagnosis_records import Gate
 from tests.fit.gap.linear_takes import MESH, LinearTakes
+from tests.fit.gap.named_fits import Named
 
 FIRST_SAMPLES, CARRIED, SAMPLES = 18, 8, 2  # few, for each batch after the first sixteen trains an emulator
 SHIFT = np.array([0.5, -0.4, 0.3, 0.2, -0.3])  # of the logarithms of the parameters
@@ -71,11 +71,11 @@ def pulls(monkeypatch, *asked):
 
 
 def ended(world, told=lambda *_: None):
-    return fit_base(world, told, Checkpoint(None, {}), 0)
+    return fit_base(world, told, Named(), 0)
 
 
 def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
-    told, names, begun, kept = [], [], [], Checkpoint(None, {})
+    told, names, begun, kept = [], [], [], Named()
     recall, places = kept.recall, kept.recall_vectors
 
     def recalled(wanted, go):

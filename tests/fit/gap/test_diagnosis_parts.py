@@ -14,7 +14,6 @@ from fit.cloth.model import Resolution
 from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
 from fit.gap.base_fit import fit_base, scattered
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, Task, amplitude_of, fit
 from fit.gap.floor import neighbour_noise
@@ -25,6 +24,7 @@ from fit.gap.screening import ended_at, screen
 from fit.methods import LEAN, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
+from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import signature
 from tests.fit.scenes import hung, material, shared, sheet, simulate_take, swing, take_of
 from tests.formats.damage import a_report
@@ -265,7 +265,7 @@ def test_candidates_are_within_bounds_and_the_initial_parameters_come_first():
 def base_fit_over_truth(seed):
     """Cost of the base fit in multiples of the cost where the truth is."""
     observer = Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE)
-    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), seed)
+    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Named(), seed)
     assert gate.passed
     return fits[0].cost / float((chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum())
 
@@ -294,7 +294,7 @@ def test_a_refit_in_the_wrong_valley_finds_the_right_one_and_takes_its_effect_ac
     start[:2] = 200.0, 140.0
     (fitted,) = fit(observer, [Task(start, amplitudes_of(LIBRARY, time_offset=0.02), (effect,))])
     search = object.__new__(Rounds)
-    search.observer, search.kept = observer, Checkpoint(None, {})
+    search.observer, search.kept = observer, Named()
     (found,) = search._fitted_on([fitted])
     assert fitted.vector[1] > 2 * truth[1]
     assert found.vector[1] == pytest.approx(truth[1], rel=0.2)

@@ -11,7 +11,6 @@ import pytest
 
 from fit.errors import FitError
 from fit.gap import edge_driven, next_experiment
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import _key
 from fit.gap.edge_driven import driven_by_edge, held_by_edge
 from fit.gap.fitting import Problem
@@ -24,6 +23,7 @@ from fit.provenance import physics_version
 from fit.recordings.ready import ready
 from fit.recordings.selection import content_of
 from tests.fit.gap.linear_takes import LinearTakes
+from tests.fit.gap.named_fits import Named
 from tests.fit.gap.test_diagnosis_parts import a_take
 from tests.fit.gap.verdict_scene import hypothesis
 
@@ -102,7 +102,7 @@ def world(monkeypatch):
 
 
 def test_the_model_that_is_held_by_the_edge_is_fitted_to_and_judged_on_takes_held_so(world):
-    kept = Checkpoint(None, {})
+    kept = Named()
     found = held_by_edge(world, world, world.base(), kept)
     fitted, judge = world.others
     for driven in world.asked:
@@ -120,8 +120,8 @@ def test_no_model_is_held_by_an_edge_that_one_of_the_takes_does_not_show(world, 
     recording = world.recordings[lost]
     garment = msgspec.structs.replace(recording.garment, held="corners")
     hidden = SimpleNamespace(recordings=[replace(recording, garment=garment), world.recordings[1 - lost]])
-    assert held_by_edge(hidden, world, world.base(), Checkpoint(None, {})) is None
-    assert held_by_edge(world, hidden, world.base(), Checkpoint(None, {})) is None
+    assert held_by_edge(hidden, world, world.base(), Named()) is None
+    assert held_by_edge(world, hidden, world.base(), Named()) is None
     assert edge_driven._all_driven([]) == []
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.gap.fitting import Fitted
-from fit.gap.hypotheses import POLISHING, REFIT_ITERATIONS, further, polishing, refits, shortlist
+from fit.gap.hypotheses import POLISHING, REFIT_ITERATIONS, _starts_of_refit, further, polishing, refits, shortlist
 from fit.gap.screening import screen
 from fit.methods import KINECT_SKIRT, SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
@@ -46,6 +46,20 @@ def test_a_guess_beyond_an_effects_range_begins_inside():
     screened = screen(observer, observer.fitted(), ("hem", "air_drag"))
     (task,) = refits(observer, observer.fitted(), screened, ["hem"])
     assert task.amplitudes[observer.columns["hem"]] == pytest.approx(hem.high)  # 1.5 shares of 0.9, within bounds
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_starts_are_shares_of_a_guess_that_lies_within_nine_tenths_of_either_end(sign):
+    """Tautness or slack of many times the range: 0.3, 0.6, 1 and 1.5 of nine tenths, at most the end."""
+    row = np.linalg.qr(np.random.default_rng(1).normal(size=(NUMBERS, 1)))[0].T[0]
+    slack, none = KINDS["clip_slack"], np.zeros((NUMBERS, len(SI.initial)))
+    observer = LinearObserver(-sign * 2500.0 * row, none, {"clip_slack": 50.0 * row / slack.typical})
+    found = screen(observer, observer.fitted(), ("clip_slack",))["clip_slack"]
+    problem, starts, _ = _starts_of_refit(observer, observer.fitted(), found, "clip_slack")
+    _, amplitudes = problem.unpack(np.array(starts))
+    end = slack.high if sign > 0 else slack.low
+    shares = amplitudes[:, observer.columns["clip_slack"]][:, 0] / end
+    assert shares == pytest.approx([0.27, 0.54, 0.9, 1.0] * 2)
 
 
 def test_five_effects_and_no_trifle_are_refitted():

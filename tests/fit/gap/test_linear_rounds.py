@@ -10,13 +10,13 @@ import pytest
 
 from fit.gap import from_raw
 from fit.gap import rounds as module
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import Pinned
 from fit.gap.floor import Floor
 from fit.gap.rounds import Rounds
 from fit.gap.weighed import known_error_mm, weigh
 from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes, best_of
+from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import EFFECTS, hypothesis
 
 
@@ -29,7 +29,7 @@ def world():
 
 def rounds_of(world):
     told = []
-    return Rounds(world, world, [world.base()], lambda *said: told.append(said), Checkpoint(None, {})), told
+    return Rounds(world, world, [world.base()], lambda *said: told.append(said), Named()), told
 
 
 def size_of(world, hypothesis, name):
@@ -199,7 +199,7 @@ def test_weighing_goes_on_from_a_better_base_fit_and_keeps_each_fit_under_its_ow
     best = world.base()
     vector = 1.3 * best.vector
     poor = replace(best, vector=vector, residual=world.residuals(vector[None], world.off[None])[0])
-    search = Rounds(world, world, [poor], lambda *_: None, Checkpoint(None, {}))
+    search = Rounds(world, world, [poor], lambda *_: None, Named())
     names, recall = [], search.kept.recall
     monkeypatch.setattr(search.kept, "recall", lambda wanted, go: names.extend(wanted) or recall(wanted, go))
     own = np.sqrt(3) * 1e3 * NOISE
@@ -225,7 +225,7 @@ def test_raw_points_are_judged_by_a_base_model_that_is_fitted_to_them(world, mon
         made.missed = made.noisy() + made.moved(4e-3)
     monkeypatch.setattr(from_raw, "raw_recordings", lambda takes: f"raw {takes}")
     monkeypatch.setattr(world, "of", lambda takes: {"raw train": raw, "raw test": other}[takes], raising=False)
-    kept = Checkpoint(None, {})
+    kept = Named()
     assert from_raw.raw_error_mm(world, world, "train", "test", world.base(), kept) is None
     world.recordings = [replace(r, camera=replace(r.camera, is_placed=True)) for r in world.recordings]
     best = raw.base()

@@ -186,12 +186,16 @@ def test_the_pull_is_that_of_a_critically_damped_spring_of_three_hertz():
         garment=SimpleNamespace(points=[SimpleNamespace(at_m=(0.0, -0.1 * k)) for k in range(4)]),
     )  # fmt: skip
     sides = {1: np.array([0.0, 0.0, 2.0]), 2: np.array([3.0, 0.0, 0.0])}  # z x x = y
+    asked = []
     simulator = SimpleNamespace(
-        run=lambda *given, observer_hz, shapes: SimpleNamespace(points=places[None], shapes=np.zeros((1, 90, 4))),
+        run=lambda *given, **options: (
+            asked.append((given, options)) or SimpleNamespace(points=places[None], shapes=np.zeros((1, 90, 4)))
+        ),
         recording=recording,
         mesh=SimpleNamespace(points=SimpleNamespace(apply=lambda shapes, k: np.tile(sides[k], (4, 90, 1)))),
     )
-    pull, normal, third, odd, even, powers, point = _pull(simulator, None, None)
+    pull, normal, third, odd, even, powers, point = _pull(simulator, "cloth", "effects")
+    assert asked == [(("cloth", "effects"), {"observer_hz": 3.0, "shapes": True})]
     count = 84 * 3 - 2
     assert len(pull) == len(point) == count  # three frames at either end have one-sided differences
     omega = 2 * np.pi * 3.0

@@ -11,11 +11,11 @@ import pytest
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap import rounds
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.closure import gain_p_value
 from fit.gap.fitting import Pinned
 from fit.gap.hypotheses import Hypothesis, further
 from fit.gap.rounds import Rounds
+from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import EFFECTS, KINDS, NO_EDGE, errors, hypothesis, like, signature, with_edge
 
 
@@ -128,7 +128,7 @@ def test_a_further_effect_that_few_steps_fitted_ill_is_fitted_on_before_it_is_ju
 def test_of_a_fit_and_its_ends_across_the_valleys_the_cheapest_counts(monkeypatch):
     """Fitted on, a costs 10, and 8 and 9 across; b costs 7, and 9 across; nothing lies across from c."""
     search, asked = object.__new__(Rounds), []
-    search.observer, search.kept = None, Checkpoint(None, {})
+    search.observer, search.kept = None, Named()
     costs = {"a": 10.0, "a1": 8.0, "a2": 9.0, "b": 7.0, "b1": 9.0, "c": 5.0}
     across = {"a": ["a1", "a2"], "b": ["b1"], "c": []}
 
@@ -200,7 +200,7 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
     """Alone the hem cost 80 and drag 20; from where both ended they cost 30 and 25."""
     search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0), "hem": (11.0, 80.0)})
     pair = hypothesis(("air_drag", "hem"), 5.5)
-    search.judge, search.kept = None, Checkpoint(None, {})
+    search.judge, search.kept = None, Named()
     asked = []
 
     def fit(observer, tasks):
@@ -271,7 +271,7 @@ def test_an_effect_that_explains_nothing_beside_later_ones_is_dropped(monkeypatc
     triple.fitted.amplitudes[drag] = size * KINDS["air_drag"].typical
     search.observer.in_mm = lambda row: 2.0  # of a typical size of any effect
     search.screened = {name: signature(typical=KINDS[name].typical) for name in triple.effects}
-    search.judge, search.kept, search.joint = None, Checkpoint(None, {}), [(triple, 0.01)]
+    search.judge, search.kept, search.joint = None, Named(), [(triple, 0.01)]
     asked = []
 
     def fit(observer, tasks):
@@ -296,7 +296,7 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
     )
     search.singles[slack] = dataclasses.replace(search.singles[slack], fitted=by_edge)
     pair = hypothesis(("clip_slack", "hem"), 5.5)
-    search.judge, search.kept = None, Checkpoint(None, {})
+    search.judge, search.kept = None, Named()
     costs = {slack: 20.0, pair.effects[1]: 40.0}
 
     def fit(observer, tasks):

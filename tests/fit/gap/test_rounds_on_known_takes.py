@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Task, fit
 from fit.gap.hypotheses import judged
 from fit.gap.rounds import Rounds
 from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes
+from tests.fit.gap.named_fits import Named
 
 OWN = float(np.sqrt(3) * 1e3 * NOISE)  # mm
 
@@ -22,7 +22,7 @@ def searched(**sizes):
     world.missed = world.noisy() + world.moved(1e-3 * MESH)
     for name, size in sizes.items():
         world.missed = world.missed - size * world.rows[name][0]
-    search = Rounds(world, world, [world.base()], lambda *said: None, Checkpoint(None, {}))
+    search = Rounds(world, world, [world.base()], lambda *said: None, Named())
     search.first_round(tuple(sizes), has_gap=True)
     return search
 
@@ -90,7 +90,7 @@ def test_a_base_fit_that_ends_dearer_than_one_from_an_effects_fit_gives_way_and_
     best = world.base()
     vector = 3.0 * best.vector
     poor = dataclasses.replace(best, vector=vector, residual=world.residuals(vector[None], world.off[None])[0])
-    search = Rounds(world, world, [poor], lambda *said: None, Checkpoint(None, {}))
+    search = Rounds(world, world, [poor], lambda *said: None, Named())
     begun, recall = {}, search.kept.recall
 
     def recalled(names, go):

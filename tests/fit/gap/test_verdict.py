@@ -15,7 +15,7 @@ from fit.gap.probabilities import LEFT_WIDTH, ODDS, SHARE_LEFT, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks, may_be_added, passing_effects
 from formats.diagnosis_records import in_percent
-from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypothesis
+from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, UNSETTLED, evidence_of, hypothesis
 
 
 @pytest.mark.parametrize(
@@ -33,6 +33,7 @@ from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypo
         ({"singles": {"air_drag": 9.6}, "gate_list": [COARSE]}, "numerics", []),
         ({"singles": {"air_drag": 6.0}, "gate_list": [COARSE]}, "effect", ["air_drag"]),
         ({"singles": {"air_drag": 6.0}, "gate_list": [STILL]}, "inconclusive", []),
+        ({"singles": {"air_drag": 6.0}, "gate_list": [UNSETTLED]}, "inconclusive", []),
         ({"singles": {"air_drag": 5.0}, "base": 5.3}, "none", []),
         # Drag of 3.0, the end of its range: no such air.
         ({"singles": {"air_drag": 6.0}, "sizes": 2.5}, "unknown", []),
@@ -170,7 +171,7 @@ def test_no_gap_under_a_pull_says_what_could_not_have_been_seen(monkeypatch, fre
     monkeypatch.setattr("fit.gap.verdict.smallest_detectable", lambda given: smallest if given is evidence else {})
     evidence.observer.frequency = frequency
     found = decide(evidence)
-    assert found.verdict == verdict
+    assert (found.verdict, found.named) == (verdict, [])
     told = "These could not have been seen: tilted gravity (x) below 3.4 degrees."
     assert (told in found.sentence) == (verdict == "inconclusive")
     assert ("pull of 4.5 Hz" in found.sentence) == (verdict == "inconclusive")
@@ -345,7 +346,7 @@ def test_a_gap_that_nothing_explains_and_that_may_mostly_be_the_meshs_own_error_
 def test_a_gap_within_a_coarse_meshs_own_error_is_no_proof_of_none(mesh, numerics, verdict):
     made_up = dataclasses.replace(evidence_of({}), mesh_mm=mesh, numerics_mm=numerics)
     found = decide(made_up)
-    assert found.verdict == verdict
+    assert (found.verdict, found.named) == (verdict, [])
     assert f"Mesh and solver may be wrong by {numerics:.1f} mm".lower() in found.sentence.lower()
 
 

@@ -87,6 +87,7 @@ def evidence_of(
 PASSED = [Gate(name="base fit", passed=True, figure=0.0, limit=5.0, unit="%", sentence="")]
 COARSE = Gate(name="mesh and step", passed=False, figure=60.0, limit=40.0, unit="%", sentence="coarse")
 CHAOTIC = Gate(name="predictability", passed=False, figure=3.0, limit=1.0, unit="mm", sentence="chaotic")
+UNSETTLED = Gate(name="base fit", passed=False, figure=20.0, limit=15.0, unit="%", sentence="apart")
 STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")
 
 

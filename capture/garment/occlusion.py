@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.garment.silhouette import Silhouette
+from capture.garment.silhouette import Silhouette, square_around
 from formats.arrays import Booleans, Floats
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
@@ -32,15 +32,10 @@ LONG_WAY = 0.10  # of the distance on the flat garment: a longer way goes around
 
 def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: float) -> bool:
     """Return whether pixels beside a pixel, off the garment, are nearer than `z` [m] by more than a jump [m]."""
-    around = _around(silhouette, pixel, LOOK_AROUND)
+    around = square_around(silhouette, pixel, LOOK_AROUND)
     raw = silhouette.raw[around]
     nearer = (raw > 0) & (raw < 1e3 * (z - jump)) & (silhouette.mask[around] == 0)
     return int(np.count_nonzero(nearer)) >= NEARER_PIXELS
-
-
-def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:
-    u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
-    return slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1))
 
 
 def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:

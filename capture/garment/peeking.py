@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.garment.silhouette import Silhouette
+from capture.garment.silhouette import Silhouette, square_around
 from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
@@ -39,10 +39,10 @@ def peeking_area(
     - `ways` [m], (2,): distances from these ends to the corner on the flat garment
     """
     u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
-    z = _depth_around(silhouette, u, v, float(held[:, 2].mean()))
+    z = _depth_around(silhouette, pixel, float(held[:, 2].mean()))
     reach = min(missing, FARTHEST_MISSING) + MORE
     far = int(np.clip(reach * sensor.fx / z, LEAST_AROUND, MOST_AROUND))
-    around = slice(max(0, v - far), max(0, v + far + 1)), slice(max(0, u - far), max(0, u + far + 1))
+    around = square_around(silhouette, pixel, far)
     raw = silhouette.raw[around]
     if raw.size == 0:
         return 0.0
@@ -56,9 +56,8 @@ def peeking_area(
     return _count_within(raw, off, first, held, ways, sensor) * z**2 / (sensor.fx * sensor.fy)
 
 
-def _depth_around(silhouette: Silhouette, u: int, v: int, otherwise: float) -> float:
-    near = slice(max(0, v - DEPTH_AROUND), max(0, v + DEPTH_AROUND + 1))
-    depth = silhouette.depth[near, max(0, u - DEPTH_AROUND) : max(0, u + DEPTH_AROUND + 1)]
+def _depth_around(silhouette: Silhouette, pixel: Floats, otherwise: float) -> float:
+    depth = silhouette.depth[square_around(silhouette, pixel, DEPTH_AROUND)]
     depth = depth[depth > 0]
     return float(np.median(depth)) if depth.size else otherwise
 

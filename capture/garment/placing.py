@@ -43,7 +43,7 @@ class Placer:
 
         sd_px [px], (2,): of the pixel, along u and v.
         """
-        if not np.isfinite(pixel[0]):
+        if not np.isfinite(pixel).all():
             return np.full(3, np.nan), np.full(3, np.nan)
         window, s = self._silhouette.window, self._sensor
         u, v = pixel[0] - window.left, pixel[1] - window.top

@@ -43,15 +43,15 @@ class MotionGate:
 
         places [m], (points, 3): positions, NaN if not detected; sd [m], (points, 3); time [s], increasing.
         """
-        seen, is_first = np.isfinite(places[:, 0]), np.isinf(self._time)
+        seen, is_first = np.isfinite(places).all(1), np.isinf(self._time)
         gone = time - self._time
         missed = self._time < self._frame
         self._frame = time
         # One detection predicts a position for the next frame only.
-        fresh = is_first | (missed & (np.isnan(self._velocity[:, 0]) | (gone > POINT_MEMORY)))
+        fresh = is_first | (missed & (np.isnan(self._velocity).any(1) | (gone > POINT_MEMORY)))
         dt = np.where(fresh, 0.0, gone)
         leap = np.linalg.norm(places - self._place - np.nan_to_num(self._velocity) * dt[:, None], axis=1)
-        unknown = np.where(np.isnan(self._velocity[:, 0]), FASTEST_POINT * dt, 0.0)
+        unknown = np.where(np.isnan(self._velocity).any(1), FASTEST_POINT * dt, 0.0)
         whipped = 0.5 * HARDEST_WHIP * dt * (dt + self._interval)
         follows = seen & ~fresh & (leap <= 4.0 * np.linalg.norm(sd, axis=1) + whipped + unknown)
         moved, begins = follows & (dt > 0), seen & fresh

@@ -123,3 +123,9 @@ def _hanging_piece(labels: Unsigned, stats: Indices, count: int, ends: Floats) -
     present = np.bincount(band.ravel(), minlength=count)[1:] > 0
     areas = np.where(present, stats[1:, cv2.CC_STAT_AREA], 0)
     return int(areas.argmax()) + 1 if areas.max() > 0 else None
+
+
+def square_around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:
+    """Return the rows and columns of the silhouette's window up to `reach` [px] from a pixel of the image, (2,)."""
+    u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
+    return slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1))

@@ -38,7 +38,7 @@ def scan_surface(
     offset = np.array([silhouette.window.left, silhouette.window.top], float)
     outline = _smoothed(silhouette.outline)
     local = corners - offset
-    first = int(np.linalg.norm(outline - (local[0] if np.isfinite(local[0, 0]) else [0.0, 0.0]), axis=1).argmin())
+    first = int(np.linalg.norm(outline - (local[0] if np.isfinite(local[0]).all() else [0.0, 0.0]), axis=1).argmin())
     outline = np.roll(outline, -first, axis=0)
     depth = _smooth_depth(silhouette)
     around = _along(np.vstack([outline, outline[:1]]), contour + 1)[:-1]
@@ -105,7 +105,7 @@ def _in_metres(places: Floats, depth: Singles, offset: Floats, sensor: Sensor) -
     """Return the 3D positions [m], (..., 3), of pixels of the window, (..., 2); NaN where the cloth has no depth."""
     h, w = depth.shape
     pixel = np.rint(np.nan_to_num(places)).astype(int)
-    inside = np.isfinite(places[..., 0]) & (pixel >= 0).all(-1) & (pixel[..., 0] < w) & (pixel[..., 1] < h)
+    inside = np.isfinite(places).all(-1) & (pixel >= 0).all(-1) & (pixel[..., 0] < w) & (pixel[..., 1] < h)
     z = np.where(inside, depth[np.clip(pixel[..., 1], 0, h - 1), np.clip(pixel[..., 0], 0, w - 1)], 0.0)
     z = np.where(z > 0.0, z, np.nan)
     u, v = (places + offset)[..., 0], (places + offset)[..., 1]

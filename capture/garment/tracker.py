@@ -49,6 +49,7 @@ CORNER_SLACK = 0.02  # of a distance between corners: tolerance of its measureme
 CORNER_SHARE = 0.5  # of the rest, for each corner of the pair: z is then 1 on the development set
 CENTRE_SHARE = 0.3  # of the rms error of the distances between corners: the development set's z is then 1
 GARMENT_CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
+NOWHERE = np.full((CENTRE_ROLE + 1, 3), np.nan)  # m, of the corners and the centre before they are found
 
 
 def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | None = None) -> GarmentTracker:
@@ -102,15 +103,15 @@ class SilhouetteTracker:
         sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
         view = self.finder.find(silhouette, project(held, self.sensor), sides)
         placer = Placer(silhouette, self.sensor, self.correlation)
-        places, sd = np.full((5, 3), np.nan), np.full((5, 3), np.nan)
-        pixels = np.vstack([view.pixels, np.full((1, 2), np.nan)])
+        places, sd = NOWHERE.copy(), NOWHERE.copy()
+        pixels = np.vstack([view.pixels, NOWHERE[CENTRE_ROLE, :2]])
         for i in range(4):
             places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
         is_held = self._match_held(places, sd, held)
         surface, cell = self._surface(silhouette)
-        missing = ~np.isfinite(places[:4, 0])
+        missing = ~_are_known(places[:4])
         distances, along = self._ways_between(surface, places)
-        hidden = np.zeros(5, bool)
+        hidden = np.zeros(len(places), bool)
         folded, wrong = folded_away(along, self.flat.distances, is_held)
         dropped = folded | wrong
         beyond: Beyond | None = None
@@ -129,7 +130,7 @@ class SilhouetteTracker:
             pixels[:4][by_ways] = project(beyond.places[by_ways], self.sensor)
             distances, along = self._ways_between(surface, places)
         sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
-        if np.isfinite(places[:4, 0]).all():
+        if _are_known(places[:4]).all():
             mismatch = np.abs(along - self.flat.distances)
             off = float(np.sqrt((mismatch**2).sum() / 12.0))
             pixels[CENTRE_ROLE], centre_sd = self._centre(silhouette, distances, cell)
@@ -139,7 +140,7 @@ class SilhouetteTracker:
         valid, sd = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
         sd[~valid] = np.nan
-        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), pixels[:4], np.nan)
+        self._seen = silhouette, np.where(_are_known(places[:4])[:, None], pixels[:4], np.nan)
         filled = np.count_nonzero(silhouette.depth) / np.count_nonzero(silhouette.mask)
         offset = [silhouette.window.left, silhouette.window.top]
         return GarmentSight(
@@ -158,7 +159,7 @@ class SilhouetteTracker:
     def _ways_between(surface: Floats, places: Floats) -> tuple[Singles, Floats]:
         """Return distances from the four corners to the nodes and to each other, NaN for a corner without position."""
         distances, along = geodesic_distances(surface, places[:4])
-        missing = ~np.isfinite(places[:4, 0])
+        missing = ~_are_known(places[:4])
         along[missing] = along[:, missing] = np.nan
         return distances, along
 
@@ -169,10 +170,10 @@ class SilhouetteTracker:
             return peeking_area(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
 
         missing, place = float(beyond.by_all[i]), beyond.places[i]
-        nearest = peeking(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else 0.0
-        outline = peeking(pixel) if np.isfinite(pixel[0]) else nearest
+        nearest = peeking(beyond.pixels[i]) if np.isfinite(beyond.pixels[i]).all() else 0.0
+        outline = peeking(pixel) if np.isfinite(pixel).all() else nearest
         slant = UPRIGHT
-        if np.isfinite(place[0]):
+        if np.isfinite(place).all():
             slant = rim_slant(silhouette, project(place, self.sensor), float(place[2]), self.sensor)
         return traces(float(beyond.by_ends[i]), outline, nearest, slant, is_tip=i in self.finder.tips)
 
@@ -183,7 +184,7 @@ class SilhouetteTracker:
         """Return which corners are hidden, (4,); dropped, (4,): corners whose positions contradict the flat garment."""
         flat = self.flat.distances
         hidden = self._belief.update(self.traces, time) > THRESHOLD
-        for i in np.flatnonzero(np.isfinite(places[:4, 2])):
+        for i in np.flatnonzero(_are_known(places[:4])):
             if is_at_border(pixels[i], shape):
                 hidden[i] = True
                 continue
@@ -206,7 +207,7 @@ class SilhouetteTracker:
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
         """Return each corner's error [m], (4,), estimated from its distances to the others and the flat garment's."""
-        flat, placed = self.flat.distances, np.isfinite(places[:4, 0])
+        flat, placed = self.flat.distances, _are_known(places[:4])
         off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
         return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
 
@@ -217,7 +218,7 @@ class SilhouetteTracker:
         """
         is_held = np.zeros(4, bool)
         for i, end in enumerate(self.held_corners):
-            if end is not None and np.isfinite(places[i, 0]):
+            if end is not None and np.isfinite(places[i]).all():
                 apart = places[i] - held[end]
                 is_held[i] = np.linalg.norm(apart) < HELD_MATCH
                 if is_held[i]:
@@ -300,3 +301,8 @@ class SilhouetteTracker:
         window = silhouette.window
         pixel = np.array([window.left + (column + 0.5) * cell - 0.5, window.top + (row + 0.5) * cell - 0.5])
         return pixel, GARMENT_CENTRE_SD * cell
+
+
+def _are_known(places: Floats) -> Booleans:
+    """Return which positions, (n, 3), are there, (n,)."""
+    return np.asarray(np.isfinite(places).all(1))

@@ -76,7 +76,7 @@ class DotTracker:
         return HangerSight(
             corners=np.full((2, 4, 2), np.nan), centres=centres, sides=sides,
             ranges=np.array([self._placer.range_by_size(side) for side in sides]), positions=positions, sd=sd,
-            valid=np.isfinite(positions[:, 2]), distance_m=distance,
+            valid=np.isfinite(positions).all(1), distance_m=distance,
         )  # fmt: skip
 
     def _dots(self, colour: Bytes, depth: Unsigned, time: float) -> list[Dot | None]:

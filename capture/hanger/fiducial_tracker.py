@@ -137,7 +137,7 @@ class MarkerTracker:
         positions = np.full((2, 3), np.nan)
         sd = np.full((2, 3), np.nan)
         for row in range(2):
-            if not np.isfinite(centres[row, 0]):
+            if not np.isfinite(centres[row]).all():
                 continue
             part = followed[row]
             track = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
@@ -150,9 +150,8 @@ class MarkerTracker:
                     centre_sd=part.centre_sd,
                 )  # fmt: skip
             positions[row], sd[row], slopes[row] = placed
-            if part is not None and np.isnan(
-                positions[row, 0]
-            ):  # a marker of this size cannot be at the tracked position
+            if part is not None and np.isnan(positions[row]).any():
+                # A marker of this size cannot be at the tracked position.
                 corners[row] = centres[row] = np.nan
                 continue
             self._tracks[row] = track
@@ -164,7 +163,7 @@ class MarkerTracker:
         pitch, pitch_sd = hanger_pitch(positions, slopes, self.rig)
         return HangerSight(
             corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd,
-            valid=np.isfinite(positions[:, 2]), distance_m=distance, pitch=pitch, pitch_sd=pitch_sd,
+            valid=np.isfinite(positions).all(1), distance_m=distance, pitch=pitch, pitch_sd=pitch_sd,
         )  # fmt: skip
 
     def _find_corners(self, colour: Bytes, time: float) -> Floats:

@@ -106,7 +106,7 @@ class MarkerDetector:
         for share in SQUARES:
             self._near.setDetectorParameters(_parameters(square=share * side * enlargement))
             corners = self._detect(self._near, grey, enlargement)[row]
-            if np.isfinite(corners[0, 0]):
+            if np.isfinite(corners).all():
                 break
         return np.asarray(corners + np.array([left, top]))
 

@@ -94,6 +94,22 @@ def test_a_steep_surface_within_the_spread_is_used_whole():
     assert fitted(u, v, z, spread=0.0) is None
 
 
+def test_outliers_are_removed_twice_and_no_third_time():
+    """Errors of a heavy tail, so that each plane shows other outliers: the plane of the first cut is the answer."""
+    u, v = grid()
+    design = np.stack([np.ones_like(u), u, v], axis=1)
+    z = 1.6 + 0.004 * np.random.default_rng(9).standard_t(1.5, u.size)
+    middle = np.sort(z)[z.size // 2]
+    noise = pixel_sd(middle, FOCAL)
+    used, planes = np.abs(z - middle) < 0.06 + 4 * noise, []
+    for _ in range(3):
+        planes.append(np.linalg.lstsq(design[used], 1 / z[used], rcond=None)[0])
+        used = np.abs(design @ planes[-1] - 1 / z) * z * middle < 4 * noise
+    assert abs(1 / planes[2][0] - 1 / planes[1][0]) > 1e-5
+    assert abs(1 / planes[1][0] - 1 / planes[0][0]) > 1e-5
+    assert fitted(u, v, z).depth == pytest.approx(1 / planes[1][0], rel=1e-9)
+
+
 def test_twelve_pixels_make_a_plane_and_eleven_or_a_line_make_none():
     u, v = grid()
     z = np.full(u.size, 1.6)

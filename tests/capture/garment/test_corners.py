@@ -7,7 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.corners import CORNER_SD, CURL_SD, HARRIS_SD, PanelCorners, ShirtCorners
+from capture.garment.corners import (
+    CORNER_SD,
+    CURL_SD,
+    HARRIS_SD,
+    PanelCorners,
+    ShirtCorners,
+    _extreme,
+    _line_through,
+    _refined,
+    _side_line,
+)
 from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, WHOLE, rectangle, silhouette
 
 SIDES = np.full((4, 2), 120.0)
@@ -95,3 +105,65 @@ def test_corners_of_a_flat_outline_by_the_same_rule():
     assert ShirtCorners().flat_corners(outline).tolist() == [[-3, 1], [3, 1.1], [2, -2], [-2, -2.1]]
     square = np.array([[-1.0, 1.0], [1.1, 1.0], [1.0, -1.0], [-1.0, -1.1]])
     assert PanelCorners().flat_corners(square).tolist() == square.tolist()
+
+
+def test_a_line_through_two_points_has_a_unit_normal():
+    """From (1, 2) by (3, 4): the normal (-4, 3) / 5, and a distance of the origin of 0.4."""
+    assert _line_through(np.array([[1.0, 2.0], [4.0, 6.0]])) == pytest.approx([-0.8, 0.6, -0.4])
+    assert np.isfinite(_line_through(np.ones((2, 2)))).all()
+
+
+def test_two_lines_cross_within_the_deviations_of_both():
+    """x = 10 within 0.2 px and (x + y) / sqrt 2 within 0.3 px: y = s - x, within hypot(0.2, 0.3 sqrt 2)."""
+    upright, slanted = np.array([1.0, 0.0, -10.0]), np.array([1.0, 1.0, -30.0]) / math.sqrt(2)
+    for lines in ([(upright, 0.2), (slanted, 0.3)], [(slanted, 0.3), (-upright, 0.2)]):
+        crossing, sd = _refined(np.array([12.0, 17.0]), lines)
+        assert crossing == pytest.approx([10.0, 20.0])
+        assert sd == pytest.approx([0.2, math.hypot(0.2, 0.3 * math.sqrt(2))])
+
+
+@pytest.mark.parametrize(("away", "is_refined"), [(9.9, True), (10.1, False)])
+@pytest.mark.parametrize(("sine", "crosses"), [(0.345, True), (-0.345, True), (0.335, False), (-0.335, False)])
+def test_lines_that_cross_far_away_or_at_less_than_twenty_degrees_refine_nothing(sine, crosses, away, is_refined):
+    start = np.array([50.0, 60.0])
+    middle = start + away * np.array([0.6, -0.8])
+    normals = np.array([[0.6, 0.8], [0.6, 0.8]])
+    cosine = math.sqrt(1 - sine**2)
+    normals[1] = [0.6 * cosine - 0.8 * sine, 0.8 * cosine + 0.6 * sine]
+    lines = [(np.array([*normal, -(normal @ middle)]), 0.3) for normal in normals]
+    corner, sd = _refined(start, lines)
+    if crosses and is_refined:
+        assert corner == pytest.approx(middle)
+    else:
+        assert corner.tolist() == start.tolist()
+        assert sd.tolist() == [HARRIS_SD] * 2
+    for missing in ([None, lines[1]], [lines[0], None]):
+        corner, sd = _refined(start, missing)
+        assert corner.tolist() == start.tolist()
+        assert sd.tolist() == [HARRIS_SD] * 2
+
+
+def test_a_point_eight_pixels_farther_out_than_the_harris_corners_replaces_them():
+    value = np.array([3.0, 10.0, 7.0, 18.0, 5.0])
+    strong = np.array([0, 1, 4])
+    assert _extreme(value, strong) == 1
+    value[3] = 18.1
+    assert _extreme(value, strong) == 3
+
+
+def test_a_side_is_followed_through_the_outlines_first_pixel_either_way():
+    """A rectangle's outline that begins in the middle of its lower side."""
+    u, v = np.arange(20, 180), np.arange(20, 140)
+    ring = np.concatenate([
+        np.stack([u[:-1], np.full(159, 20)], 1), np.stack([np.full(119, 179), v[:-1]], 1),
+        np.stack([u[:0:-1], np.full(159, 139)], 1), np.stack([np.full(119, 20), v[:0:-1]], 1),
+    ]).astype(float)  # fmt: skip
+    middle = ring.mean(0)
+    for outline in (ring, ring[::-1]):
+        for begin in range(0, len(ring), 7):
+            turned = np.roll(outline, begin, axis=0)
+            at = [int(np.linalg.norm(turned - corner, axis=1).argmin()) for corner in ((179, 139), (20, 139))]
+            for start, end in (at, at[::-1]):
+                line, sd = _side_line(turned, start, end, middle, 45.0)
+                assert line == pytest.approx([0.0, 1.0, -139.5], abs=1e-9)
+                assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(43), CURL_SD))

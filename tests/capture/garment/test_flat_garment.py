@@ -55,6 +55,19 @@ def test_the_grid_has_the_positions_inside_the_outline():
     assert grid[inside] == pytest.approx(np.stack([x, y, 0 * x], axis=-1)[inside])
 
 
+def test_a_corner_of_the_outline_at_the_height_of_a_row_of_the_grid_counts_once():
+    """Rows are at -12.5 mm and every 25 mm below, of a coat hanger's slopes that end at such a row."""
+    for row in (0, 3):
+        y = -0.0125 - 0.025 * row
+        outline = np.array([[-0.2, 0.0], [0.2, 0.0], [0.3, y], [0.3, -0.5], [-0.3, -0.5], [-0.3, y]])
+        grid = _laid_flat(outline)
+        x = -0.2875 + 0.025 * np.arange(24)
+        assert np.isfinite(grid[row, :, 0]).tolist() == (np.abs(x) < 0.3).tolist()
+        assert np.isfinite(grid[-1, :, 0]).all()
+        inner = np.array([[-0.2, 0.0], [0.2, 0.0], [0.2, -0.5], [0.0, y], [-0.2, -0.5]])  # its middle is cut out below
+        assert np.isfinite(_laid_flat(inner)[row, :, 0]).all()
+
+
 def test_a_grid_leaves_out_what_the_outline_goes_around():
     """A U: two legs of 0.2 m with 0.1 m between them."""
     outline = np.array([[0, 0], [0.5, 0], [0.5, -0.4], [0.3, -0.4], [0.3, -0.2], [0.2, -0.2], [0.2, -0.4], [0, -0.4]])

@@ -124,3 +124,14 @@ def test_a_position_across_and_down_has_each_axis_its_own_focal_length():
     camera = msgspec.structs.replace(SQUARE, fx=500.0, fy=550.0)
     found = _in_metres(np.array([[3.0, 4.5]]), np.full((9, 9), 2.0, np.float32), np.array([397.0, 335.0]), camera)
     assert found[0] == pytest.approx([2 * 80.5 / 500, 2 * 100 / 550, 2.0])
+
+
+def test_cloth_that_fills_its_window_has_its_rim_at_the_windows():
+    """Depth rises along u. The two outermost columns and rows count for nothing, and there is nothing outside."""
+    shape = (40, 60)
+    depth = _smooth_depth(silhouette(np.ones(shape), 1.6 + 0.001 * np.indices(shape)[1]))
+    assert depth[20, [0, 1, 4]] == pytest.approx([1.6035, 1.604, 1.6055], abs=1e-6)  # columns 2 to 5, to 6 and to 9
+    assert depth[20, [59, 58]] == pytest.approx([1.6555, 1.655], abs=1e-6)
+    down = _smooth_depth(silhouette(np.ones(shape), 1.6 + 0.001 * np.indices(shape)[0]))
+    assert down[[0, 1, 4], 30] == pytest.approx([1.6035, 1.604, 1.6055], abs=1e-6)
+    assert down[[39, 38], 30] == pytest.approx([1.6355, 1.635], abs=1e-6)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.garment.silhouette import Window, cut_out
+from capture.garment.silhouette import Window, cut_out, square_around
+from tests.capture.garment.flat_cloth import WHOLE, silhouette
 
 WINDOW = Window(30, 20, 230, 180)
 HELD = np.array([[80.0, 50.0], [150.0, 50.0]])
@@ -105,3 +106,24 @@ def test_an_edge_out_of_the_window_holds_nothing():
 @pytest.mark.parametrize(("width", "height", "is_empty"), [(24, 24, False), (23, 24, True), (24, 23, True)])
 def test_a_window_holds_a_garment_of_two_bands(width, height, is_empty):
     assert Window(5, 7, 5 + width, 7 + height).is_empty == is_empty
+
+
+@pytest.mark.parametrize(("above", "is_found"), [(11, True), (12, False)])
+def test_a_garment_hangs_within_twelve_pixels_of_an_edge_above_or_left_of_its_window(above, is_found):
+    """The window's first row is `above` px below the edge. Columns count up to the one before the edge's end."""
+    depth = image(rows=slice(20, 121))
+    assert (cut(depth, held=np.array([[80.0, 20.0 - above], [150.0, 20.0 - above]])) is not None) == is_found
+    left = image(columns=slice(30, 121))
+    end = 31.0 if is_found else 30.0
+    assert (cut(left, held=np.array([[10.0, 50.0], [end, 50.0]])) is not None) == is_found
+
+
+def test_a_square_around_a_pixel_is_cut_off_at_the_windows_first_row_and_column():
+    """The window begins at column 200 and row 150."""
+    cloth = silhouette(WHOLE)
+    rows, columns = square_around(cloth, np.array([250.7, 190.7]), 5)
+    assert (rows, columns) == (slice(35, 46), slice(45, 56))
+    rows, columns = square_around(cloth, np.array([203.0, 148.0]), 5)
+    assert (rows, columns) == (slice(0, 4), slice(0, 9))
+    rows, columns = square_around(cloth, np.array([190.0, 140.0]), 5)
+    assert (rows, columns) == (slice(0, 0), slice(0, 0))

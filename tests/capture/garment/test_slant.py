@@ -64,3 +64,18 @@ def test_cloth_at_the_windows_own_corner_determines_the_slant_of_its_rim():
     without = rim_slant(silhouette(mask, np.where(columns == 0, 0.0, depth)), pixel, 1.6, SQUARE)
     assert without.outwards == pytest.approx(-math.atan(0.1), abs=0.01)
     assert found.outwards < without.outwards - 0.05
+
+
+@pytest.mark.parametrize("farthest", [(0, 20), (0, -20), (20, 0), (-20, 0)])
+def test_cloth_just_fifty_millimetres_away_determines_the_slant(farthest):
+    """50 mm are 20 px at 1.25 m. Of level cloth the farthest pixel alone is 4 mm nearer: it recedes the other way."""
+    depth = np.full(WHOLE.shape, 1.25)
+    right, down = farthest
+    depth[80 + down, 100 + right] -= 0.004
+    pixel = np.array([LEFT + 100.0, TOP + 80.0])
+    near = rectangle(100 + min(right, 0), 80 + min(down, 0), 100 + max(right, 0), 80 + max(down, 0))
+    mask = near | rectangle(96, 76, 104, 84)
+    slant = rim_slant(silhouette(mask, depth), pixel, 1.25, SQUARE)
+    assert slant.outwards > 1e-4
+    mask[80 + down, 100 + right] = 0
+    assert rim_slant(silhouette(mask, depth), pixel, 1.25, SQUARE) == pytest.approx(UPRIGHT, abs=1e-6)

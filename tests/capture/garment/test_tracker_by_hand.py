@@ -336,10 +336,14 @@ def test_the_centre_is_as_uncertain_as_the_distances_between_the_corners_are_wro
     monkeypatch.setattr(tracker, "_hidden", lambda *given: NONE)
     monkeypatch.setattr(tracker, "_centre", lambda *given: (np.array([319.5, 280.0]), 0.5))
     view = SimpleNamespace(pixels=np.full((4, 2), 300.0), sd=np.full((4, 2), 0.4))
-    tracker.finder = SimpleNamespace(find=lambda *given: view)
+    given = []
+    tracker.finder = SimpleNamespace(find=lambda *words: given.append(words) or view)
     tracker.flat.sides = np.array([0.4, 0.3, 0.4, 0.3])
     depth = np.zeros((480, 640), np.uint16)
     depth[242:340, 260:380] = 1600
     tracker.track(depth, HELD, 0.0)
     assert len(asked) == 5
     assert asked[4] == pytest.approx([math.hypot(0.5, 0.3 * 0.009 * 500 / 1.6)] * 2)
+    ((_, held, sides),) = given
+    assert held == pytest.approx(np.array([[257.0, 239.5], [382.0, 239.5]]))  # 0.2 m are 62.5 px at 1.6 m
+    assert sides == pytest.approx(tracker.flat.sides * 500 / 1.6)

@@ -49,7 +49,7 @@ CORNER_SLACK = 0.02  # of a distance between corners: tolerance of its measureme
 CORNER_SHARE = 0.5  # of the rest, for each corner of the pair: z is then 1 on the development set
 CENTRE_SHARE = 0.3  # of the rms error of the distances between corners: the development set's z is then 1
 GARMENT_CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
-NOWHERE = np.full((CENTRE_ROLE + 1, 3), np.nan)  # m, of the corners and the centre before they are found
+UNPLACED = np.full((CENTRE_ROLE + 1, 3), np.nan)  # m, of the corners and the centre before they are found
 
 
 def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | None = None) -> GarmentTracker:
@@ -103,8 +103,8 @@ class SilhouetteTracker:
         sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
         view = self.finder.find(silhouette, project(held, self.sensor), sides)
         placer = Placer(silhouette, self.sensor, self.correlation)
-        places, sd = NOWHERE.copy(), NOWHERE.copy()
-        pixels = np.vstack([view.pixels, NOWHERE[CENTRE_ROLE, :2]])
+        places, sd = UNPLACED.copy(), UNPLACED.copy()
+        pixels = np.vstack([view.pixels, UNPLACED[CENTRE_ROLE, :2]])
         for i in range(4):
             places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
         is_held = self._match_held(places, sd, held)

@@ -104,12 +104,9 @@ def follow(
     if right - left < width + 3 or bottom - top < height + 3:
         return None
     window = _grey(colour[top:bottom, left:right])
-    best, place, picture = -1.0, np.zeros(2), kept.picture
-    for share in BLURS:
-        blurred = _blurred(kept.picture, share * step)
-        score, at = _best_place(window, blurred)
-        if score > best:
-            best, place, picture = score, at, blurred
+    pictures = [_blurred(kept.picture, share * step) for share in BLURS]
+    found = [(*_best_place(window, picture), picture) for picture in pictures]
+    best, place, picture = max(found, key=lambda one: one[0])
     corner = np.array([left, top], float)
     shift = place + corner - kept.origin
     if best >= SURE_MATCH:

@@ -70,6 +70,19 @@ def test_a_dot_is_placed_where_it_was_at_the_instant_of_the_depth():
     assert [track.time for track in tracker._tracks] == pytest.approx([1.12, 1.12])
 
 
+def test_a_dot_keeps_the_colour_that_it_had_first():
+    """Between two frames it darkens. An expected colour of the rig is kept as well."""
+    tracker, picture = DotTracker(RIG), scene(LEFT, RIGHT)
+    tracker.track(*picture, 0.0)
+    picture[0][(picture[0] == RED).all(2)] = (170, 20, 20)
+    assert tracker.track(*picture, 1 / 30).is_found
+    assert [colour.tolist() for colour in tracker._colours] == [list(RED)] * 2
+    told = msgspec.structs.replace(HANGER, dot_colours=((190, 10, 0), (200, 0, 10)))
+    tracker = DotTracker(msgspec.structs.replace(RIG, hanger=told))
+    assert tracker.track(*picture, 0.0).is_found
+    assert [colour.tolist() for colour in tracker._colours] == [[190.0, 10.0, 0.0], [200.0, 0.0, 10.0]]
+
+
 def test_a_dots_depth_is_aside_by_the_calibrated_offset():
     """Only 8 px right of and 5 px above the dots is it 1 m; around that it is 1.1 m."""
     picture, _ = scene(LEFT, RIGHT)
@@ -184,6 +197,9 @@ def test_a_pick_needs_depth_within_two_pixels(place):
         depth[:] = 0
         depth[y + dy, x + dx] = 1000
         assert "there is no dot of 60 mm" in refusal(place, picture, depth)
+    depth[:] = 1000
+    depth[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3] = 0
+    assert "there is no depth" in refusal(place, picture, depth)
 
 
 def test_a_pick_beside_a_dot_names_the_option_the_size_and_what_to_pick():

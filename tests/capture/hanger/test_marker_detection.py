@@ -32,6 +32,17 @@ def test_a_sparing_detector_finds_markers_of_13_pixels_in_every_second_picture()
     assert seen(MarkerDetector("DICT_4X4_50", (0, 1), is_sparing=True), 13, 4) == [True, False, True, False]
 
 
+def test_a_marker_found_in_the_picture_stays_where_a_smaller_one_is_looked_for_in_the_enlarged_one():
+    mixed, large = picture(30), picture(30)
+    mixed[90:140, 170:230] = picture(13)[90:140, 170:230]
+    detector = MarkerDetector("DICT_4X4_50", (0, 1))
+    found, plain = detector.in_picture(mixed), detector.in_picture(large)
+    assert np.isfinite(found).all()
+    assert found[0].tolist() == plain[0].tolist()
+    enlarged = cv2.resize(large, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    assert found[0].tolist() != ((detector.in_picture(enlarged)[0] + 0.5) / 2 - 0.5).tolist()
+
+
 def test_a_sparing_detector_finds_markers_of_30_pixels_in_every_picture():
     assert seen(MarkerDetector("DICT_4X4_50", (0, 1), is_sparing=True), 30, 3) == [True, True, True]
 

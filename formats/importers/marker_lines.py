@@ -27,11 +27,12 @@ CAN_BE_READ = "markers can be read from .c3d, .trc, .csv, .tsv and .txt, swung c
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header; our choice: programs write a dozen, half and double were not tried
 MOST_OF_DEVICES = 500_000  # lines above Vicon Nexus' trajectories: 4 minutes of device data at 2000 samples a second
+OWN_TIME = r"(?:time|t)(?:_| ?[\[(])(?:s|ms|[u\u00b5\u03bc]s|ns)[\])]?"  # the time column of Hangtime's own CSV
 HEADER_LINE = re.compile(
-    r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
+    rf"""[\s"'#%]*({OWN_TIME}|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
 BEHIND_INDEX = re.compile(  # the time is the second column, behind an index; tried where no line matches HEADER_LINE
-    r"""[^,;\t]*[,;\t][\s"']*(time_s)["']?\s*([,;\t]|$)""", re.IGNORECASE
+    rf"""[^,;\t]*[,;\t][\s"']*({OWN_TIME})["']?\s*([,;\t]|$)""", re.IGNORECASE
 )
 TRAJECTORIES = re.compile(r"""[\s"']*(trajectories)["']?\s*([,;\t]|$)""", re.IGNORECASE)
 COLUMNS_OF_VICON = re.compile(r"""[\s"']*(frame)["']?\s*([,;\t])""", re.IGNORECASE)

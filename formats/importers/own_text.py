@@ -1,6 +1,7 @@
 """Read marker trajectories from Hangtime's own CSV, written by hand, with pandas, R or MATLAB, or with spreadsheets.
 
-`time_s` comes first, then NAME_x_m, NAME_y_m and NAME_z_m of each marker. The axis may be a capital letter. The unit
+`time_s` comes first, then NAME_x_m, NAME_y_m and NAME_z_m of each marker. The time may be in milliseconds,
+microseconds or nanoseconds: `time_ms`, `t_us`, `Time (ns)`. The axis may be a capital letter. The unit
 may be missing where the user gives it. A table of pandas or R has a column of row numbers before `time_s`. The column's
 name is empty, or its header cell is missing: R's `write.table` names the other columns only.
 """
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.marker_lines import COMMENT, LOOKED_AT, Rows
+from formats.importers.marker_lines import COMMENT, LOOKED_AT, OWN_TIME, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import CELL_SHOWN, is_number, number_of
@@ -25,6 +26,9 @@ EXPECTED_COLUMNS = (
     "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker; mm for m where that is their unit"
 )
 TIME = "time_s"
+TIME_COLUMN = re.compile(OWN_TIME, re.IGNORECASE)
+# Of a second. Times are divided by it, not multiplied by its inverse: so 100 ms is the number 0.1 exactly.
+PARTS_OF_A_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "\u00b5s": 1e6, "\u03bcs": 1e6, "ns": 1e9}
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
 SPACED_TRC = re.compile(r"\s*pathfiletype +\d", re.IGNORECASE)  # its first line, with spaces between cells
 UNNAMED_COLUMN = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
@@ -45,27 +49,28 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
     while len(head) > 1 and not head[-1]:  # a separator at the end of the line
         head.pop()
     words = [word.strip(f"{COMMENT} ").lower() for word in head[:2]]
-    if TIME not in words and SPACED_TRC.match(head[0]):
+    begin = next((k for k, word in enumerate(words) if TIME_COLUMN.fullmatch(word)), None)
+    if begin is None and SPACED_TRC.match(head[0]):
         raise TakeError(
             f"line {line} is that of a TRC file, whose cells must be between tabs", where=path,
             advice="export it again, or write a tab in place of the spaces between cells",
         )  # fmt: skip
-    if TIME not in words:
+    if begin is None:
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,
             advice=f"put above the frames {EXPECTED_COLUMNS}; "
             "TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
-    begin, body = words.index(TIME), rows[1:]
+    body, parts = rows[1:], PARTS_OF_A_SECOND[re.split(r"[_(\[]", words[begin])[-1].strip(")]")]
     if begin:
-        _refuse_another_column(head[0].strip(f"{COMMENT} "), line, body, path)
+        _refuse_another_column(head[0].strip(f"{COMMENT} "), head[1], line, body, path)
     labels, stated = _columns(head, begin, line, path)
     names = names_of(labels, path)
     metres = metres_of(stated, unit, path)
     clock = begin or int(_has_unnamed_numbers(body, len(head)))
     width = len(head) - begin + clock
     table = Table(
-        width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock], is_exact=True,
+        width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock] / parts, is_exact=True,
     )  # fmt: skip
     return read_frames(body, table, path, wanted).tracks(names)
 
@@ -102,11 +107,11 @@ def _columns(head: list[str], begin: int, line: int, path: Path) -> tuple[list[s
     return labels, stated
 
 
-def _refuse_another_column(name: str, line: int, body: Rows, path: Path) -> None:
+def _refuse_another_column(name: str, time: str, line: int, body: Rows, path: Path) -> None:
     """Refuse a column before the time, unless the column is unnamed and numbers the lines."""
     if not UNNAMED_COLUMN.fullmatch(name):
         raise TakeError(
-            f"column 1 of line {line} is {name[:CELL_SHOWN]!r}, and {TIME} is column 2", where=path,
+            f"column 1 of line {line} is {name[:CELL_SHOWN]!r}, and {time[:CELL_SHOWN]} is column 2", where=path,
             advice=WITHOUT_IT,
         )  # fmt: skip
     if not _count_up([row[0] for row in _whole_lines(body)]):

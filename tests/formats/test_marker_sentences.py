@@ -33,8 +33,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
         ("# a\n" + OWN.replace(",b_z_m", ""), None,
          f"column 7 of line 2 is missing, not 'b_z_m'; the line of names must be {EXPECTED_COLUMNS}"),
         ("time_s\n0\n", None, "names no markers; export the trajectories with their names"),
-        ("\nTime [s],x,y,z\n0,1,2,3\n", None,
-         "no line names the columns; line 2 begins with 'Time [s]'; put above the frames "
+        ("\nTime,x,y,z\n0,1,2,3\n", None,
+         "no line names the columns; line 2 begins with 'Time'; put above the frames "
          f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
         (f"{'x' * 50},1,2\n", None, f"no line names the columns; line 1 begins with '{'x' * 40}'; put above the frames "
          f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),

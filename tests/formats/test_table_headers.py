@@ -160,3 +160,20 @@ def test_a_marker_that_motive_computed_from_a_body_is_none_that_cameras_saw(tmp_
     assert str(refused.value) == (
         f"{path}: has no Marker, and 16 markers that Motive expects by the pose of a body, first {names[0]!r}; {export}"
     )
+
+
+@pytest.mark.parametrize(
+    ("column", "parts"),
+    [
+        ("time_ms", 1000), ("t_ms", 1000), ("Time (ms)", 1000), ("TIME [ms]", 1000), ("time_us", 10**6),
+        ("Time (\u00b5s)", 10**6), ("t_ns", 10**9), ("t_s", 1), ("Time(s)", 1),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("before", ["", "index,"], ids=["first", "behind an index"])
+def test_a_table_in_parts_of_a_second_is_read_exactly(tmp_path, column, parts, before):
+    ticks = [k * parts // 50 if parts > 1 else k / 50 for k in range(6)]
+    head = f"{',' if before else ''}{column},a_x_m,a_y_m,a_z_m\n"
+    lines = (f"{f'{k},' if before else ''}{tick},0.1{k},0.2,1.0\n" for k, tick in enumerate(ticks))
+    found = read(tmp_path, head + "".join(lines))
+    assert found.time.tolist() == [k / 50 for k in range(6)]
+    assert found.positions[3, 0].tolist() == [0.13, 0.2, 1.0]

@@ -17,7 +17,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fit.batch.jobs import DiagnosisJob, diagnosis_key, failure_name
+from fit.batch.jobs import DiagnosisJob, diagnosis_key, diagnosis_name, failure_name, report_name
 from fit.batch.kept import has_diagnosis, known_outcome
 from fit.batch.runner import Survey, kept_sentence
 from fit.batch.store import Store
@@ -177,7 +177,7 @@ def diagnoses_of(
         key = diagnosis_key(training, held_out, seed, physics)
         found.keys[one.name] = key
         why = kept_sentence(results, key) if results.has(failure_name(key)) and not retry_failed else None
-        known = known_outcome(results, key, has_diagnosis, "diagnosed", why)
+        known = known_outcome(results, key, has_diagnosis, "diagnosed", why, [diagnosis_name(key), report_name(key)])
         if known is not None:
             found.outcomes[key] = known
         else:

@@ -7,7 +7,7 @@ damaged or a copy of another one, and counts as absent. A result of a newer form
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from fit.batch.jobs import Outcome, diagnosis_name, digest_of, report_name, result_name
@@ -87,12 +87,13 @@ def left_alone(error: NewerFormatError) -> str:
 
 
 def known_outcome(
-    results: Store, key: str, has: Callable[[Store, str], bool], state: str, failure: str | None
+    results: Store, key: str, has: Callable[[Store, str], bool], state: str, failure: str | None, names: Sequence[str]
 ) -> Outcome | None:
     """Return what the results hold of a job; None if it is to be done.
 
     - `has`: whether they hold its result; `state`: of the job where they do
     - `failure`: the recorded reason of an earlier failure, None without one
+    - `names`: of the files in which the job would keep its result; a folder of such a name is refused
 
     Raises:
         UnreachableError: the results cannot be reached now.
@@ -102,6 +103,10 @@ def known_outcome(
             return Outcome(key=key, state=state)
     except NewerFormatError as error:
         return Outcome(key=key, state="newer", sentence=left_alone(error))
+    for name in (place + ending for place in names for ending in ("", CHECKSUM_SUFFIX)):
+        if (path := results.path(name)) is not None and path.is_dir():
+            sentence = f"{path}: a folder is in the place of its result; move it away, then run the batch again"
+            return Outcome(key=key, state="refused", sentence=sentence)
     return None if failure is None else Outcome(key=key, state="failed", sentence=failure)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from fit.batch.cluster import SCHEDULER_RETRY, STAGES, WAITS, Workers, connect, has_workers
 from fit.batch.ending import Ending
-from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
+from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of, result_name
 from fit.batch.kept import has_fit, known_outcome
 from fit.batch.room import room_here
 from fit.batch.store import Store
@@ -94,7 +94,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         is_new = key not in found.keys.values()
         found.keys[name], found.digests[name] = key, digest
         why = kept_sentence(results, key) if failure_name(key) in failed and not retry_failed else None
-        known = known_outcome(results, key, has_fit, "known", why)
+        known = known_outcome(results, key, has_fit, "known", why, [result_name(key)])
         if known is not None:
             found.outcomes[key] = known
         elif is_new and (no_mesh := _refused_mesh(content, name, plan, anyway=anyway)):

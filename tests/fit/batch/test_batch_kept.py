@@ -231,3 +231,18 @@ def test_a_take_that_lacks_seconds_is_named_in_the_nights_table_and_page(night):
     assert (state.state, state.missing, state.trailing_bytes) == ("damaged", "2.25 to 3.25 s", 10)
     (waiting,) = as_facts([replace(rows[0], state="waiting", result=None)])
     assert waiting["take_states"] == []
+
+
+@pytest.mark.parametrize("ending", ["", CHECKSUM_SUFFIX])
+def test_a_folder_in_a_results_place_is_refused_before_the_take_is_fitted(night, ending):
+    _, results = night
+    (key,) = survey(*night, PLAN).keys.values()
+    place = results.path(result_name(key) + ending)
+    place.mkdir(parents=True)
+    found = survey(*night, PLAN)
+    assert not found.jobs
+    assert (found.outcomes[key].state, found.outcomes[key].sentence) == (
+        "refused", f"{place}: a folder is in the place of its result; move it away, then run the batch again",
+    )  # fmt: skip
+    place.rmdir()
+    assert [job.take for job in survey(*night, PLAN).jobs] == ["a.mcap"]

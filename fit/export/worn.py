@@ -46,6 +46,7 @@ WORN_SPACING = 0.012
 LONGEST_WALK = 20.0  # s: single precision resolves micrometres over the distance of this walk
 # m. Our choice: from a toddler to beyond the tallest players; outside is a height in another unit.
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3
+FEET = ("feet", 0.3048)  # m: NIST Handbook 44, appendix C; a person's height may be known in them
 MOST_STRAIN = 0.15  # strain: woven cloth stretches by some percent, on the bias by more
 # Share of the cloth, whose largest strain is reported as well. Our choice: it leaves out single corners, and no result
 # depends on it.
@@ -80,7 +81,7 @@ class FigureOrder:
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
             raise out_of_range(
                 self.height, SHORTEST_FIGURE, TALLEST_FIGURE, f"nobody is {self.height:g} m tall", where="--height",
-                unit="m", units=UNITS,
+                unit="m", units=(*UNITS, FEET),
             )  # fmt: skip
         if not SHORTEST_MOTION <= seconds <= LONGEST_WALK:
             raise out_of_range(

@@ -28,7 +28,7 @@ from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
 from fit.identification.free_intervals import blocks_of, free_intervals
 from fit.identification.observed import begin_observed
-from fit.identification.request import Request
+from fit.identification.request import Request, notes_on_gamma
 from fit.identification.saved_search import SavedSearch
 from fit.identification.trivial import describe_trivial, trivial_figures
 from fit.methods import distance as objective
@@ -342,9 +342,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(LAYERED)
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
-    if request.search in ("annealing", "restarts"):
-        unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
-        notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
+    notes += notes_on_gamma(request, model.objectives[0])
     if request.search in OBSERVED and model.objectives[0].name != "D":
         name = model.objectives[0].name
         notes.append(f"{request.search} minimises the points' residuals; {name} is reported, not minimised.")

@@ -13,13 +13,16 @@ from fit.effects import find_effects
 from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import FitError
 from fit.methods import Parameter, Parameterisation, find_method
+from fit.methods.distance import Objective
 from fit.methods.fabrics import find_fabric
 from fit.search import PRINTED_ITERATIONS
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import OBSERVED, check_search
+from fit.search.choice import ANNEALED, OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
 
 MOST_ITERATIONS = 1_000_000  # days of simulation; their schedule takes a second, and that of 1e9 half an hour
+# 1/m. At 1e-3 annealing takes every step that makes D worse by less than 100 m, at 1e12 none by more than 50 nm.
+LEAST_GAMMA, MOST_GAMMA = 1e-3, 1e12
 SIDE_BY_SIDE = 16  # candidates a batch; our choice: the lanes of a full vector (`fit.cloth.packing.COST`)
 
 
@@ -197,6 +200,22 @@ def check_count(number: int, name: str, *, least: int, most: int | None = None) 
 def _check_gamma(gamma: float) -> None:
     if not (math.isfinite(gamma) and gamma > 0.0):
         raise FitError(f"gamma is {gamma:g}", where="--gamma", advice="give a number above 0, for example 1e5")
+    if not LEAST_GAMMA <= gamma <= MOST_GAMMA:
+        raise FitError(
+            f"gamma is {gamma:g}, at which annealing takes every step or none that is worse", where="--gamma",
+            advice=f"give {LEAST_GAMMA:g} to {MOST_GAMMA:g}, for example 1e5",
+        )  # fmt: skip
+
+
+def notes_on_gamma(request: Request, objective: Objective) -> list[str]:
+    """Return what a result says of its gamma: whose choice it is, or that the search does not use the given one."""
+    gamma = request.settings.gamma
+    if request.search in ANNEALED:
+        unit = {"m": "metre"}.get(objective.unit, f"unit of {objective.name}")
+        return [f"gamma = {gamma:g} per {unit} is our choice; the paper gives none."]
+    if gamma != request.method.gamma:
+        return [f"{request.search} does not use gamma; the given {gamma:g} is ignored."]
+    return []
 
 
 def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:

@@ -24,6 +24,7 @@ SEARCHES = {
     "least-squares": "the points' residuals, emulated between simulated parameters; then Levenberg-Marquardt",
     "short-windows": "descents from several starts, by stretches of two seconds between which a pull catches the cloth",
 }
+ANNEALED = ("annealing", "restarts")  # they accept steps by gamma
 OBSERVED = ("least-squares", "short-windows")  # they minimise the points' residuals, not distances
 
 

@@ -66,6 +66,7 @@ def test_an_interval_that_ends_at_a_bound_is_marked_in_table_and_page():
         (lambda: FigureOrder(height=170.0).check(6.0),
          r"^--height: nobody is 170 m tall; were centimetres meant\? Give \S+ to \S+ m$"),
         (lambda: FigureOrder(height=1700.0).check(6.0), r"tall; were millimetres meant\?"),
+        (lambda: FigureOrder(height=5.6).check(6.0), r"nobody is 5.6 m tall; were feet meant\?"),
         (lambda: FigureOrder(height=2.6).check(6.0), r"nobody is 2.6 m tall; give"),
         (lambda: FigureOrder(speed=4.5).check(6.0), r"^--speed: nobody walks at 4.5 m/s; were kilometres an hour mea"),
         (lambda: FigureOrder().check(6000.0), r"^--seconds: 6000 s is no length .*; were milliseconds meant\? Give "),

@@ -211,6 +211,8 @@ def test_annealing_says_that_its_gamma_is_a_choice_in_the_unit_of_its_objective(
     assert told == "gamma = 50000 per metre is our choice; the paper gives none."
     assert not [note for note in a_known_fit(monkeypatch, search="cma-es").notes if "gamma" in note]
     assert [note for note in a_known_fit(monkeypatch, search="restarts").notes if "gamma" in note]
+    ignored = [note for note in a_known_fit(monkeypatch, search="cma-es", gamma=5e4).notes if "gamma" in note]
+    assert ignored == ["cma-es does not use gamma; the given 50000 is ignored."]
 
 
 def test_candidates_that_blew_up_are_counted(monkeypatch):

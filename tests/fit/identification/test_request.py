@@ -95,6 +95,8 @@ def test_requests_that_contradict_themselves_are_refused():
         ({"effects": ["shear_stiffness"]}, "has shear_stiffness as a parameter already"),
         ({"gamma": 0.0}, "gamma is 0"),
         ({"gamma": float("inf")}, "gamma is inf"),
+        ({"gamma": 1e300}, r"gamma is 1e\+300, at which .* worse; give 0\.001 to 1e\+12, for example"),
+        ({"gamma": 1e-300}, "gamma is 1e-300, at which annealing takes every step"),
         ({"search": "least-squares", "engine": "blender"}, "simulates with our own cloth only"),
         ({"search": "tempering", "method": MOCAP_SWATCH}, "tempering draws by how likely distances are"),
         ({"iterations": 0}, "give a whole number from 1 to 1000000"),

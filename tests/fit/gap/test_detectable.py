@@ -19,6 +19,12 @@ def test_components_whose_typical_size_would_not_show_are_listed_the_nearest_to_
     assert unseen(KINDS, smallest) == ["air drag below 1.3", "tilted gravity (x) below 3.2 degrees"]
 
 
+def test_a_component_that_shows_exactly_from_its_typical_size_on_would_have_been_seen():
+    typical = KINDS["air_drag"].typical
+    assert unseen(KINDS, {"air_drag": np.array([typical])}) == []
+    assert len(unseen(KINDS, {"air_drag": np.array([np.nextafter(typical, 9.0)])})) == 1
+
+
 def test_sizes_have_their_units():
     assert (in_words(0.0561, "rad"), in_words(0.0123, "m"), in_words(1.25, "1")) == ("3.2 degrees", "0.012 m", "1.2")
 

@@ -220,3 +220,16 @@ def test_motion_that_either_kind_of_feature_explains_is_no_share_of_one_of_them(
     rows = rows_of(rng, 20000, lambda v, a: v + a, point=0, third=1, cosine=0.6)
     found = described(monkeypatch, rows)
     assert (found.odd_share, found.even_share) == pytest.approx((0.2, 0.2), abs=0.02)  # 0.01 is sqrt(1 / 20000)
+
+
+@pytest.mark.parametrize(
+    ("normal", "odd", "even", "words"),
+    [
+        (0.5, 0.6, 0.3, "The force is mixed"), (0.5, 0.3, 0.6, "The force is mixed"),
+        (0.6, 0.6, 0.1, "in all directions"), (0.2, 0.6, 0.1, "in all directions"),
+        (0.5, 0.125, 0.075, "The force is mixed"),
+    ],
+)  # fmt: skip
+def test_a_force_exactly_at_a_limit_of_the_words_has_the_more_careful_ones(normal, odd, even, words):
+    """Twice the other share, three fifths or a fifth along the normal, a fifth of the pull that is explained."""
+    assert words in sentence_of(normal, odd, even, None, {"top": 1.0}, power=1.0)

@@ -10,7 +10,7 @@ from formats.arrays import Booleans, Floats
 from formats.blocks import ANGLE_STEP, LATEST, MOST_ROWS, NO_QUALITY, QUALITY_STEPS, TICKS, Columns
 from formats.surface import LARGEST_GRID, MOST_OUTLINE_PLACES, SurfaceScan
 
-FIRST_PLACE_STEP = 1e-4  # m
+FIRST_PLACE_STEP = 1e-4  # m, `formats/SPEC-1.md`
 
 
 def decode_block(block: dict[str, Any], points: int) -> Columns:

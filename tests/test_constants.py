@@ -186,6 +186,51 @@ def test_every_number_of_a_package_has_a_comment(package: str) -> None:
     assert [f"{name_of(path)}: {name}" for path in modules for name in bare(path.read_text())] == []
 
 
+# Whole comments that name a unit and no reason.
+UNITS_ALONE = {
+    "m",
+    "mm",
+    "m/s",
+    "s",
+    "1/s",
+    "Hz",
+    "px",
+    "rad",
+    "N",
+    "N/m",
+    "kg",
+    "1",
+    "bytes",
+    "bits",
+    "steps",
+    "frames",
+}
+UNITS_ALONE |= {"RGB", "per cent", "characters", "points", "degrees"}
+
+
+def units_alone(source: str) -> list[str]:
+    """Return the numbers of a module whose comment is a unit alone, and that no line above explains."""
+    lines, tree = source.splitlines(), ast.parse(source)
+    return [
+        name
+        for name, value, place in [*of_module(tree), *of_fields(tree), *of_parameters(tree)]
+        if lines[value.end_lineno - 1].rpartition("  # ")[2] in UNITS_ALONE
+        and not lines[max(place.lineno - 2, 0)].lstrip().startswith("# ")
+    ]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_number_of_a_module_states_a_unit_alone(package: str) -> None:
+    modules = [path for path in MODULES if path.is_relative_to(ROOT / package)]
+    found = [f"{name_of(path)}: {name}" for path in modules for name in units_alone(path.read_text())]
+    assert found == []
+
+
+def test_a_unit_alone_is_found() -> None:
+    source = "LONG = 2.0  # m\nSHORT = 1.0  # m, a step\n# Why.\nWIDE = 3  # px\nRED, BLUE = 1, (\n    2,\n)  # RGB\n"
+    assert units_alone(source) == ["LONG", "(RED, BLUE)"]
+
+
 BARE_CHOICE = re.compile(r"(?i:#.*our choice)(?!: |,? (?:as|because|since|so that) )|(?i:stated by us)")
 
 

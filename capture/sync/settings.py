@@ -62,7 +62,7 @@ class Range:
 
 
 SECONDS, MILLISECONDS = ("seconds", 1 / 86_400), ("milliseconds", 1e-3)
-MB = 1_000_000  # bytes
+MB = 1_000_000  # bytes, by the SI prefix
 BYTES = (("kB", 1e3), ("MB", 1e6), ("GB", 1e9))
 RANGES = {
     "bytes_per_second": Range(1e3, 1e10, "bytes a second", BYTES, (None,)),

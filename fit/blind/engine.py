@@ -28,7 +28,7 @@ FLAT_SAFETY = 0.7  # of the linear limit, as the bound holds for the flat sheet
 # left; at twice 0.03 %, for 2 s more of simulation.
 HANGING_TIME = 2.0
 HANGING_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
-POISSON = 0.3  # of the ground
+POISSON = 0.3  # of the ground; our choice: a usual ratio of solids. Half and double were not tried
 MOST_GROUND = 0.9  # of the stretch stiffness: the rest belongs to the fibres
 HEM_WIDTH = 0.02  # m: width of the hem
 HEM_BENDING = 3.0  # times the bending stiffness of the cloth; our choice: a hem folded twice has three sliding layers

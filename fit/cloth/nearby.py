@@ -48,7 +48,7 @@ CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
 LIST_COUNTS = 6  # how many of them
 HEADER_SIZES = 6  # sizes at the front of `whole`
-WORD = 32  # bits
+WORD = 32  # bits of an integer of Taichi
 TINY_DIVISOR = 1e-20  # m^4 or m: added against division by zero
 
 

@@ -71,7 +71,7 @@ LONGEST_INTERVAL = 0.036
 FRAMES_OF_STEP = 2000
 LEAST_STEP, MOST_ROUNDED = 1e-9, 1e-3  # m: smallest and largest rounding step of marker files
 MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of normal noise of deviation 1
-SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps
+SHIFTS = np.arange(-TAPS, TAPS + 1)  # steps of the filter, either side of the middle
 WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # of sixth differences
 
 

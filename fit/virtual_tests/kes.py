@@ -27,7 +27,7 @@ import numpy as np
 
 from fit.cloth.material import REFERENCE_CURVATURE
 
-GRAM_FORCE = 9.80665e-3  # N
+GRAM_FORCE = 9.80665e-3  # N: a gram at the standard acceleration of free fall (ISO 80000-3)
 TENSION_UNIT = GRAM_FORCE / 1e-2  # N/m per gf/cm; also J/m^2 per gf cm/cm^2
 SHEAR_UNIT = TENSION_UNIT / np.radians(1.0)  # N/m per gf/(cm degree)
 BENDING_UNIT = GRAM_FORCE * 1e-2  # N m per gf cm^2/cm

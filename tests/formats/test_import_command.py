@@ -65,7 +65,8 @@ def test_each_recording_has_its_line_and_those_of_markers_and_cloth_go_together(
         ("swatch s.txt --mass 0.05", "s.txt: a garment is written as TOML; give a name that ends in .toml"),
         ("swatch g.toml --mass 0.05", f"g.toml: {REPLACE}"),
         ("swatch s.toml --mass 0.5 --side 0.25", "--mass, --side: mass_kg = 0.5 makes 8 kg/m2, fabric has 0.02 to 1.5; "
-         "weigh it and give kilograms, or --anyway to accept it"),
+         "were 0.5 ounces meant, mass_kg = 0.0141748 (0.23 kg/m2)? Weigh it and give kilograms, "
+         "or --anyway to accept it"),
     ],
 )  # fmt: skip
 def test_refused_imports_and_descriptions_name_the_next_step(desk, words, sentence):

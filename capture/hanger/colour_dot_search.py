@@ -23,7 +23,9 @@ LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
 # fills 0.5 and an upright rectangle 1.
 FILLS = (0.6, 0.98)
 DOT_TOLERANCE = 0.08  # of the hanger's distance: depth at a small dot is accurate to a centimetre
-LARGEST_COLOUR_DISTANCE = 28.0  # in a*b*, between a dot and its expected colour
+# in a*b*, between a dot and its expected colour. Our choice: half and double find the dots of `test_colour_dots.py`
+# as well.
+LARGEST_COLOUR_DISTANCE = 28.0
 # times better than the next pair. Our choice: two pairs as good within noise are left undecided. Half would decide
 # each of them; double was not tried.
 CLEARLY = 2.0

@@ -26,7 +26,9 @@ from formats.arrays import Bytes, Floats, Singles, Unsigned
 from formats.rig import Calibration, Rig
 
 AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its centre by a tenth of its diameter
-LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the dot's region
+# share of the dot's colour from which a pixel belongs to the dot's region. Our choice: half and double find the dots
+# of `test_colour_dots.py` as well.
+LEAST_COLOUR_SHARE = 0.25
 FAINTEST = 40.0  # of 255, distance between the colours of dot and background: 20 times a pixel's noise
 INNER = 0.8  # of the diameter: depth pixels farther out may be mixed with the background
 # Twelve points on a circle of diameter 1, in diameters of a dot.

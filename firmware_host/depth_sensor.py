@@ -24,7 +24,8 @@ class SensorInfo:
     """The properties of a sensor that are known before its first frame.
 
     `frame_count` is the number of depth frames to come, None if unknown (live sensors). `notes` are sentences about
-    assumptions, such as a default focal length.
+    assumptions, such as a default focal length. `is_turned`: a recording says that its pictures are mirrored, and they
+    are turned round. `left_out`: depth frames of a recording that cannot be read, because of their numbers.
     """
 
     name: str
@@ -36,6 +37,8 @@ class SensorInfo:
     is_live: bool
     frame_count: int | None = None
     notes: tuple[str, ...] = ()
+    is_turned: bool = False
+    left_out: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

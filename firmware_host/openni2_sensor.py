@@ -223,6 +223,8 @@ class OpenNI2Sensor(DepthSensor):
             is_live=self._device.playback is None,
             frame_count=None if self._summary is None else _playable(self._summary),
             notes=tuple(notes),
+            is_turned=self._summary is not None and bool(self._summary.mirrored),
+            left_out=0 if self._summary is None else self._summary.beyond,
         )
 
     @property

@@ -94,7 +94,9 @@ def calibrate(
             advice=f"give ids from 0 to {count - 1}",
         )  # fmt: skip
     detector = MarkerDetector(hanger.dictionary, ids)
-    still = watch(sensor, detector, seconds, lambda colour: seen_otherwise(colour, hanger))
+    still = watch(
+        sensor, detector, seconds, lambda colour: seen_otherwise(colour, hanger, is_turned=sensor.info.is_turned)
+    )
     before = rig.calibration or Calibration()
     offset = _offset(still, PlatePlacer(camera, hanger.marker_size_m))
     shift = before.depth_offset_px

@@ -17,10 +17,12 @@ OTHERS = (
 )  # fmt: skip  # printed most; a larger set of one size begins with the same markers
 
 
-def seen_otherwise(colour: Bytes | None, hanger: Hanger) -> str:
+def seen_otherwise(colour: Bytes | None, hanger: Hanger, *, is_turned: bool = False) -> str:
     """Return how both markers appear in an RGB image, (H, W, 3), and the remedy; "" if they do not appear.
 
     Dots look the same in a mirror.
+
+    is_turned: the recording says that its pictures are mirrored, and this one was turned round
     """
     if colour is None or hanger.marker == "dot":
         return ""
@@ -28,6 +30,8 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger) -> str:
     if doubled := [number for number in hanger.ids if seen[number] > 1]:
         return _seen_twice(doubled, [number for number in hanger.ids if not seen[number]])
     if _finds(np.ascontiguousarray(colour[:, ::-1]), hanger, hanger.dictionary):
+        if is_turned:
+            return "the file says that its pictures are mirrored, and both are read without that: set its xnMirror to 0"
         return "both are seen in the picture's mirror image: switch the sensor's mirror off"
     if _finds(255 - colour, hanger, hanger.dictionary):
         return "both are seen white on black: print them black on white"
@@ -37,6 +41,15 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger) -> str:
         if name != hanger.dictionary and _finds(colour, hanger, name):
             return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"
     return ""
+
+
+def is_upside_down(colour: Bytes | None, hanger: Hanger) -> bool:
+    """Return whether both markers stand on their heads in an RGB image, (H, W, 3); dots never do."""
+    if colour is None or hanger.marker == "dot":
+        return False
+    corners = MarkerDetector(hanger.dictionary, hanger.ids).in_picture(colour)  # clockwise from the top left one
+    across, down = (corners[:, 3] - corners[:, 0]).T
+    return bool((down < -np.abs(across)).all())
 
 
 def _seen_twice(doubled: list[int], absent: list[int]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -14,7 +14,7 @@ import numpy as np
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
-from capture.hanger.seen_otherwise import seen_otherwise
+from capture.hanger.seen_otherwise import is_upside_down, seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
@@ -27,7 +27,7 @@ from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.findings import Finding
 from formats.garment import Garment
-from formats.judgement import FEWEST_HANGERS, judge
+from formats.judgement import FEWEST_HANGERS, SWAPPED, judge
 from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
 from formats.system_causes import step_to_write
@@ -126,6 +126,7 @@ def record(
     is_interrupted = False
     failure: HangtimeError | None = None
     next_look = -np.inf
+    shown: SensorFrame | None = None  # the last one in which both markers were found
 
     def tell(changed: Condition | None) -> None:
         if changed is not None:
@@ -158,6 +159,8 @@ def record(
                     what = f"writing failed ({error.strerror})"
                     raise _broken_off(writer, tally.with_hanger, what, error) from error
                 tell(tally.add(seen))
+                if np.isfinite(seen.frame.markers).all():
+                    shown = reader.frame
                 if watch is not None and reader.frame is not None and reader.sight is not None:
                     watch(reader.frame, reader.sight.hanger, reader.sight.cloth)
                 progress(tally.frames, sensor.info.frame_count, tally.with_hanger / tally.frames)
@@ -184,9 +187,9 @@ def record(
             raise
         if tally.with_hanger < FEWEST_HANGERS:
             writer.discard()
-            raise failure or _no_markers(sensor.info.uri, rig, tally, frame=reader.frame)
+            raise failure or _no_markers(sensor.info.uri, rig, tally, frame=reader.frame, info=sensor.info)
         _finish(writer, tally.with_hanger)
-    findings = judge(read_take(out))
+    findings = _of_the_sensor(judge(read_take(out)), shown, rig)
     return RecordingReport(
         path=out,
         frames=tally.frames,
@@ -252,12 +255,15 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str, cause: BaseExce
 
 
 def _no_markers(
-    where: object, rig: Rig, tally: Tally, *, kept: bool = False, frame: SensorFrame | None = None
-) -> NoMarkersError:
+    where: object, rig: Rig, tally: Tally, *, kept: bool = False, frame: SensorFrame | None = None,
+    info: SensorInfo | None = None,
+) -> NoMarkersError:  # fmt: skip
     worst = tally.conditions.worst
     what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
     what += "the take was kept, but nothing can be fitted to it" if kept else "no take was kept"
     advice = worst.value.advice or "record longer"
+    if info is not None and info.left_out and worst is Condition.GOOD:
+        advice = f"write the file again: {info.left_out} of its depth frames have numbers too high to be read"
     if kept:
         advice = f"record it again: {advice}"
     picture = None if frame is None else frame.colour
@@ -268,11 +274,22 @@ def _no_markers(
     if rig.hanger is not None and (how or worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT)):
         stated = f"the rig says {_markers_of(rig.hanger)}"
         if not how and worst is Condition.NO_MARKERS:
-            how = seen_otherwise(picture, rig.hanger)
+            how = seen_otherwise(picture, rig.hanger, is_turned=info is not None and info.is_turned)
         advice = f"{stated}; {how}" if how else f"{advice} ({stated})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=where, advice=advice)
+
+
+def _of_the_sensor(findings: tuple[Finding, ...], shown: SensorFrame | None, rig: Rig) -> tuple[Finding, ...]:
+    """Return the findings; that of exchanged markers names a sensor that hangs upside down, where they show it."""
+    if shown is None or rig.hanger is None or all(one.name != SWAPPED for one in findings):
+        return findings
+    if not is_upside_down(shown.colour, rig.hanger):
+        return findings
+    words = "the first marker is on the right, and both stand on their heads: the sensor hangs upside down"
+    advice = "turn the sensor over and record again"
+    return tuple(replace(one, words=words, advice=advice) if one.name == SWAPPED else one for one in findings)
 
 
 def _doubt(where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...]) -> CaptureError | None:

@@ -108,6 +108,8 @@ def test_frames_whose_numbers_are_above_their_count_are_said_to_be_left_out(tmp_
     path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 33_333 * (k + 1), lambda k: 3 * k + 1)
     with OpenNI2Sensor(path) as sensor:
         assert "8 of its 12 depth frames have numbers above 12 and are left out" in sensor.info.notes
+        assert sensor.info.left_out == 8
+        assert not sensor.info.is_turned
         assert len(list(sensor.frames())) == 4
 
 
@@ -147,5 +149,6 @@ def test_pictures_that_the_recording_says_are_mirrored_are_turned_round(tmp_path
     with OpenNI2Sensor(path) as sensor:
         turned = next(sensor.frames())
         assert "mirrored; Hangtime turns mirrored pictures round" in sensor.info.notes[-1]
+        assert sensor.info.is_turned
     assert np.array_equal(turned.depth, plain.depth[:, ::-1])
     assert np.array_equal(turned.colour, plain.colour[:, ::-1])

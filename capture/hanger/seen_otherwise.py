@@ -5,6 +5,8 @@ A mirrored marker does not belong to its dictionary, so a mirrored image shows n
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from capture.hanger.marker_detection import MarkerDetector, times_seen
@@ -27,7 +29,7 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger, *, is_turned: bool = Fa
     if colour is None or hanger.marker == "dot":
         return ""
     seen = times_seen(colour, hanger.dictionary)
-    if doubled := [number for number in hanger.ids if seen[number] > 1]:
+    if doubled := _doubled(seen, hanger):
         return _seen_twice(doubled, [number for number in hanger.ids if not seen[number]])
     if _finds(np.ascontiguousarray(colour[:, ::-1]), hanger, hanger.dictionary):
         if is_turned:
@@ -41,6 +43,17 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger, *, is_turned: bool = Fa
         if name != hanger.dictionary and _finds(colour, hanger, name):
             return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"
     return ""
+
+
+def is_seen_twice(colour: Bytes | None, hanger: Hanger) -> bool:
+    """Return whether a marker of the hanger appears more than once in an RGB image, (H, W, 3)."""
+    if colour is None or hanger.marker == "dot":
+        return False
+    return bool(_doubled(times_seen(colour, hanger.dictionary), hanger))
+
+
+def _doubled(seen: Counter[int], hanger: Hanger) -> list[int]:
+    return [number for number in hanger.ids if seen[number] > 1]
 
 
 def is_upside_down(colour: Bytes | None, hanger: Hanger) -> bool:

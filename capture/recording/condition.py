@@ -49,6 +49,9 @@ class Condition(Enum):
     TOO_NEAR = Saying("too near", "go back until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)
     TOO_FAR = Saying("too far", "come closer until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)
     ONE_MARKER = Saying("only one marker is seen", "turn the hanger so that both markers face the sensor", Lamp.SLOW)
+    SEEN_TWICE = Saying(
+        "a marker of the hanger is seen more than once", "leave only the hanger's own markers in view", Lamp.SLOW
+    )
     NO_MARKERS = Saying(
         "no markers are seen", "show both markers to the sensor, flat, in even light, 1.2 to 2.5 m away", Lamp.SLOW
     )

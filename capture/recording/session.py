@@ -14,7 +14,7 @@ import numpy as np
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
-from capture.hanger.seen_otherwise import is_upside_down, seen_otherwise
+from capture.hanger.seen_otherwise import is_seen_twice, is_upside_down, seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
@@ -129,6 +129,8 @@ def record(
     shown: SensorFrame | None = None  # the last one in which both markers were found
 
     def tell(changed: Condition | None) -> None:
+        if changed in (Condition.NO_MARKERS, Condition.ONE_MARKER) and reader.frame is not None and rig.hanger:
+            changed = Condition.SEEN_TWICE if is_seen_twice(reader.frame.colour, rig.hanger) else changed
         if changed is not None:
             announce(reader.now - tally.first, changed)
 

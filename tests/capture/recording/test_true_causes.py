@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from capture.errors import NoMarkersError
+from capture.recording.condition import Condition
 from capture.recording.session import record
 from tests.capture.garment.towel import GARMENT, HANGER
 from tests.capture.garment.towel_scenes import RIG
@@ -52,3 +53,20 @@ def test_a_hanger_with_exchanged_markers_is_not_a_sensor_upside_down(good, tmp_p
     swapped = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, ids=HANGER.ids[::-1]))
     report = record(StageSensor(good * 11), swapped, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
     assert "turn the hanger's front to the sensor" in str(report.doubt)
+
+
+def test_doubled_markers_are_said_at_once_and_not_that_none_are_seen(good, tmp_path):
+    """A second sheet with both markers, at the same distance from each other, 150 rows below the hanger's."""
+    pairs = []
+    for depth, colour in good * 2:
+        doubled = colour.copy()
+        rows = slice(145, 190)  # around the markers, at rows 157 to 178
+        doubled[rows.start + 150 : rows.stop + 150] = colour[rows]
+        pairs.append((depth, doubled))
+    said = []
+    with pytest.raises(NoMarkersError, match=r"seen twice: leave only the hanger's own in view$"):
+        record(
+            StageSensor(pairs), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now",
+            announce=lambda time, condition: said.append((time, condition)),
+        )  # fmt: skip
+    assert said == [(0.0, Condition.SEEN_TWICE)]

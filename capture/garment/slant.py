@@ -22,7 +22,9 @@ from formats.arrays import Floats
 from formats.rig import Sensor
 
 FITTED_AROUND = 0.05  # m: the best of 20, 30, 35, 40, 50 and 70 mm on development cloths left out of the fit
-SPREAD = 0.06  # m, how far steep cloth reaches in depth from the middle of these
+# m, how far steep cloth reaches in depth from the middle of these. Our choice: half and double place all garments of
+# `test_garment_points.py` as well.
+SPREAD = 0.06
 
 
 class Slant(NamedTuple):

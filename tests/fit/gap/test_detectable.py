@@ -54,17 +54,19 @@ def test_a_component_shows_from_what_noise_and_rules_ask_for_or_from_what_the_ed
         for (name, cost), h in zip(costs.items(), [evidence.base, *evidence.singles.values()], strict=True)
     }
     evidence = dataclasses.replace(evidence, base=given.pop(""), singles=given)
-    asked = []
+    asked, of = [], []
     monkeypatch.setattr(
         "fit.gap.screening.Signature.minimum_detectable",
         lambda self, left, block, correlation: asked.append(left[0]) or np.array([0.2, 0.02]),
     )
-    monkeypatch.setattr("fit.gap.detectable.correlation_of", lambda observer, residual: np.eye(1))
+    monkeypatch.setattr(
+        "fit.gap.detectable.correlation_of", lambda observer, residual: of.append(residual[0]) or np.eye(1)
+    )
     monkeypatch.setattr("fit.gap.detectable.resolvable", lambda given, name: 0.1 if given is evidence else np.nan)
     edges = {"air_drag": np.inf, "hem": 0.15, "clip_slack": 0.01}
     monkeypatch.setattr("fit.gap.detectable.detectable_on_edge", lambda observer, judge, screened: edges)
     found = smallest_detectable(evidence)
-    assert asked == [4.0] * 3
+    assert (asked, of) == ([4.0] * 3, [4.0])
     assert {name: size.tolist() for name, size in found.items()} == {
         "air_drag": [0.2, 0.1], "hem": [0.15, 0.1], "clip_slack": [0.01, 0.01]
     }  # fmt: skip

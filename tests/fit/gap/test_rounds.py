@@ -210,8 +210,8 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
     monkeypatch.setattr(rounds, "fit", fit)
     monkeypatch.setattr(rounds, "judged", judged_at(6.0))
     search._each_alone(pair, 0.1)
-    drag, hem = pair.effects
-    assert [(task.active, round(task.known_cost, 6)) for task in asked] == [((drag,), 20.0), ((hem,), 80.0)]
+    (drag, hem), known = pair.effects, [(task.active, task.iterations, round(task.known_cost, 6)) for task in asked]
+    assert known == [((drag,), 8, 20.0), ((hem,), 8, 80.0)]
     for task in asked:
         (k,) = task.active
         others = np.delete(np.arange(len(task.amplitudes)), search.observer.columns[k])

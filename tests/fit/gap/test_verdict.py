@@ -83,6 +83,13 @@ def test_an_effect_is_added_where_its_size_is_surely_something(deviation, p_valu
     assert may_be_added(evidence_of({}).observer, both, p_value) == is_added
 
 
+@pytest.mark.parametrize(("deviations", "is_added"), [((0.7, 0.05), True), ((0.05, 0.7), False)])
+def test_of_several_effects_the_size_of_the_last_one_is_surely_something(deviations, is_added):
+    both = hypothesis(("air_drag", "hem"), 6.0)
+    fitted = dataclasses.replace(both.fitted, deviation=np.array([*[0.05] * 5, *deviations]))
+    assert may_be_added(evidence_of({}).observer, dataclasses.replace(both, fitted=fitted), 0.04) == is_added
+
+
 def test_twins_of_one_of_two_effects_share_its_probability():
     """Both leave 5.5 mm beside the drag, in other half-seconds: each is the better one in about half of the draws."""
     pair = hypothesis(("air_drag", "filter_lag"), 5.5, seed=4)

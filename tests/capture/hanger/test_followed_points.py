@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.hanger import marker_following as module
 from capture.hanger.marker_following import (
     BLURRED_SD,
     COVERED_SD,
@@ -260,6 +261,43 @@ def test_a_picture_without_contrast_is_like_nothing():
     for window, picture in ((plain, full), (full, plain), (plain, plain)):
         assert _likeness(window, picture, turn, STILL, STILL, hull) == 0.0
     assert _likeness(full, full, turn, STILL, STILL, hull) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("contrast", "likeness"), [(1.1, 1.0), (0.9, 0.0)])
+def test_contrast_is_a_deviation_of_one_of_255(contrast, likeness):
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    hull = np.array([[0.0, 0.0], [19.0, 0.0], [19.0, 19.0], [0.0, 19.0]])
+    full = pattern(20, 20)
+    faint = (full - full.mean()) * np.float32(contrast / full.std()) + 100
+    assert _likeness(faint, full, turn, STILL, STILL, hull) == pytest.approx(likeness, abs=1e-4)
+    assert _likeness(full, faint, turn, STILL, STILL, hull) == pytest.approx(likeness, abs=1e-4)
+
+
+def test_a_template_goes_on_beyond_its_rim_as_it_ends_there():
+    picture = pattern(20, 20)
+    window = np.pad(picture, 4, mode="edge")
+    turn = np.array([[1.0, 0.0, 4.0], [0.0, 1.0, 4.0]])
+    hull = np.array([[0.0, 0.0], [27.0, 0.0], [27.0, 27.0], [0.0, 27.0]])
+    assert _likeness(window, picture, turn, STILL, STILL, hull) == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(("count", "is_found"), [(12, True), (11, False)])
+@pytest.mark.parametrize("what", ["come back", "agree"])
+def test_twelve_points_that_come_back_and_agree_are_a_marker(count, is_found, what, monkeypatch):
+    """Every fourth of 49 points; all others are lost, or come back but have moved apart."""
+    chosen = np.zeros(49, bool)
+    chosen[: 4 * count : 4] = True
+
+    def flow(first, second, start):
+        apart = 20.0 * np.random.default_rng(1).standard_normal(start.shape)
+        if what == "come back":
+            return start, chosen
+        return np.where(chosen[:, None], start, start + apart), np.ones(49, bool)
+
+    monkeypatch.setattr(module, "_there_and_back", flow)
+    kept, corners = template()
+    found = points(kept, [way_of(kept, corners)])
+    assert (found is not None) == is_found
 
 
 def test_a_turned_template_is_laid_where_its_corners_are():

@@ -33,14 +33,18 @@ def test_a_sparing_detector_finds_markers_of_13_pixels_in_every_second_picture()
 
 
 def test_a_marker_found_in_the_picture_stays_where_a_smaller_one_is_looked_for_in_the_enlarged_one():
+    """The picture is turned by 8 degrees, so that the enlarged one has other corners."""
+    turn = cv2.getRotationMatrix2D((160.0, 120.0), 8.0, 1.0)
     mixed, large = picture(30), picture(30)
-    mixed[90:140, 170:230] = picture(13)[90:140, 170:230]
+    mixed[90:140, 170:230] = picture(12)[90:140, 170:230]
+    mixed, large = (cv2.warpAffine(one, turn, (320, 240), borderValue=(200, 200, 200)) for one in (mixed, large))
     detector = MarkerDetector("DICT_4X4_50", (0, 1))
     found, plain = detector.in_picture(mixed), detector.in_picture(large)
     assert np.isfinite(found).all()
     assert found[0].tolist() == plain[0].tolist()
-    enlarged = cv2.resize(large, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    assert found[0].tolist() != ((detector.in_picture(enlarged)[0] + 0.5) / 2 - 0.5).tolist()
+    enlarged = detector._detect(detector._anywhere, cv2.cvtColor(mixed, cv2.COLOR_RGB2GRAY), 2)
+    assert enlarged[0].tolist() != plain[0].tolist()
+    assert found[1].tolist() == enlarged[1].tolist()
 
 
 def test_a_sparing_detector_finds_markers_of_30_pixels_in_every_picture():

@@ -243,7 +243,8 @@ def test_a_marker_within_another_outline_of_itself_counts_once():
 
 
 def test_the_crossing_of_diagonals_and_the_mean_side_of_a_quadrilateral():
-    """Diagonals from (0, 0) to (6, 6) and from (4, 0) to (0, 4) cross at (2, 2). Sides of 3-4-5 triangles."""
+    """Diagonals from (1, 2) to (7, 8) and from (7, 4) to (1, 6) cross at (4, 5). Sides of 3-4-5 triangles."""
+    assert diagonal_crossing(np.array([[1.0, 2], [7, 4], [7, 8], [1, 6]])) == pytest.approx([4.0, 5.0])
     assert diagonal_crossing(np.array([[0.0, 0], [4, 0], [6, 6], [0, 4]])) == pytest.approx([2.0, 2.0])
     assert quad_side(np.array([[0.0, 0], [3, 4], [3, 10], [0, 6]])) == pytest.approx((5 + 6 + 5 + 6) / 4)
     flat = diagonal_crossing(np.array([[0.0, 0], [1, 1], [3, 3], [2, 2]]))

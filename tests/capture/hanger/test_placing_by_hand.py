@@ -166,6 +166,15 @@ def test_a_plate_at_the_pictures_border_is_fitted_to_the_part_inside():
     assert PlatePlacer(CAMERA, SIZE).plate_depth(thin[:, ::-1], thin.mean(0), depth) is None
 
 
+@pytest.mark.parametrize(("count", "is_plate"), [(3, True), (2, False)])
+def test_a_plate_has_three_rows_and_three_columns(count, is_plate):
+    """Of twenty pixels along the other axis."""
+    wide = np.array([[100.0, 100], [119, 100], [119, 99 + count], [100, 99 + count]])
+    for outline in (wide, wide[:, ::-1]):
+        plate = PlatePlacer(CAMERA, SIZE).plate_depth(outline, outline.mean(0), depth_of(1.6))
+        assert (plate is not None) == is_plate
+
+
 def test_a_missing_plate_gives_no_position():
     quad = quad_at([0.1, -0.2, 1.6])
     unknown = PlatePlacer(CAMERA, SIZE).place(quad, quad.mean(0), depth_of(0.0))

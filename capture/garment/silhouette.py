@@ -118,7 +118,7 @@ def _hanging_piece(labels: Unsigned, stats: Indices, count: int, ends: Floats) -
     x0, x1 = sorted(int(x) for x in ends[:, 0])
     y0, y1 = int(ends[:, 1].min()), int(ends[:, 1].max())
     band = labels[max(0, y0) : max(0, y1 + EDGE_BAND), max(0, x0) : max(0, x1)]
-    if count < 2 or band.size == 0:
+    if count < 2:
         return None
     present = np.bincount(band.ravel(), minlength=count)[1:] > 0
     areas = np.where(present, stats[1:, cv2.CC_STAT_AREA], 0)

@@ -73,7 +73,7 @@ def _on_edge(recording: Recording) -> Integers:
         share, is_on = place_along(places, side)
         found = np.flatnonzero(is_on)
         order += [int(k) for k in found[np.argsort(share[found])] if k not in order]
-    return np.array(order, int)
+    return np.array(order, dtype=int)  # also without any
 
 
 def to_polygon(points: Floats, corners: Floats) -> Floats:

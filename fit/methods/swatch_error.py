@@ -188,7 +188,7 @@ def line_curvature(points: Floats) -> Floats:
     second = np.zeros_like(points)
     segments = np.zeros(count)
     before, at, after, next_after = points[..., :-3, :], points[..., 1:-2, :], points[..., 2:-1, :], points[..., 3:, :]
-    second[..., 1:-2, :] += 2 * before - 5 * at + 4 * after - next_after
+    second[..., 1:-2, :] = 2 * before - 5 * at + 4 * after - next_after
     second[..., 2:-1, :] += -before + 4 * at - 5 * after + 2 * next_after
     segments[1:-2] = 1
     segments[2:-1] += 1

@@ -223,12 +223,20 @@ def test_points_that_are_no_full_grid_are_refused():
     assert marker_grid(four, "here").shape == (4, 4)
     with pytest.raises(FitError, match="12 points are not a full grid of 4 x 4 markers or more"):
         marker_grid(three, "here")
+    doubled = four.copy()
+    doubled[5] = doubled[6]  # still 4 rows, 4 columns and 16 points
+    with pytest.raises(FitError, match="here: its 16 points are not a full grid"):
+        marker_grid(doubled, "here")
+    with pytest.raises(FitError, match="scene: its 5 points are not a full grid"):
+        SwatchError(prepare(take_of(sheet(), TIME, np.zeros((240, 3)), hanging()[:, :5])))
 
 
 def test_fewer_than_100_frames_are_refused():
     take = take_of(GARMENT, TIME[:99], np.zeros((99, 3)), hanging()[:99])
     with pytest.raises(FitError, match="99 frames, mocap-swatch needs 100"):
         SwatchError(prepare(take))
+    enough = SwatchError(prepare(take_of(GARMENT, TIME[:100], np.zeros((100, 3)), hanging()[:100])))
+    assert enough.terms(hanging()[None, :100])[0] == pytest.approx(np.zeros(4), abs=1e-9)
 
 
 @pytest.mark.parametrize("seen", [0, 5])
@@ -238,3 +246,23 @@ def test_a_marker_that_was_hardly_ever_seen_is_named(seen):
     valid[seen:, 7] = False
     with pytest.raises(FitError, match=f"'row1_column8' was seen in {seen} frames, at least 8"):
         SwatchError(dataclasses.replace(recording, valid=valid))
+
+
+def test_a_marker_that_was_seen_in_eight_frames_counts():
+    recording = prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), hanging()))
+    valid = recording.valid.copy()
+    valid[8:, 7] = False
+    aside = hanging()[None] + [0.0, 0.01, 0.0]
+    assert SwatchError(dataclasses.replace(recording, valid=valid)).terms(aside)[0][0] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_the_lowest_inner_row_counts_as_much_as_the_others_in_the_measured_curvature():
+    """A swatch that is flat but for its last two rows, which bend: only the last inner row has a curvature down."""
+    bent = hanging()
+    grid = marker_grid(np.array([p.at_m for p in GARMENT.points]), "here")
+    bent[:, grid[8], 1] += 0.03
+    down = np.array([line_curvature(column)[1:8] for column in bent[0][grid].swapaxes(0, 1)])[1:8]
+    remark = SwatchError(prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), bent, sd=0.02))).remark
+    said = re.search(r", ([\d.]+) 1/m were measured", remark)
+    assert float(said[1]) == pytest.approx(down.mean() / 2, abs=0.051)
+    assert down[:, -1].mean() / 14 > 0.2

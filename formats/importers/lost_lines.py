@@ -5,7 +5,8 @@ whole line: the time of the first line, and positions of the second. Then some c
 through the two positions before. A whole line before a pause continues all trajectories, and keeps its positions.
 
 One frame misses where a step of the times is two intervals, and all later times come an interval later. A late stamp
-differs from that, since the next one is on time. Times rounded to about an interval show no single frame.
+differs from that, since the next one is on time. Times rounded to about an interval show no single frame. Neither do
+intervals of random lengths, whose sums come about as late without it.
 
 Frame numbers that go on across a pause in the times show that no line was lost. The pause is reported all the same.
 
@@ -31,7 +32,7 @@ LASTING_DELAY = 0.6  # intervals; our choice: half is a late stamp at the end of
 AROUND_A_STEP = 10, 3  # lines on each side; our choice: at most, and fewer than the second show no lasting delay
 FEWEST_DEVIATIONS = 8  # lines around; our choice: the largest of fewer tells little of the usual deviation
 DIGITS_OF_TIMES, SAME_STAMP = 6, 1e-3  # tried, of seconds behind the point; intervals, for the rounding of floats
-FARTHER = 2.0  # times the largest of 50 deviations; our choice: 4.5 standard deviations of noise
+FARTHER = 2.0  # times the largest of 50 deviations or delays; our choice: 4.5 standard deviations of noise
 
 
 def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Callable[[int], str]) -> str:
@@ -48,37 +49,50 @@ def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Ca
     usual = float(np.median(steps))
     is_pause = steps > LONGEST_STEP_IN_TURN * usual
     is_hole = numbers > 1 if are_numbered else is_pause | _are_steps_of_two(time, steps, usual)
-    holes = np.flatnonzero(is_hole | is_pause).tolist()
-    if len(holes) > MOST_HOLES:
-        return ""
+    certain = numbers > 1 if are_numbered else is_pause
+    told = (np.flatnonzero(one).tolist() for one in (is_hole | is_pause, certain))
+    holes = next((one for one in told if len(one) <= MOST_HOLES), [])
     seen = [at for at in holes if is_hole[at] and np.isfinite(positions[at]).any()]
     joined = [at for at in seen if not _goes_on(time, positions, at, holes)]
     positions[joined] = np.nan
-    told = (
+    lacks = (
         _missing(first[at : at + 2]) if are_numbered and is_hole[at] else f"{steps[at] - usual:.3g} s are"
         for at in holes
     )
     return "; ".join(
         f"{what} missing behind {line(at)}" + ", so its markers count as not seen" * (at in joined)
-        for at, what in zip(holes, told, strict=True)
+        for at, what in zip(holes, lacks, strict=True)
     )
 
 
 def _are_steps_of_two(time: Floats, steps: Floats, usual: float) -> Booleans:
     """Return behind which lines one frame is missing, (steps,), by steps of two usual intervals [s] that last."""
     found = np.zeros(len(steps), bool)
-    maybe = np.flatnonzero((steps >= LEAST_STEP_OF_TWO * usual) & (steps <= LONGEST_STEP_IN_TURN * usual)).tolist()
+    long = np.flatnonzero(steps >= LEAST_STEP_OF_TWO * usual)
+    maybe = long[steps[long] <= LONGEST_STEP_IN_TURN * usual].tolist()
     if not maybe or len(maybe) > MOST_HOLES or _resolution(time, usual) > FINEST_OF_INTERVAL * usual:
         return found
-    most, fewest = AROUND_A_STEP
+    most = AROUND_A_STEP[0]
     interval = float(np.median((time[most:] - time[:-most]) / most)) if len(time) > most else usual
+    late = time - time[0] - interval * np.arange(len(time))
     for at in maybe:
-        before, after = time[max(at + 1 - most, 0) : at + 1], time[at + 1 : at + 1 + most]
-        if min(len(before), len(after)) >= fewest:
-            later = (after - interval * np.arange(len(after))).mean() - interval
-            later -= (before + interval * np.arange(len(before))[::-1]).mean()
-            found[at] = later > LASTING_DELAY * interval
+        near = range(max(0, at - POSITIONS_AROUND), min(len(steps), at + POSITIONS_AROUND))
+        uneven = max((abs(steps[k] - usual) for k in near if k not in maybe), default=0.0)
+        others = max((abs(_delay(late, k)) for k in near if (np.abs(long - k) >= most).all()), default=0.0)
+        delay = _delay(late, at)
+        is_odd = delay > FARTHER * others or steps[at] - usual > FARTHER * uneven
+        found[at] = delay > LASTING_DELAY * interval and is_odd
     return found
+
+
+def _delay(late: Floats, at: int) -> float:
+    """Return by how much [s] the times behind a line are later than those up to it, 0 with too few of either.
+
+    late: times without a regular clock's part [s], (rows,)
+    """
+    most, fewest = AROUND_A_STEP
+    before, after = late[max(at + 1 - most, 0) : at + 1], late[at + 1 : at + 1 + most]
+    return float(after.mean() - before.mean()) if min(len(before), len(after)) >= fewest else 0.0
 
 
 def _resolution(time: Floats, usual: float) -> float:

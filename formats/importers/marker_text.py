@@ -74,13 +74,13 @@ def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTrac
     if len(rows) < 5:
         raise TakeError("ends within its header", where=path, advice=f"export it again; {CAN_BE_READ}")
     stated = dict(zip((cell.strip().lower() for cell in rows[1]), rows[2], strict=False))
-    count = whole_number(stated.get("nummarkers", ""), "number of markers", path)
     names = [cell.strip() for cell in rows[3][2:] if cell.strip()]
+    count = whole_number(stated.get("nummarkers", ""), "number of markers", path, len(names))
     if len(names) != count:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
-    count_of_frames = whole_number(stated.get("numframes", ""), "number of frames", path)
+    count_of_frames = whole_number(stated.get("numframes", ""), "number of frames", path, len(body))
     warning = warning_of_count(len(body), count_of_frames, wanted.frames, path)
     table = Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1])
     frames = read_frames(body, table, path, wanted)
@@ -180,7 +180,7 @@ def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerT
         )  # fmt: skip
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
-    count = whole_number(total, "number of frames", path) if total.strip() else len(body)
+    count = whole_number(total, "number of frames", path, len(body)) if total.strip() else len(body)
     warning = warning_of_count(len(body), count, wanted.frames, path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     labels = [cell_at(names, k, as_is=True) for k in at]

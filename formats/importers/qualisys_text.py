@@ -51,9 +51,10 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
             advice="export the 3D data, with the trajectories of markers",
         )  # fmt: skip
     names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
-    if (count := whole_number(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
+    count = whole_number(value("NO_OF_MARKERS"), "number of markers", path, len(names))
+    if count != len(names):
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path)
+    count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path, len(rows) - len(head))
     body, width = rows[len(head) :], 3 * len(names)
     titles = body[0] if len(body) else [""]
     has_clock = titles[0].strip().lower() == "frame"

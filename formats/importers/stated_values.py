@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.number_cells import CELL_SHOWN, DECIMALS, number_of, with_point
+from formats.importers.number_cells import CELL_SHOWN, DECIMALS, is_number, number_of, with_point
 from formats.plain_text import counted
 from formats.plausible import USABLE_RATES
 
@@ -29,23 +30,27 @@ def cell_at(row: list[str], at: int, *, as_is: bool = False) -> str:
     return cell if as_is else cell.lower()
 
 
-def whole_number(cell: str, what: str, path: Path) -> int:
+def whole_number(cell: str, what: str, path: Path, found: int) -> int:
     """Return the whole number in a cell; `what` names the quantity in an error.
 
-    A comma or point before three digits is a thousands separator, since a count is whole.
+    A comma or point before three digits may separate thousands, as in 1,030, or decimals, as in 60.000. Of both
+    readings, the one counts that is nearer to the number in the file by its ratio.
+
+    found: the number of what the file holds
 
     Raises:
         TakeError: the cell holds no whole number.
     """
     plain = next(filter(None, (with_point(cell, sign) for sign in DECIMALS.values() if cell.count(sign) != 1)), cell)
     try:
-        number = number_of(plain)
-        whole = int(number)
-    except (ValueError, OverflowError) as error:
-        raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
-    if whole != number:
-        raise TakeError(f"its {what} is {cell.strip()!r}, no whole number", where=path, advice="export it again")
-    return whole
+        readings = [number_of(one) for one in (plain, cell) if is_number(one)]
+    except ValueError:  # infinite
+        readings = []
+    whole = [int(one) for one in readings if one == int(one)]
+    if not whole:
+        kind = "whole number" if readings else "number"
+        raise TakeError(f"its {what} is {cell.strip()!r}, no {kind}", where=path, advice="export it again")
+    return min(whole, key=lambda one: abs(math.log(max(one, 1) / max(found, 1))))
 
 
 def frame_rate(cell: str, path: Path) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.lost_lines import remove_joined_lines
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from tests.formats.test_broken_numbers import WRITERS, imported, places, vicon
@@ -158,6 +159,25 @@ def test_late_stamps_and_rounded_times_are_no_lost_lines(tmp_path, digits):
     late = np.arange(150) / 99.7 + 0.007 * (np.arange(150) == AT)
     found = read(tmp_path, own_table([f"{t:.{digits}f}" for t in late], places()), None, "own.csv")
     assert (found.warning, unseen(found)) == ("", [])
+
+
+def test_intervals_of_random_lengths_hardly_ever_show_a_lost_line():
+    """A live camera's intervals spread by 30 %, and the longest are nearly two. They add up, as behind a loss."""
+    told = 0
+    for seed in range(100):
+        steps = 1 + 0.3 * np.random.default_rng(seed).standard_normal(60).clip(-2, 2)
+        time = np.round(np.cumsum(steps) / 9, 4)
+        told += remove_joined_lines(time, time, np.zeros((60, 1, 3)), str) != ""
+    assert told <= 5
+
+
+def test_pauses_beside_numbers_that_go_on_hide_no_lost_line(tmp_path):
+    """Four pauses, more than are named, and frame 11 missing."""
+    time = np.arange(150) / 100 + 0.05 * (np.arange(150)[:, None] >= [20, 30, 40, 50]).sum(1)
+    rows = [f"{k + 1}\t{t:.3f}\t" + "\t".join(map("{:.3f}".format, row)) for k, (t, row) in
+            enumerate(zip(time, places(), strict=True)) if k != 10]  # fmt: skip
+    found = read(tmp_path, TRC.replace("\t30\t", "\t149\t") + "\n".join(rows) + "\n", None, "a.trc")
+    assert found.warning == HOLE.format("frame 11 is", 15)
 
 
 def test_programs_that_leave_out_frames_at_many_times_lost_no_bytes(tmp_path):

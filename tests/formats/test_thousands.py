@@ -155,3 +155,16 @@ def test_a_stated_count_with_a_thousands_separator_is_read(tmp_path):
         read_marker_tracks(path)
     path.write_text(text.replace("\t30\t", "\t30.0\t"))
     assert read_marker_tracks(path).warning == ""
+
+
+@pytest.mark.parametrize("held", ["{:.3f}", "{:.6f}", "{:.4e}"])
+def test_a_stated_count_with_decimals_is_read(tmp_path, held):
+    """A script that writes all numbers of a line in one format states 30.000 frames; the file holds 30 of them."""
+    path = tmp_path / "a.trc"
+    text = text_of("a.trc", "en", write="{:.4f}".format)
+    for frames, warning in ((30, ""), (28, "the file states 28 frames and holds 30; all of them were read")):
+        stated = text.replace("\t30\t2\t", f"\t{held.format(frames)}\t{held.format(2)}\t")
+        assert stated != text
+        path.write_text(stated)
+        found = read_marker_tracks(path)
+        assert (found.positions.shape, found.warning) == ((30, 2, 3), warning)

@@ -14,6 +14,7 @@ SIGNED = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(e[+-]?\d+)?", re.IGNORECASE | re.ASC
 DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in --decimal
 # A space of any width or an apostrophe as the thousands separator, as in 1 500,25 and 1'500.25.
 GROUP_SIGNS = " \u00a0\u2009\u202f'\u2019"
+WITH_GROUPS = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{sign}\d{{3}})+", re.ASCII) for sign in DECIMALS.values()}
 GROUPED = re.compile(rf"[+-]?[1-9]\d{{0,2}}([{GROUP_SIGNS}])\d{{3}}(\1\d{{3}})*([.,]\d*)?", re.ASCII)
 # characters of a cell in a message. Our choice: half a line of a terminal; a longer cell would hide the sentence.
 CELL_SHOWN = 40
@@ -64,7 +65,7 @@ def with_point(cell: str, decimal: str) -> str | None:
         return cell
     other = "," if decimal == "." else "."
     whole, sign, behind = word.partition(decimal)
-    if other in whole and not re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(\{other}\d{{3}})+", whole, re.ASCII):
+    if other in whole and not WITH_GROUPS[other].fullmatch(whole):
         return None
     plain = whole.replace(other, "") + "." * bool(sign) + behind
     return plain if NUMBER.fullmatch(plain) else None

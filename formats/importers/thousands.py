@@ -32,9 +32,8 @@ MANY = 5  # digits, from which on every language separates thousands (Unicode CL
 WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
 PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
 SPACED = re.compile(rf"[1-9]\d{{0,2}}[{GROUP_SIGNS}]\d{{3}}", re.ASCII)
-GROUPED_CELL = re.compile(
-    rf"{SPACED.pattern}|\d,\d{{3}}[.,]|\d\.\d{{3}}[.,]|^\W*[1-9]\d{{0,2}}[.,]\d{{3}}(?!\d)", re.ASCII
-)  # in a number or, as a frame number, at the beginning of a line
+BOTH_SIGNS = re.compile(r"[.,]\d{3}[.,]", re.ASCII)  # with two groups as well; begins with a sign, which is quick
+FRAME_NUMBER = re.compile(r"\W*[1-9]\d{0,2}[.,]\d{3}(?!\d)", re.ASCII)  # at the beginning of a line
 
 
 @dataclass
@@ -57,12 +56,13 @@ class _Reading:
     def take(self, cells: list[str]) -> None:
         """Record a whole line's numbers."""
         is_shown, frame = False, self.frame
-        numbers = [with_point(cell, self.decimal) for cell in cells]
-        if None in numbers:
-            self.wrong, self.frame = self.wrong + 1, frame + 1
-            return
-        for k, (cell, number) in enumerate(zip(cells, numbers, strict=True)):
-            plain = number or ""
+        numbers = []
+        for cell in cells:
+            if (number := with_point(cell, self.decimal)) is None:
+                self.wrong, self.frame = self.wrong + 1, frame + 1
+                return
+            numbers.append(number)
+        for k, (cell, plain) in enumerate(zip(cells, numbers, strict=True)):
             parted = PARTED.match(cell)
             sign = parted[1] if parted and parted[1] != self.decimal else ""
             if k >= OF_THE_CLOCK and (whole := WHOLE_PART.match(plain)):
@@ -112,8 +112,10 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
 
 def _may_show(line: str, separator: str) -> bool:
     """Return whether a line's text may hold a number that shows thousands separators; cells would take longer."""
+    if any(sign in line for sign in GROUP_SIGNS) and SPACED.search(line):
+        return True
     are_cells_whole = separator != "," or '"' in line
-    return (GROUPED_CELL if are_cells_whole else SPACED).search(line) is not None
+    return are_cells_whole and (FRAME_NUMBER.match(line) or BOTH_SIGNS.search(line)) is not None
 
 
 def _is_of_a_frame(cell: str) -> bool:

@@ -147,14 +147,21 @@ def test_a_disk_that_is_full_leaves_one_sentence_and_no_file(
 def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(2))
-    (tmp_path / "take.truth.npz").mkdir()
+    """A folder takes the name while the world is simulated; one that has it before is refused before."""
+
+    def world_beside_a_folder(**_: object) -> World:
+        (tmp_path / "take.truth.npz").mkdir()
+        return flat_world(2)
+
+    monkeypatch.setattr(recording, "make_world", world_beside_a_folder)
     with pytest.raises(
         OutputError,
         match=r"take.truth.npz: cannot be written \(Is a directory\); give another name: a folder has this one",
     ):
         recording.make_recording(tmp_path, "take", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["take.truth.npz"]
+    with pytest.raises(OutputError, match=r"take.truth.npz: is a folder; give another name"):
+        recording.make_recording(tmp_path, "take", overwrite=True)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ KNOWN = '[sensor]\nrig = "rig.toml"\n\n[spool]\nfolder = "spool"\n\n[sync]\nurl 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (dump_description(RIG), "c.toml, line 1: is no configuration of an appliance: unknown field `format`; it says "
-         "that it is hangtime-rig/1; give the appliance's configuration"),
+        (dump_description(RIG), "c.toml, line 1: is no configuration of an appliance: unknown field `format`; the file "
+         "states format hangtime-rig/1; give the appliance's configuration"),
         ('[project]\nname = "x"\n', "c.toml, line 1: is no configuration of an appliance: unknown field `project`"),
         (KNOWN + "[spool.old]\nx = 1\n", "c.toml, line 9: unknown field `old` in spool"),
         (KNOWN.replace("folder", "# the disk\nfolderr"), "c.toml, line 6: unknown field `folderr` in spool"),

@@ -8,6 +8,7 @@ A diagnosis fits to some motions and judges on another one of the same garment. 
   the share of the error that a fit to this kind removes (`ERROR_REMOVED`).
 
 Takes whose hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
+One take that is too short would end the diagnosis of all, so it is left out as well.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from fit.batch.store import Store
 from fit.batch.summary import Row
 from fit.provenance import physics_version
 from formats.archive import take_of
+from formats.findings import SHORTEST_DIAGNOSED
 from formats.garment import Garment
 from formats.motion import kind_of, reach_of
 
@@ -73,15 +75,19 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
     """Return a garment's takes, split into fitted and held-out ones if there are enough."""
     every = tuple(takes)
     calibrated = [take for take in every if take.is_calibrated]
-    moving = [take for take in calibrated if take.kind != "still"]
+    swung = [take for take in calibrated if take.kind != "still"]
+    moving = [take for take in swung if take.seconds >= SHORTEST_DIAGNOSED]
     kinds: defaultdict[str, float] = defaultdict(float)
     for take in moving:
         kinds[take.kind] += take.seconds
     if not calibrated:
         lack = "its rig was never calibrated; run `hangtime calibrate`, then record again with the calibrated rig"
         return Wardrobe(name=name, takes=every, missing=lack)
-    if not moving:
+    if not swung:
         lack = f"in no take does its hanger move; {OTHER_MOTION}"
+        return Wardrobe(name=name, takes=every, missing=_with_damage(lack, calibrated))
+    if not moving:
+        lack = f"no take in which its hanger moves lasts {SHORTEST_DIAGNOSED:g} s; record longer"
         return Wardrobe(name=name, takes=every, missing=_with_damage(lack, calibrated))
     middle = _middle_strength(moving)
     if len(kinds) == 1 and not middle:

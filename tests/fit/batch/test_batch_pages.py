@@ -14,6 +14,7 @@ import pytest
 from fit.batch.garments import Seen, Wardrobe, wardrobe_of
 from fit.batch.jobs import Outcome, diagnosis_name, report_name, result_name
 from fit.batch.kept import keep
+from fit.batch.morning import as_html as as_html_of_morning
 from fit.batch.morning import as_text, morning_of, write_morning
 from fit.batch.runner import Survey
 from fit.batch.store import open_store
@@ -69,6 +70,17 @@ def test_on_a_phone_each_value_stands_behind_the_name_of_its_column():
         "state", "error before", "error after", "mass (kg)", "air drag", "simulations", "time", "remark",
     ]  # fmt: skip
     assert heads[1] == ["state", "remark"]
+
+
+def test_on_a_phone_each_value_of_the_morning_page_stands_behind_the_name_of_its_column(tmp_path):
+    rows = [row_of("a.mcap", after=0.01), row_of("f.mcap", "failed", sentence="is cut off")]
+    morning, _ = morning_with(tmp_path, rows=rows)
+    page = as_html_of_morning(morning)
+    fitted, failed = re.findall('<tr><th scope="row">.*?</tr>', page, re.DOTALL)
+    assert re.findall('data-head="(.*?)"', fitted) == [
+        "garment", "motion", "state", "error before", "error after", "verdict", "remark",
+    ]  # fmt: skip
+    assert re.findall('data-head="(.*?)"', failed) == ["state", "remark"]
 
 
 def test_a_page_lists_what_needs_attention_first_and_then_the_largest_error():

@@ -21,6 +21,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import open_store
 from fit.batch.summary import Row
 from formats.archive import write_take
+from formats.findings import SHORTEST_DIAGNOSED
 from formats.motion import MOTION_KINDS
 from formats.results import load_diagnosis, result_bytes
 from tests.fit.batch.night import SHORT, make_takes, said, start, wait_for
@@ -37,7 +38,7 @@ def seen(name, kind="face-on", *, reach=0.03, seconds=8.0, is_calibrated=True):
 
 def a_take(name, garment=None, *, sideways=0.0, amplitude=0.06):
     """A take whose cloth hangs still below a hanger that swings: enough to be sorted, not to be diagnosed."""
-    time = np.arange(0, 2.5, 1 / 30)
+    time = np.arange(0, 3.0, 1 / 30)
     garment = garment or sheet()
     path = swing(time, amplitude=amplitude, sideways=sideways)
     return take_of(garment, time, path, hung(garment, time) + path[:, None], name=name)
@@ -86,7 +87,7 @@ def test_of_two_kinds_with_as_many_takes_the_one_that_bends_the_cloth_more_is_fi
         # Half a minute of twists tells more than a fragment of a swing.
         ([("a", "twist", 30.0), ("c", "face-on", 4.1)], ["c"]),
         ([("a", "mixed", 8.0), ("b", "mixed", 8.0), ("c", "face-on", 8.0)], ["c"]),
-        ([("a", "mixed", 8.0), ("b", "mixed", 2.0), ("c", "face-on", 8.0)], ["a", "b"]),
+        ([("a", "mixed", 8.0), ("b", "mixed", 2.5), ("c", "face-on", 8.0)], ["a", "b"]),
     ],
 )
 def test_kinds_count_by_their_seconds_and_by_what_they_show(takes, judged):
@@ -123,9 +124,23 @@ def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_n
     assert len(skirt.takes) == 4
 
 
+def test_one_take_that_is_too_short_does_not_end_the_diagnosis_of_the_others():
+    long = [seen("gentle", reach=0.02), seen("middle", reach=0.03), seen("wide", reach=0.05)]
+    cut = seen("cut", reach=0.03, seconds=SHORTEST_DIAGNOSED - 0.1)
+    skirt = wardrobe_of("skirt", [*long, cut])
+    assert ([take.name for take in skirt.training], [take.name for take in skirt.held_out]) == (
+        ["gentle", "wide"], ["middle"]
+    )  # fmt: skip
+    assert cut in skirt.takes
+
+
 @pytest.mark.parametrize(
     ("takes", "sentence"),
     [
+        (
+            [seen("a", seconds=2.4), seen("b", "twist", seconds=2.4)],
+            "no take in which its hanger moves lasts 2.5 s; record longer",
+        ),
         ([seen("a")], "its only take moves face-on, and none is left to judge on; swing it face-on gently"),
         (
             [seen("a"), seen("b")],
@@ -305,7 +320,7 @@ def test_a_night_that_is_killed_goes_on_and_ends_with_the_page(tmp_path):
     """
     night, out = tmp_path / "takes", tmp_path / "out"
     night.mkdir()
-    time, garment = np.arange(0, 2.5, 1 / 30), sheet()
+    time, garment = np.arange(0, 2.6, 1 / 30), sheet()
     for name, sideways, amplitude in (("front", 0.0, 0.06), ("side", 0.06, 0.0)):
         path = swing(time, amplitude=amplitude, sideways=sideways)
         row = material(garment, velocity_damping=3.0)

@@ -55,6 +55,11 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
             f"line {line} is that of a TRC file, whose cells must be between tabs", where=path,
             advice="export it again, or write a tab in place of the spaces between cells",
         )  # fmt: skip
+    if begin is None and len(head) > 1 and COLUMN.fullmatch(head[1]):
+        raise TakeError(
+            f"column 1 of line {line} is {head[0][:CELL_SHOWN]!r}, no time with its unit", where=path,
+            advice=f"name it {TIME}, or time_ms, time_us or time_ns",
+        )  # fmt: skip
     if begin is None:
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,

@@ -36,6 +36,10 @@ ONE = "0,1.5,2,3,4,5,6\n"
         ("\nTime,x,y,z\n0,1,2,3\n", None,
          "no line names the columns; line 2 begins with 'Time'; put above the frames "
          f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
+        (OWN.replace("time_s", "time"), None,
+         "column 1 of line 1 is 'time', no time with its unit; name it time_s, or time_ms, time_us or time_ns"),
+        (OWN.replace("time_s", "Zeit (ms)"), None,
+         "column 1 of line 1 is 'Zeit (ms)', no time with its unit; name it time_s, or time_ms, time_us or time_ns"),
         (f"{'x' * 50},1,2\n", None, f"no line names the columns; line 1 begins with '{'x' * 40}'; put above the frames "
          f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
         (OWN + "0,1,2,3,4,5,6,7\n", None, "line 2 has 8 cells, not 7, none with a decimal point; where commas "

@@ -206,7 +206,7 @@ def test_an_outline_that_depends_on_pose_is_reported_with_its_sign(by_pose, word
     assert len(told) == (words is not None)
     for one in told:
         assert one.take_ids == ["a"]
-        assert f"it {words} per unit of lean [28 to 32]" in one.sentence
+        assert f"the silhouette {words} per unit of lean [28 to 32]" in one.sentence
         assert "by 30 mm per unit of lean" in camera_clause([one])
     assert found(recording(outline=outline(0.0, 0.0, 0.03, 0.04))) == []
 

@@ -152,7 +152,7 @@ def test_markers_that_were_never_seen_are_named(tmp_path):
 
 def test_an_imported_recording_is_judged_as_one_of_our_own(tmp_path):
     """Cloth whose held edge swings by 10 cm, is out of sight for a second, and comes back."""
-    tracks = hanging(frames=400)
+    tracks = hanging(frames=600)
     swung = tracks.positions + 0.05 * np.sin(tracks.time)[:, None, None] * np.array([1.0, 0, 0])
     lost = swung.copy()
     top = [k for k, name in enumerate(tracks.labels) if name in ("row1_column1", "row1_column4")]

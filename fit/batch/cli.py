@@ -154,6 +154,7 @@ def batch_command(
     """
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of
+    from fit.batch.morning import short_name
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store, try_writing
     from fit.batch.summary import as_facts, rows_of, sentence_of, write_summary
@@ -209,22 +210,22 @@ def batch_command(
         morning = None
         if diagnose and not is_interrupted:
             morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
+    needs = morning.needs if morning is not None else ()
     for row in rows:
-        if row.sentence:
+        if row.sentence and (short_name(row.take), row.sentence) not in needs:  # these are said below
             say(f"{plain(row.take)}: {plain(row.sentence)}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     shown = str(place)
     tell(f"{sentence_of(rows)}\nSummary: {plain(shown)}", summary=shown, takes=as_facts(rows))
     if morning is not None:
         page = results.path("morning.html") or f"{results.url}/morning.html"
-        for who, what in morning.needs:
+        for who, what in needs:
             say(f"{plain(who)}: {plain(what)}")
-        needs = [{"who": who, "what": what} for who, what in morning.needs]
         tell(
             f"{morning.headline}\nMorning page: {plain(page)}",
             morning=str(page),
             headline=morning.headline,
-            needs=needs,
+            needs=[{"who": who, "what": what} for who, what in needs],
         )
     if is_interrupted:
         say("Interrupted; the same command continues.")

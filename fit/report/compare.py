@@ -144,7 +144,7 @@ def _short(paths: Sequence[Path]) -> list[str]:
         parts = [part[:-1] for part in parts]
     while all(len(part) > 1 for part in parts) and len({part[0] for part in parts}) == 1:
         parts = [part[1:] for part in parts]
-    return ["/".join(part) for part in parts]
+    return [str(Path(*part)) for part in parts]
 
 
 def _fit_rows(fit: FitResult) -> dict[str, str]:

@@ -83,6 +83,16 @@ def test_a_night_with_a_diagnosis_that_failed_ends_with_its_own_status_and_the_m
     assert night.run("--diagnose").returncode == 0
 
 
+def test_a_take_that_failed_is_told_once_with_and_without_the_morning_page(tmp_path):
+    night = Night(tmp_path, "front", to_fit="b")
+    (job,) = survey(night.takes, night.results, PLAN).jobs
+    night.results.write(failure_name(job.key), b'{"sentence": "the hanger is lost; record again"}')
+    for words in ((), ("--diagnose",)):
+        done = night.run(*words)
+        assert done.returncode == 3
+        assert done.stderr.count("b.mcap: the hanger is lost; record again\n") == 1
+
+
 def test_a_night_shows_how_far_it_is_and_continues_after_ctrl_c(tmp_path, monkeypatch):
     """Of four takes the first half is done, one of them in vain, and one of the others at 50 %."""
     night = Night(tmp_path, to_fit="abcd")

@@ -107,6 +107,7 @@ def test_paths_are_told_apart_by_their_least():
     assert short("x/a/1/fit.json", "x/b/2/fit.json") == ["a/1", "b/2"]
     assert short("a.json", "b.json") == ["a.json", "b.json"]
     assert short("a", "a") == ["a", "a"]
+    assert short("demo", "/data/r1") == ["demo", "/data/r1"]
 
 
 def with_intervals(*ends):

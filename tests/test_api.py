@@ -249,6 +249,7 @@ def test_an_old_fit_is_simulated_on_the_usual_mesh_and_says_so(takes, fitted):
         (lambda take: hangtime.fit(take, fabric=7), "^fabric: is of the kind int; give a text"),
         (lambda take: hangtime.fit(take, effects=None), "^effects: is None; give a text or a list of texts"),
         (lambda take: hangtime.fit(take, bounds="x=1:2"), "^bounds: there is no parameter named 'x'"),
+        (lambda take: hangtime.fit(take, bounds={"velocity": (1, 2)}), "^bounds: .* dict; give NAME=LOW:HIGH, one"),
         (lambda take: hangtime.fit(take, bounds=[("velocity", 1, 2)]), "^bounds: .* tuple; give NAME=LOW:HIGH, one"),
         (lambda take: hangtime.fit(take, effects=["shear_stiffness"]), "^effects: .*; bounds .*=LOW:HIGH narrows it"),
         (lambda take: hangtime.fit(take, checkpoint=7), "^checkpoint: is of the kind int; give the path"),

@@ -119,9 +119,10 @@ def names_of(names: str | Sequence[str], name: str) -> list[str]:
     """
     if isinstance(names, str):
         return [names]
-    check_kind(names, name, (list, tuple, set, frozenset), "a text or a list of texts")
+    is_range, texts = name == "bounds", "NAME=LOW:HIGH, one text a parameter"
+    check_kind(names, name, (list, tuple, set, frozenset), texts if is_range else "a text or a list of texts")
     for one in names:
-        check_kind(one, name, str, "NAME=LOW:HIGH, one text a parameter" if name == "bounds" else "a list of texts")
+        check_kind(one, name, str, texts if is_range else "a list of texts")
     return list(names)
 
 

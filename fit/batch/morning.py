@@ -112,13 +112,14 @@ def morning_of(
     for row in rows:
         one, seen = by_take.get(row.take, (None, None))
         garment, motion = (one.name, seen.kind) if one and seen else ("", "")
+        is_left_out = one is not None and not one.missing and seen not in (*one.training, *one.held_out)
         error = row.result.error if row.result else None
         lines.append(
             TakeLine(
                 take=short_name(row.take), garment=garment, motion=motion, state=STATE_WORDS[row.state],
                 before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
                 after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
-                verdict=verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",
+                verdict="left out" if is_left_out else verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",
                 remark=row.sentence,
             )
         )  # fmt: skip

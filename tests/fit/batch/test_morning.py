@@ -12,6 +12,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import open_store
 from fit.batch.summary import Row
 from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import fit_result
 
 
 @pytest.mark.parametrize(
@@ -54,3 +55,15 @@ def test_the_page_of_an_interrupted_run_is_not_green_and_says_what_is_left(tmp_p
     whole = morning_of(rows[:1], [], Survey(), results)
     assert 'class="verdict is-good"' in as_html(whole)
     assert "interrupted" not in as_html(whole) + as_text(whole)
+
+
+def test_a_take_that_is_left_out_of_a_diagnosis_has_no_verdict(tmp_path):
+    lengths = {"a.mcap": 8.0, "b.mcap": 8.0, "short.mcap": 1.0}
+    rows = [Row(take=name, key=name, state="known", sentence="", result=fit_result()) for name in lengths]
+    skirt = wardrobe_of("skirt", [
+        Seen(name=name, digest=name, kind="sideways" if name == "b.mcap" else "face-on", reach=0.03, seconds=seconds,
+             is_calibrated=True) for name, seconds in lengths.items()
+    ])  # fmt: skip
+    results = open_store(str(tmp_path))
+    page = morning_of(rows, [skirt], diagnoses_of([skirt], open_store("takes"), results, 0), results)
+    assert [line.verdict for line in page.takes] == ["waiting", "waiting", "left out"]

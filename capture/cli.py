@@ -315,11 +315,12 @@ def record_command(
         hanger_share = report.with_hanger / max(report.frames, 1)
         shares = dict(zip(described_garment.point_names, map(float, report.point_share), strict=True))
         tell(
-            f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}",
+            # Both lines at once: commands side by side may share an output, as in the demo.
+            f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}\n"
+            f"hanger seen in {100 * hanger_share:.0f} %; {points}",
             file=str(report.path), frames=report.frames, is_interrupted=report.is_interrupted,
             hanger_share=hanger_share, point_share=shares, conditions={}, findings=[],
         )  # fmt: skip
-        tell(f"hanger seen in {100 * hanger_share:.0f} %; {points}")
         for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
             if condition is not Condition.GOOD:
                 tell(f"in {count} frames {condition.value.words}")

@@ -119,8 +119,8 @@ def morning_of(
                 take=short_name(row.take), garment=garment, motion=motion, state=STATE_WORDS[row.state],
                 before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
                 after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
-                verdict="left out" if is_left_out else verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",
-                remark=row.sentence,
+                verdict="left out" if is_left_out else verdicts.get(garment, ""),
+                link=result_name(row.key) if row.result else "", remark=row.sentence,
             )
         )  # fmt: skip
     diagnosed = sum(finding.state == "diagnosed" for finding in findings)

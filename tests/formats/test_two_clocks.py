@@ -129,22 +129,14 @@ def times(*factors):
     ("name", "change", "advice"),
     [
         ("tcp_pose", lambda pose: pose + np.array([0.0, 0.04, 0.0, 0, 0, 0, 0]), "give the path of the same take"),
-        (
-            "tcp_pose",
-            times(1e3, 1e3, 1e3, 1, 1, 1, 1),
-            "the places of 'tcp_pose' in metres: the values seem to be milli",
-        ),
+        ("tcp_pose", times(1e3, 1e3, 1e3, 1, 1, 1, 1), "'tcp_pose' in metres: the values seem to be milli"),
         pytest.param(
             "tcp_pose",
             times(1e2, 1e2, 1e2, 1, 1, 1, 1),
             "the places of 'tcp_pose' in metres: the values seem to be centi",
             marks=pytest.mark.slow,
         ),
-        (
-            "tcp_to_corner_m",
-            times(1e3, 1e3, 1e3),
-            "give 'tcp_to_corner_m' in metres: the values seem to be millimetres",
-        ),
+        ("tcp_to_corner_m", times(1e3, 1e3, 1e3), "'tcp_to_corner_m' in metres: the values seem to be millimetres"),
         (
             "both",
             lambda values: values,

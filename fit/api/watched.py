@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -21,6 +22,16 @@ FitProgress = Callable[[int, int, float], None]
 StageProgress = Callable[[str, float], None]
 _Call = TypeVar("_Call", bound=Callable[..., object])
 _RUNNING = threading.RLock()  # a function of progress may call Hangtime itself
+
+
+def _begin_unlocked() -> None:
+    """Give a new process a lock of its own: the thread that holds the copied one does not run there."""
+    global _RUNNING
+    _RUNNING = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):  # Unix
+    os.register_at_fork(after_in_child=_begin_unlocked)
 
 
 def fit_words(request: Request, done: int, total: int, best: float) -> str:

@@ -126,6 +126,18 @@ def test_a_server_accepts_the_keys_of_systemd_before_those_of_a_file(far, box, t
     assert "the server does not accept the keys" in run(box(proxy, authority)).stderr
 
 
+def test_keys_are_read_from_a_pipe_such_as_a_shell_makes():
+    """`credentials = "/dev/fd/63"` of a shell's <(...), through which a keeper of secrets hands them."""
+    reader, writer = os.pipe()
+    os.write(writer, f'access_key_id = "{KEY}"\nsecret_access_key = "{SECRET}"\n'.encode())
+    os.close(writer)
+    try:
+        found = find_credentials(Path(f"/dev/fd/{reader}"))
+    finally:
+        os.close(reader)
+    assert found.values == {"access_key_id": KEY, "secret_access_key": SECRET}
+
+
 def test_keys_that_others_may_read_are_refused(tmp_path):
     keys = tmp_path / "keys.toml"
     keys.write_text(f'secret_access_key = "{SECRET}"\n')

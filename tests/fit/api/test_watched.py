@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import signal
 import subprocess
 import sys
@@ -190,3 +191,21 @@ print(len(found), found[0] == found[-1])
 def test_two_fits_in_threads_of_a_new_process_come_one_after_the_other(take):
     done = subprocess.run([sys.executable, "-c", THREADS, take], capture_output=True, text=True, check=False)
     assert done.stdout == "2 True\n", done.stderr
+
+
+def test_a_forked_process_waits_for_no_thread_of_its_parent():
+    inside, leave = threading.Event(), threading.Event()
+    thread = threading.Thread(target=watched.one_at_a_time(lambda: (inside.set(), leave.wait(30))))
+    thread.start()
+    assert inside.wait(30)
+    child = os.fork()
+    if not child:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(10)  # a process that waits ends by this signal
+        watched.one_at_a_time(lambda: None)()
+        os._exit(0)
+    try:
+        assert os.waitpid(child, 0)[1] == 0
+    finally:
+        leave.set()
+        thread.join()

@@ -47,7 +47,7 @@ def find_parameters(path: Path) -> tuple[Section, str]:
         begin = other[0].parameters_at // BLOCK_BYTES + 1
         why = "which contradict it; those from" if is_there else "where there are none; those from"
         return other, f"{told}, {why} block {begin} agree with it and were read"
-    if not is_there and words.points:
+    if not is_there and words.points and not parameters.has("POINT"):
         raise TakeError(f"{told}, where there are none", where=path, advice="export it again")
     return (words, parameters, malformed), ""
 

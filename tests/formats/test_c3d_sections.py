@@ -119,3 +119,16 @@ def test_a_parameter_with_two_values_is_refused_and_one_that_comes_twice_is_not(
     assert (found.labels, found.warning, found.rate) == (NAMES, "", 100.0)
     other_group = c3d_bytes(PLACES, NAMES, more=[(name, data, kind, sides, 3)])
     assert read(tmp_path, other_group).labels == NAMES
+
+
+@pytest.mark.parametrize("processor", [0, 1, 83])
+@pytest.mark.parametrize("rate", [100.0, 31.0])
+def test_parameters_of_no_known_processor_are_read_where_the_header_points(tmp_path, processor, rate):
+    """Some programs leave the processor's byte at zero; the header's frame rate may be an old one."""
+    raw = bytearray(c3d_bytes(PLACES, NAMES))
+    raw[BLOCK + 3] = processor
+    raw[20:24] = struct.pack("<f", rate)
+    found, known = read(tmp_path, bytes(raw)), read(tmp_path, c3d_bytes(PLACES, NAMES))
+    assert (found.labels, found.warning) == (known.labels, "")
+    assert (found.positions == known.positions).all()
+    assert (found.time == known.time).all()

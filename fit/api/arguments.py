@@ -82,11 +82,10 @@ def names_checked(call: _Call) -> _Call:
         for name in keywords:
             if name not in known:
                 near = difflib.get_close_matches(name, known, 1)
-                hint = f"did you mean {near[0]}? " if near else ""
-                listed = ", ".join([*near, *(one for one in known if one not in near)])
+                listed = ", ".join(one for one in known if one not in near)
                 raise FitError(
                     f"there is no argument named {name!r}", where=call.__name__,
-                    advice=f"{hint}its arguments: {listed}",
+                    advice=f"did you mean {near[0]}? The others: {listed}" if near else f"its arguments: {listed}",
                 )  # fmt: skip
         return call(*arguments, **keywords)
 

@@ -11,6 +11,7 @@ import numpy as np
 from fit.errors import FitError
 from fit.report.charts import axis_top
 from fit.report.motion import ReportMotion, rms_of
+from formats.arrays import Floats
 from formats.figures import round_step
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
@@ -19,6 +20,7 @@ from formats.take_picture import stretches
 
 # px. Our choice: letters of 15 px fit the margins; with less, labels would be cut off or cross the curves.
 WIDTH, PANEL_HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 1200, 340, 84, 72, 24, 48
+DASH = 8.0  # px, of the fit's curve: a base model that the fit follows shows between two dashes, as in the page
 COLOURS = {"before": "#7b8794", "after": "#1f63b5", "base": "#1f63b5", "with_effect": "#0b7d6b", "fit": "#7a3fa8"}
 
 
@@ -53,7 +55,8 @@ def draw_plot(
         for run, values in shown.items():
             y = bottom - values / reach * (bottom - top)
             for start, stop in stretches(np.isfinite(values)):
-                lines.draw(list(zip(x[start:stop], y[start:stop], strict=True)), COLOURS[run], 3)
+                for piece in _pieces(x, start, stop) if run == "fit" and len(shown) > 1 else [slice(start, stop)]:
+                    lines.draw(list(zip(x[piece], y[piece], strict=True)), COLOURS[run], 3)
         panel = lines.picture()
         pen = ImageDraw.Draw(panel)
         for level, words in levels:
@@ -76,3 +79,9 @@ def draw_plot(
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue(), overwrite=overwrite)
+
+
+def _pieces(x: Floats, start: int, stop: int) -> list[slice]:
+    """Return the dashes of a curve from one frame to before another; its frames stand at x [px], (frames,)."""
+    long = max(round(DASH / float(x[1] - x[0])), 1)
+    return [slice(first, min(first + long + 1, stop)) for first in range(start, stop, 2 * long)]

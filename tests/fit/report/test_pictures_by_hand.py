@@ -165,6 +165,23 @@ def test_a_plot_has_levels_ticks_titles_and_curves_to_scale(monkeypatch, tmp_pat
     assert "base model: no free point seen" in {text for _, text, _ in words}
 
 
+def test_a_fit_that_follows_the_base_model_hides_none_of_it(tmp_path):
+    """Both curves coincide; each keeps a third of its pixels or more."""
+    image = pytest.importorskip("PIL.Image")
+    made = motion("swing-01")
+    runs = dict.fromkeys(("base", "fit"), made.runs["base"])
+    draw_plot([dataclasses.replace(made, runs=runs)], {"base": "base model", "fit": "fit"}, tmp_path / "a.png")
+    curves = np.asarray(image.open(tmp_path / "a.png").convert("RGB")).astype(int)[72:292]
+    base, fit = (
+        (np.abs(curves - [int(COLOURS[name][k : k + 2], 16) for k in (1, 3, 5)]).sum(2) < 30).sum()
+        for name in ("base", "fit")
+    )
+    assert min(base, fit) > 0.33 * (base + fit)
+    draw_plot([dataclasses.replace(made, runs={"fit": runs["fit"]})], {"fit": "fit"}, tmp_path / "b.png")
+    alone = np.asarray(image.open(tmp_path / "b.png").convert("RGB")).astype(int)[72:292]
+    assert (np.abs(alone - [0x7A, 0x3F, 0xA8]).sum(2) < 30).sum() > 1.5 * fit
+
+
 def test_the_points_places_are_drawn_from_the_top_of_the_cloth_down(monkeypatch, tmp_path):
     pytest.importorskip("PIL")
     recording, simulated = shifted((0.0, 0.004, 0.0))

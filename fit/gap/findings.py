@@ -93,7 +93,9 @@ def describe_effects(
         if is_held:
             note = f"stopped by its bound, so that its size has no interval; {note}"
         if not can_show:
-            note = "these takes could not have shown it: at its typical size it moves none of their points"
+            note = (
+                "these takes could not have shown the effect: at its typical size the effect moves none of their points"
+            )
         found.append(
             EffectFinding(
                 id=name,

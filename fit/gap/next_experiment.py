@@ -136,8 +136,8 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
         separates=names,
         sigmas_now=float(now),
         sigmas_next=float(after),
-        sentence=f"Next, {motion.sentence}: together with the present takes that would tell {titles[0]} from "
-        f"{titles[1]} by {after:.1f} standard deviations; now it is {now:.1f}.",
+        sentence=f"Next, {motion.sentence}: with such a take, {titles[0]} would differ from {titles[1]} by {after:.1f} "
+        f"standard deviations. The present takes alone give {now:.1f}.",
     )
 
 

@@ -118,7 +118,8 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
         return Verdict("unknown", [], gap + describe_held_edge(evidence))
     if closed is not None and closed.value < SMALLEST_CLOSURE:
         titles = " and ".join(evidence.observer.library[name].title for name in best)
-        more = f" On the motion that was fitted {titles} would; on the other one it closes {100 * closed.value:z.0f} %."
+        share = f"{100 * closed.value:z.0f} %"
+        more = f" On the fitted motion {titles} would close the gap; on the held-out motion {share} of the gap closes."
         return Verdict("unknown", [], gap + more)
     others = {name: _instead(shares, best, name) for name in best}
     return _named(evidence, found, hypothesis, {name: held for name, held in others.items() if held})

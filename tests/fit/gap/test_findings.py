@@ -205,7 +205,7 @@ def test_refitted_effects_are_listed_by_what_they_close_most_first(described):
     assert drag.note == "best effect in 100 % of bootstrap draws"
     assert drag.fitted_share == pytest.approx(0.6)
     assert (draught.minimum_detectable, draught.absorbed) == (None, None)
-    assert draught.note.startswith("these takes could not have shown it")
+    assert draught.note.startswith("these takes could not have shown the effect")
     assert set(draught.components) == set(KINDS["draught"].components)
     assert (drag.explained, drag.absorbed, drag.correlation) == (0.3, 0.2, 0.4)
     assert (drag.components, drag.unit, drag.tested) == ({}, KINDS["air_drag"].unit, True)

@@ -184,7 +184,7 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
         # This sheet never folds onto itself.
         contact = next(f for f in found.effects if f.id == "self_contact")
         assert contact.minimum_detectable is None
-        assert "could not have shown it" in contact.note
+        assert "could not have shown the effect" in contact.note
 
 
 @pytest.mark.slow

@@ -253,8 +253,8 @@ def test_the_motion_that_separates_two_explanations_most_is_proposed(monkeypatch
     assert (found.id, found.separates) == ("S1", ["hem", "air_drag"])
     assert (found.sigmas_now, found.sigmas_next) == pytest.approx((3.0, 5.0))
     assert found.sentence == (
-        f"Next, {MENU[1].sentence}: together with the present takes that would tell a heavier hem from air drag by 5.0 "
-        "standard deviations; now it is 3.0."
+        f"Next, {MENU[1].sentence}: with such a take, a heavier hem would differ from air drag by 5.0 "
+        "standard deviations. The present takes alone give 3.0."
     )
 
 

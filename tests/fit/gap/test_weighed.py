@@ -82,7 +82,7 @@ def test_masses_that_pass_one_by_rounding_are_one():
 def test_an_effect_that_closes_little_on_other_motion_is_no_cause():
     verdict = decide_by_mass(evidence_of({"air_drag": 11.0}), found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)}))
     assert (verdict.verdict, verdict.named) == ("unknown", [])
-    assert "on the other one it closes 19 %" in verdict.sentence
+    assert "on the held-out motion 19 % of the gap closes." in verdict.sentence
 
 
 def test_an_effect_whose_size_may_be_nothing_is_not_named():
@@ -151,8 +151,8 @@ SAID = [
     (
         "unknown", evidence_of({}, joint=[(("air_drag", "time_offset"), 11.2)]),
         {(): (0.1, 0.0), ("air_drag", "time_offset"): (0.9, 0.0)},
-        f"There is a gap that no effect in the library explains. {MISSES} On the motion that was fitted air drag and a "
-        "time offset between markers and points would; on the other one it closes 16 %.",
+        f"There is a gap that no effect in the library explains. {MISSES} On the fitted motion air drag and a time "
+        "offset between markers and points would close the gap; on the held-out motion 16 % of the gap closes.",
     ),
     (
         "unknown", evidence_of({"air_drag": 5.5}),

@@ -143,6 +143,6 @@ def check_stated_rate(time: Floats, rate: float | None, where: object, *, offers
     if 1 / RATE_WITHIN <= found / rate <= RATE_WITHIN:
         return
     raise ImplausibleError(
-        f"its times come at {found:.4g} frames a second, and it states {rate:.4g}", where=where,
+        f"its times come at {found:.4g} frames a second, and the file states {rate:.4g}", where=where,
         advice=step_or_anyway("export it again with times in seconds", offers_anyway),
     )  # fmt: skip

@@ -156,7 +156,7 @@ def remove_missing_value_codes(positions: Floats, metres: Floats, name: Callable
     out = same & (np.abs(positions[..., 0]) > FARTHER_THAN_OTHERS * farthest) & (farthest > 0)
     far_out = {words[k] for k in np.unique(numbers[out]).tolist()}
     signs = {word for word in far_out if abs(float(word)) >= BEYOND_ALL or NINES.fullmatch(word)}
-    times = np.bincount(codes, minlength=len(words))
+    times = np.bincount(codes)
     for marker in np.flatnonzero(same.any(0)).tolist():
         usual = Counter(numbers[same[:, marker], marker].tolist()).most_common(MOST_CODES)
         path = np.where(same[:, marker, None], np.nan, positions[:, marker])

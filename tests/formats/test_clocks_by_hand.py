@@ -58,6 +58,8 @@ def test_frames_are_the_moments_of_both_clocks():
     assert both.held_valid.tolist() == [[seen] * 2 for seen in (True, True, False, True, False, True)]
     assert (both.held_sd == 0.004).all()
     assert np.array_equal(both.markers, both.held, equal_nan=True)
+    for part in ("points", "points_valid", "points_sd", "state", "points_hidden", "quality"):
+        assert getattr(both, part).dtype == getattr(take, part).dtype, part
     assert (both.points[[1, 2, 4]] == take.points).all()
     assert np.isnan(both.points[[0, 3, 5]]).all()
     assert both.points_valid.any(1).tolist() == [False, True, True, False, True, False]

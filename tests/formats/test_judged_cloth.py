@@ -235,6 +235,18 @@ def test_a_hanger_that_swings_by_31_millimetres_at_nine_frames_a_second_moves():
     assert named(slow) == []
 
 
+def test_ends_of_the_cloth_that_are_nearer_than_the_hangers_markers_fold_the_held_edge():
+    """The markers are 40 cm apart, the two upper corners of the cloth 30 cm."""
+    take = swung()
+    points = take.points.copy()
+    middle = points.mean(1)[:, 0]
+    for point, half in ((0, -0.15), (1, 0.15), (2, 0.15), (3, -0.15)):
+        points[:, point, 0] = middle + half
+    ((name, is_grave, words),) = told(dataclasses.replace(take, points=points))
+    assert (name, is_grave) == ("held_edge_folds", False)
+    assert "its ends are at most 30 cm apart, 40 cm in the garment's file" in words
+
+
 @pytest.mark.parametrize("bottom", [0.15, 0.2])
 def test_hands_that_are_nearer_together_than_the_cloth_is_wide_fold_the_held_edge(bottom):
     """The sides are as long as on the table, hence the garment is not smaller."""

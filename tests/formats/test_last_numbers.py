@@ -12,7 +12,7 @@ from formats.importers.cut_numbers import Ending, ending_of
 from formats.importers.decimal_separators import may_be_motion
 from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import form_of
-from formats.importers.number_formats import writing_of, written_as
+from formats.importers.number_formats import _usual_line, writing_of, written_as
 from tests.formats.test_cut_numbers import own
 from tests.formats.test_marker_tables import read
 
@@ -109,6 +109,26 @@ def test_a_path_predicts_its_last_position_where_it_led_to_the_four_before(off, 
 def test_even_motion_at_uneven_times_is_motion():
     time = np.cumsum(np.where(np.arange(40) % 2, 0.01, 0.05))
     assert may_be_motion(time, 5.0 * time[:, None, None] + np.zeros((40, 1, 3)))
+
+
+@pytest.mark.parametrize(("form", "line"), [("1.250", "20.125,any,-3.5"), ("1.250e-01", "20.125e+00,any,")])
+def test_a_usual_line_has_the_decimals_and_the_digits_of_the_power_in_its_columns(form, line):
+    """The last cell is empty or has other decimals."""
+    usual = _usual_line(",", 3, [0], form_of(form))
+    assert usual.match(line)
+    assert not usual.match(line.replace("20.125", "20.12"))
+    assert not _usual_line(",", 3, [0, 1], form_of(form)).match(line.replace("any", "1.1"))
+
+
+def test_sights_of_one_frame_are_no_motion_that_a_jump_could_be_compared_with():
+    """One path of ten frames jumps; twenty markers that are seen in every second frame show no motion."""
+    time = np.arange(100) / 100
+    positions = np.full((100, 21, 3), np.nan)
+    positions[:10, 0] = np.where(np.arange(10) == 5, 1.0, 0.0)[:, None]
+    positions[::2, 1:] = 0.0
+    assert not may_be_motion(time, positions)
+    positions[:, 1:] = 0.0
+    assert may_be_motion(time, positions)
 
 
 @pytest.mark.parametrize(("lines", "columns"), [(9, set()), (10, {0}), (17, {0}), (18, {0})])

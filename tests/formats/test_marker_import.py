@@ -9,7 +9,7 @@ import pytest
 
 from formats.archive import read_take
 from formats.descriptions import dump_description, load_garment
-from formats.errors import TakeError
+from formats.errors import ImplausibleError, TakeError
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import DOWNWARD, MarkerOptions, import_marker_take
@@ -287,6 +287,20 @@ def test_a_take_begins_at_0_s_wherever_the_clock_of_its_file_does(tmp_path):
     late = MarkerTracks(tracks.labels, tracks.time + 5.0, tracks.positions)
     take = import_marker_take(write_marker_csv(tmp_path / "a.csv", late), GARMENT)
     assert take.time == pytest.approx(tracks.time, abs=2e-6)
+
+
+def test_a_rate_that_the_times_contradict_is_refused_with_the_files_name(tmp_path):
+    tracks, path = hanging_tracks(), tmp_path / "a.trc"
+    head = ["PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tNumFrames\tNumMarkers\tUnits", "240\t30\t81\tm"]
+    names = "Frame#\tTime\t" + "".join(f"{name}\t\t\t" for name in tracks.labels)
+    rows = [
+        "\t".join([str(k + 1), f"{time:.6f}", *(f"{value:.6f}" for value in tracks.positions[k].ravel())])
+        for k, time in enumerate(tracks.time)
+    ]
+    path.write_text("\n".join([*head, names, *rows]) + "\n")
+    with pytest.raises(ImplausibleError) as refused:
+        import_marker_take(path, GARMENT)
+    assert str(refused.value).startswith(f"{path}: its times come at 120 frames a second, and the file states 240; ")
 
 
 def test_the_first_frame_of_a_trc_file_without_a_line_of_axes_is_read(tmp_path):

@@ -9,6 +9,12 @@ from formats.meant_units import meant, number_meant
 SECONDS = (("seconds", 1 / 86400),)
 
 
+@pytest.mark.parametrize(("value", "hint"), [(100.0, True), (99.0, False), (3000.0, True), (3001.0, False)])
+def test_a_number_whose_unit_puts_it_on_a_limit_of_the_range_is_asked_about(value, hint):
+    """Sides of 0.1 to 3 m: 100 mm and 3000 mm are its ends."""
+    assert meant(value, 0.1, 3.0, (("millimetres", 1e-3),)) == hint * "; were millimetres meant?"
+
+
 @pytest.mark.parametrize(
     ("value", "least", "most", "hint"),
     [

@@ -200,7 +200,7 @@ def test_times_and_a_stated_rate_agree_to_a_fifth(rate, is_one):
         check_stated_rate(at_steps(1 / 30), rate, "a file")
     else:
         said = refused(check_stated_rate, at_steps(1 / 30), rate)
-        assert f"its times come at 30 frames a second, and it states {rate:.4g}" in said
+        assert f"its times come at 30 frames a second, and the file states {rate:.4g}" in said
     check_stated_rate(at_steps(1 / 30), None, "a file")
     check_stated_rate(at_steps(1 / 30)[:1], rate, "a file")
     two = refused(check_stated_rate, at_steps(1.0, 2), 30.0, offers_anyway=True)

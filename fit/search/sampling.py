@@ -106,9 +106,7 @@ def _distance(candidate: Floats, others: Floats) -> float:
     return float(np.abs(others - candidate).max(1).min())
 
 
-def emulated_cost(
-    candidate: Floats, emulator: Emulator, caution: float, start: Floats
-) -> tuple[float, Floats]:  # fmt: skip
+def emulated_cost(candidate: Floats, emulator: Emulator, caution: float, start: Floats) -> tuple[float, Floats]:
     """Return the emulated cost with the prior's part, and its slopes, (parameters,), of one candidate in box shares."""
     values, slopes = emulator.costs(candidate[None], caution)
     return float(values[0] + prior_cost(candidate, start)), slopes[0] + 2 * (candidate - start) / PRIOR_SD**2

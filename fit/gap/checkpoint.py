@@ -9,11 +9,9 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import os
 import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import BinaryIO
 from zipfile import BadZipFile
 
 import numpy as np
@@ -99,23 +97,20 @@ class Checkpoint:
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npy"
-        with contextlib.suppress(*UNREADABLE), path.open("rb") as file:
-            return np.asarray(np.load(_bounded(file)))
+        with contextlib.suppress(*UNREADABLE):
+            return np.asarray(np.load(_kept_bytes(path)))
         found, content = make(), io.BytesIO()
         np.save(content, found)
         write_whole(path, content.getvalue())
         return found
 
 
-def _bounded(file: BinaryIO) -> BinaryIO:
-    """Return a file, which NumPy reads whole, or refuse it: no kept fit is so large."""
-    if os.fstat(file.fileno()).st_size > LARGEST_KEPT:
-        raise ValueError("too large for a kept fit")
-    return file
+def _kept_bytes(path: Path) -> io.BytesIO:
+    return io.BytesIO(read_bounded(path, LARGEST_KEPT))
 
 
 def _read(path: Path) -> Fitted:
-    with path.open("rb") as file, np.load(_bounded(file)) as kept:
+    with np.load(_kept_bytes(path)) as kept:
         decided = kept["pinned"]
         pinned = Pinned(decided[0], decided[1], float(kept["trust"])) if len(decided) else None
         return Fitted(

@@ -12,6 +12,7 @@ from fit.blind.making import LABELS, MANIFEST, MANIFEST_FORMAT, SEALED_KEY
 from fit.blind.seal import load_key, sha256_of
 from fit.errors import FitError
 from fit.gap.checkpoint import SPENT, Checkpoint
+from fit.gap.fitting import Fitted
 from fit.identification.saved_search import SavedSearch
 from fit.kernel_cache.index import INDEX
 from fit.kernel_cache.notes import note_kernels
@@ -77,6 +78,17 @@ def test_huge_files_of_a_checkpoint_are_made_again_and_its_key_is_refused(tmp_pa
     made_huge(tmp_path / "key.json")
     with pytest.raises(FitError, match="the kept fits cannot be read"):
         Checkpoint(tmp_path, {})
+
+
+def test_a_pipe_in_place_of_a_kept_fit_is_not_waited_for(tmp_path):
+    kept = Checkpoint(tmp_path, {})
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    for name in ("draws.npy", "fit.npz"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(OSError, match="is no place for a file"):  # said by the write, after the fits
+        kept.recall_vectors("draws", lambda: np.ones((1, 2)))
+    with pytest.raises(OSError, match="is no place for a file"):
+        kept.recall(["fit"], lambda: [one])
 
 
 def test_a_huge_index_of_kernels_is_not_noted(tmp_path):

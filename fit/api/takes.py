@@ -60,9 +60,10 @@ def sorted_out(
     from fit.recordings.selection import split_by_motion
 
     kinds = names_of(held_out_motion, "held_out_motion")
-    for given in (takes, held_out):
-        check_there([given] if isinstance(given, str | PathLike) else given if isinstance(given, Sequence) else [])
-    every, judged = _each(takes, "takes"), _each(held_out, "held_out")
+    given, given_to_judge = _each(takes, "takes"), _each(held_out, "held_out")
+    check_there([*given, *given_to_judge])
+    every = [one_take(take, "takes") for take in given]
+    judged = [one_take(take, "held_out") for take in given_to_judge]
     if not anyway:
         for take in every + judged:
             check_plausible_take(take, take.take_id, offers_anyway=True)
@@ -91,11 +92,12 @@ def check_there(takes: Iterable[object]) -> None:
                 raise TakeError(what, where=Path(take), advice=step_to_read(error)) from error
 
 
-def _each(takes: Takes, name: str) -> list[Take]:
+def _each(takes: Takes, name: str) -> list[OneTake]:
+    """Return the takes of an argument as they were given, none of them read yet."""
     if isinstance(takes, Take | PathLike | str):
-        return [one_take(takes, name)]
+        return [takes]
     check_kind(takes, name, Iterable, "a take, the path of one, or a list of them")
-    return [one_take(take, name) for take in takes]
+    return list(takes)
 
 
 def one_take(take: OneTake, name: str) -> Take:

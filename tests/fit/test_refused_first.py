@@ -85,6 +85,8 @@ def test_a_call_from_python_names_the_missing_take_before_it_reads_another(tmp_p
     (tmp_path / "a.c3d").write_bytes(b"no take")
     with pytest.raises(TakeError, match=r"gone\.mcap: cannot be read \(No such file"):
         sorted_out([str(tmp_path / "a.c3d")], tmp_path / "gone.mcap")
+    with pytest.raises(TakeError, match=r"gone\.mcap: cannot be read \(No such file"):
+        sorted_out(tmp_path / name for name in ("a.c3d", "gone.mcap"))
 
 
 @pytest.mark.parametrize("name", ["", "a\0.mcap"])

@@ -111,21 +111,20 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
         return None
     now_j, now_c = base.jacobian[:, : len(base.vector)], _changes(observer, base, _rows(observer, alive, {}))
     inflation = _inflation(observer, base, now_c)
-    best: tuple[float, Motion, float, float, tuple[int, int | None]] | None = None
+    pairs = _pairs(len(alive))
+    apart = [_apart(observer, now_j, now_c, i, j) / np.sqrt(inflation) for i, j in pairs]
+    found: list[tuple[float, Motion, float, float, tuple[int, int | None]]] = []
     imagined = followed(observer, [imagine(observer.recordings[0], motion) for motion in MENU], base)
     for motion, (next_j, next_c) in zip(MENU, _imagined(observer, imagined, base, alive), strict=True):
-        together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
+        both_j = np.concatenate([now_j, next_j])
+        both_c = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
         gains = []
-        for i, j in _pairs(len(alive)):
-            before = _apart(observer, now_j, now_c, i, j) / np.sqrt(inflation)
-            after = _apart(observer, np.concatenate([now_j, next_j]), together, i, j) / np.sqrt(inflation)
+        for (i, j), before in zip(pairs, apart, strict=True):
+            after = _apart(observer, both_j, both_c, i, j) / np.sqrt(inflation)
             share = float(np.prod([weights[k] for k in (i, j) if k is not None]))
             gains.append((share * (after - before), before, after, (i, j)))
-        gain, top = sum(one[0] for one in gains), max(gains, key=lambda one: one[0])
-        if best is None or gain > best[0]:
-            best = (gain, motion, *top[1:])
-    assert best is not None
-    _, motion, now, after, (i, j) = best
+        found.append((sum(one[0] for one in gains), motion, *max(gains, key=lambda one: one[0])[1:]))
+    _, motion, now, after, (i, j) = max(found, key=lambda one: one[0])
     if after - now < WORTH_IT:
         return None
     names = [alive[k].effects[-1] for k in (i, j) if k is not None]

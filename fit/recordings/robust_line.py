@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from formats.arrays import Floats, Integers
+from formats.sights import half_seconds
 
-BLOCK_TIME = 0.5  # s, half a swing
 FEWEST_BLOCKS_ON_A_LINE = 8  # half seconds; our choice: a jackknife with 7 degrees of freedom
 HUBER = 1.345  # deviations from which a frame counts less: 95 % efficiency for normal noise
 REWEIGHTINGS = 20  # our choice: a fixed number, in place of a tolerance
@@ -18,7 +18,7 @@ REWEIGHTINGS = 20  # our choice: a fixed number, in place of a tolerance
 
 def seconds_apart(time: Floats) -> Integers:
     """Return the number of each frame's half second, (frames,), counted from the first frame; time [s], (frames,)."""
-    return np.asarray((time - time[0]) // BLOCK_TIME, np.int64)
+    return half_seconds(time - time[0])
 
 
 def robust_line(design: Floats, values: Floats, block: Integers) -> tuple[Floats, Floats]:

@@ -129,8 +129,13 @@ def record(
     shown: SensorFrame | None = None  # the last one in which both markers were found
 
     def tell(changed: Condition | None) -> None:
-        if changed in (Condition.NO_MARKERS, Condition.ONE_MARKER) and reader.frame is not None and rig.hanger:
-            changed = Condition.SEEN_TWICE if is_seen_twice(reader.frame.colour, rig.hanger) else changed
+        if (
+            changed in (Condition.NO_MARKERS, Condition.ONE_MARKER)
+            and reader.frame is not None
+            and rig.hanger
+            and is_seen_twice(reader.frame.colour, rig.hanger)
+        ):
+            changed = Condition.SEEN_TWICE
         if changed is not None:
             announce(reader.now - tally.first, changed)
 

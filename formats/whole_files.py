@@ -186,18 +186,22 @@ def check_ends(path: Path) -> None:
         raise OSError(errno.EINVAL, "the path is a pipe or a device, and no file", str(path))
 
 
-def read_bounded(path: Path, most: int = LARGEST_STATE) -> bytes:
+def read_bounded(path: Path, most: int = LARGEST_STATE, *, may_be_pipe: bool = False) -> bytes:
     """Return the bytes of a file, which is refused before it is read if it is larger than `most` bytes.
 
+    may_be_pipe: whether a user names the file, who may give a pipe; at most one byte more than `most` is read from it
+
     Raises:
-        OSError: it is larger, a pipe or a device, or cannot be read.
+        OSError: it is larger, a pipe or a device that it may not be, or cannot be read.
     """
-    check_ends(path)
+    if not may_be_pipe:
+        check_ends(path)
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         raw = file.read(most + 1) if size <= most else b""
-    if max(size, len(raw)) > most:  # it may have grown since
-        what = f"the file has {sized(max(size, len(raw)))}, and one of its kind {sized(most)} at most"
+    if max(size, len(raw)) > most:  # it may have grown since, or be a pipe, whose size is unknown
+        bytes_of_file = sized(size) if size > most else f"more than {sized(most)}"
+        what = f"the file has {bytes_of_file}, and one of its kind {sized(most)} at most"
         raise OSError(errno.EINVAL, what, str(path))
     return raw
 

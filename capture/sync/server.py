@@ -75,7 +75,7 @@ def _certificate(file: Path) -> bytes:
     from capture.errors import SyncError
 
     try:
-        return read_bounded(file)
+        return read_bounded(file, may_be_pipe=True)  # as keys may be, of a shell's <(...)
     except OSError as error:
         raise SyncError(
             f"the server's authority cannot be read ({error.strerror})", where=file, advice="check ca in [sync]"

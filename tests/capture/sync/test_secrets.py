@@ -8,11 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
+import trustme
 
 from capture.errors import SyncError
 from capture.sync.credentials import Credentials, find_credentials
 from capture.sync.settings import load_settings
 from formats.store_address import without_secrets
+from formats.whole_files import LARGEST_STATE
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import KEY, SECRET
 
@@ -136,6 +138,19 @@ def test_keys_are_read_from_a_pipe_such_as_a_shell_makes():
     finally:
         os.close(reader)
     assert found.values == {"access_key_id": KEY, "secret_access_key": SECRET}
+
+
+def test_a_servers_authority_is_read_from_a_pipe_such_as_a_shell_makes(tmp_path):
+    """`ca = "/dev/fd/63"` of a shell's <(...), and no more of it than a certificate has."""
+    config = tmp_path / "appliance.toml"
+    config.write_text('[spool]\nfolder = "spool"\n[sync]\nurl = "s3://takes"\nca = "/dev/stdin"\ndevice = "box"\n')
+    refused = b"authority cannot be read (the file has more than 1.0 MB, and one of its kind 1.0 MB at most)"
+    for content, code in ((trustme.CA().cert_pem.bytes(), 0), (bytes(LARGEST_STATE + 1), 2)):
+        done = subprocess.run(
+            [sys.executable, "-m", "capture.sync", "now", "--config", str(config)], capture_output=True, input=content,
+            cwd=ROOT, check=False,
+        )  # fmt: skip
+        assert (done.returncode, refused in done.stderr) == (code, code == 2), done.stderr
 
 
 def test_keys_that_others_may_read_are_refused(tmp_path):

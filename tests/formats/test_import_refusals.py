@@ -6,6 +6,8 @@ import json
 import re
 import shlex
 import time
+import warnings
+import zipfile
 from dataclasses import replace
 
 import msgspec
@@ -22,6 +24,7 @@ from formats.plausible import check_plausible_rig
 from formats.rig import Sensor
 from tests.fit.here import hangtime_here
 from tests.formats.test_archive import RIG
+from tests.formats.test_command_line import swung_cloth
 from tests.formats.test_marker_oddities import GARMENT, hanging
 
 
@@ -47,7 +50,34 @@ def test_an_archive_that_is_cut_off_is_reported_from_another_kind_of_file(tmp_pa
     np.savez(tmp_path / "a.npz", points=np.zeros((40, 3)))
     (tmp_path / "a.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:-100])
     done = hangtime_here("import", "a.npz", folder=tmp_path)
-    assert done.stderr == "hangtime: a.npz: is cut off: its archive has no end; copy or export it again\n"
+    told = "no end of its archive was found: it is cut off, or damaged at its end; copy or export it again"
+    assert done.stderr == f"hangtime: a.npz: {told}\n"
+
+
+def test_bytes_behind_the_end_of_an_archive_are_counted(tmp_path):
+    """Python finds an end only in the last 64 KiB, where a zip archive may have a comment."""
+    np.savez(tmp_path / "a.npz", points=np.zeros((40, 3)), t=np.frombuffer(b"PK\5\6" * 20, np.uint8))
+    raw = (tmp_path / "a.npz").read_bytes()
+    for behind in (b"x" * 100_000, bytes(70_000), b"PK\5\6" * 20_000):
+        (tmp_path / "a.npz").write_bytes(raw + behind)
+        done = hangtime_here("import", "a.npz", folder=tmp_path)
+        told = f"{len(behind)} bytes follow the end of its archive; copy or export it again"
+        assert (done.returncode, done.stderr) == (2, f"hangtime: a.npz: {told}\n")
+
+
+@pytest.mark.parametrize("again", ["points.npy", "points"])
+def test_an_array_that_an_archive_holds_twice_is_refused(tmp_path, again):
+    """The last one of a name would count, and the other be lost without a word."""
+    swung_cloth(tmp_path / "a.npz")
+    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # Python's, of the name that is there
+        archive.writestr("notes.npy", b"")  # another program's, whose copy hurts nothing
+        archive.writestr("notes.npy", b"")
+        assert hangtime_here("import", "a.npz", "--out", "one", folder=tmp_path).returncode == 0
+        archive.writestr(again, archive.read("points.npy"))
+    done = hangtime_here("import", "a.npz", folder=tmp_path)
+    told = "holds the array 'points' 2 times, and which of them counts is unknown; export it again"
+    assert (done.returncode, done.stderr) == (2, f"hangtime: a.npz: {told}\n")
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npz", "a b"])

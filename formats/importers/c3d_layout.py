@@ -32,6 +32,7 @@ from formats.importers.c3d_header import (
 )
 from formats.importers.c3d_parameters import Parameters
 from formats.importers.c3d_sections import find_parameters
+from formats.importers.stated_values import FEWER_FRAMES
 
 FASTEST_RATE = 10_000.0  # frames a second; our choice: ten times what can be used (`formats.plausible`)
 SAME_SCALE = 1e-3  # relative difference: a copy has the same digits
@@ -141,10 +142,10 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
 
 
 def cut_off(found: int, stated: int, who: str, path: Path) -> TakeError:
-    """Return the error of a file that ends before its last frame."""
+    """Return the error of a file that ends before the last frame that it states."""
     return TakeError(
         f"holds {found} of the {stated} frames that {who}", where=path,
-        advice="the file is cut off: copy or export the file again",
+        advice=FEWER_FRAMES,
     )  # fmt: skip
 
 

@@ -12,6 +12,10 @@ from formats.importers.number_cells import CELL_SHOWN, DECIMALS, is_number, numb
 from formats.plain_text import counted
 from formats.plausible import USABLE_RATES
 
+# The next step for a file that holds fewer frames than it states. A program that shortens a recording may leave the
+# old count, so that the file need not be cut off.
+FEWER_FRAMES = "the file is cut off, or that number is wrong: copy or export the file again"
+
 
 def names_of(labels: list[str], path: Path) -> tuple[str, ...]:
     """Return the names of markers.
@@ -93,6 +97,6 @@ def warning_of_count(found: int, stated: int, wanted: int | None, path: Path) ->
     if found < stated:
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,
-            advice="the file is cut off: copy or export the file again",
+            advice=FEWER_FRAMES,
         )  # fmt: skip
     return ""

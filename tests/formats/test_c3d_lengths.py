@@ -13,6 +13,7 @@ from formats.importers.c3d_parameters import DEC, FLOAT, INTEL, SGI, SHORT, NoPa
 from tests.formats.c3d_by_hand import c3d_bytes
 
 MOST = 65535  # frames that the header can state
+CUT = "the file is cut off, or that number is wrong: copy or export the file again"
 
 
 def read(tmp_path, raw, unit=None):
@@ -66,10 +67,9 @@ def test_parameters_count_frames_further_than_the_header_can(tmp_path, held, mor
     [
         (long_file(65600), "has room for 65600 frames and states 65535: its header counts no further; export it in "
          "shorter parts, or as text"),
-        (long_file(65536, fields((1, 0), (64, 1))), "holds 65536 of the 65600 frames that its parameters state; the "
-         "file is cut off: copy or export the file again"),
-        (long_file(65472), "holds 65472 of the 65535 frames that its header states; the file is cut off: copy or "
-         "export the file again"),
+        (long_file(65536, fields((1, 0), (64, 1))), "holds 65536 of the 65600 frames that its parameters state; "
+         f"{CUT}"),
+        (long_file(65472), f"holds 65472 of the 65535 frames that its header states; {CUT}"),
     ],
     ids=["longer", "shorter than its parameters", "shorter than its header"],
 )  # fmt: skip
@@ -126,8 +126,7 @@ def test_a_section_of_parameters_may_be_longer_than_it_states(tmp_path, stated):
          "trajectories, not only analogue data"),
         (c3d_bytes(np.ones((20, 1, 3)), ["a"], scale=0.1, header={"scale": 0.2}), "its header states a scale of 0.2, "
          "its parameter POINT:SCALE 0.1; export it again"),
-        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], "holds 63 of the 64 frames that its header states; the file "
-         "is cut off: copy or export the file again"),
+        (c3d_bytes(np.ones((64, 1, 3)), ["a"])[:-16], f"holds 63 of the 64 frames that its header states; {CUT}"),
     ],
     ids=["empty", "short", "no parameters", "text", "rate", "no rate", "analogue", "scale", "cut"],
 )  # fmt: skip

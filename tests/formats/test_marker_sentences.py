@@ -13,6 +13,7 @@ MEND = "mend that line"
 AGAIN = "export it again"
 MEND_UNIT = "mend the unit that the file states"
 CUT = "the file is cut off: copy or export the file again"
+FEWER = "the file is cut off, or that number is wrong: copy or export the file again"
 UNITS = "m, dm, cm, mm, um, in, ft"
 RATE = "export it with its frame rate"
 NO_COLUMNS = "TRC, Vicon, Motive and Qualisys exports are read as they are"
@@ -48,7 +49,7 @@ ONE = "0,1.5,2,3,4,5,6\n"
          "line 2 has 6 cells, not 7: quotation marks join some of them; take the quotation marks out of that line"),
         (OWN + FIRST, "mm", f"states its lengths in m, not mm; leave out --unit, or {MEND_UNIT}"),
         ("", None, f"is empty; {AGAIN}; {CAN_BE_READ}"),
-        (TRC.replace("\t2\t2\tmm", "\t3\t2\tmm"), None, f"holds 2 of the 3 frames that it states; {CUT}"),
+        (TRC.replace("\t2\t2\tmm", "\t3\t2\tmm"), None, f"holds 2 of the 3 frames that it states; {FEWER}"),
         (TRC.replace("\t2\t2\tmm", "\t2\t3\tmm"), None, f"names 2 markers and states 3; {AGAIN}"),
         (TRC.replace("\t2\t2\tmm", "\tx\t2\tmm"), None, f"its number of frames is 'x', no number; {AGAIN}"),
         (TRC.replace("\t2\t2\tmm", "\t2\ty\tmm"), None, f"its number of markers is 'y', no number; {AGAIN}"),
@@ -59,7 +60,7 @@ ONE = "0,1.5,2,3,4,5,6\n"
         (TRC.replace("\t5\t6\n", "\t5\t6\t7.5\n"), None, "line 6 has 9 cells, the header names 8; the header lacks "
          f"markers, or the line has cells too many: {AGAIN}"),
         ("\n".join(TRC.split("\n")[:4]), None, f"ends within its header; {AGAIN}; {CAN_BE_READ}"),
-        (QTM.replace("FRAMES\t3", "FRAMES\t4"), None, f"holds 3 of the 4 frames that it states; {CUT}"),
+        (QTM.replace("FRAMES\t3", "FRAMES\t4"), None, f"holds 3 of the 4 frames that it states; {FEWER}"),
         (QTM.replace("MARKERS\t2", "MARKERS\t3"), None, f"names 2 markers and states 3; {AGAIN}"),
         (QTM.replace("MARKERS\t2", "MARKERS\tx"), None, f"its number of markers is 'x', no number; {AGAIN}"),
         (QTM.replace("FRAMES\t3", "FRAMES\tx"), None, f"its number of frames is 'x', no number; {AGAIN}"),
@@ -82,7 +83,7 @@ ONE = "0,1.5,2,3,4,5,6\n"
          "where it begins another section, put its frame rate below it"),
         (VICON + VICON[VICON.index("Trajectories") :], None, "has trajectories twice, in lines 5 and 15; export one "
          "section of trajectories, or put the second into a file of its own"),
-        (MOTIVE.replace("Frames,2", "Frames,3"), None, f"holds 2 of the 3 frames that it states; {CUT}"),
+        (MOTIVE.replace("Frames,2", "Frames,3"), None, f"holds 2 of the 3 frames that it states; {FEWER}"),
         (MOTIVE.replace("Frames,2", "Frames,x"), None, f"its number of frames is 'x', no number; {AGAIN}"),
         (MOTIVE.replace("Name", "Nome"), None, "has no rows that name its markers; export it with its header"),
         (MOTIVE.replace("Type", "Kind"), None, "has no rows that name its markers; export it with its header"),

@@ -24,10 +24,14 @@ MOST_USUAL_LAYERS = 2  # front and back
 SHORTEST, LONGEST = 0.1, 3.0
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second; the module states the cameras; at 5, a swing at 2 Hz has 2.5 frames
 USABLE_RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
+SAME_STEP = 1e-6  # s, or of a step: times of frame numbers differ by 1, but for the rounding of a division
 LARGEST_JUMP = 600.0  # s between two frames: five times the longest recording; a simulation covers the whole time
 NEAR_A_RATE = 2.0  # times: a rate nearer to the range has the right unit; a wrong unit is off 30 times or more
 RATE_WITHIN = 1.2  # times: largest ratio of the stamps' and the stated frame rate
-CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
+CLOCKS = (  # units [s], with the name of the times' column in Hangtime's own CSV
+    ("seconds", 1.0, "time_s"), ("milliseconds", 1e-3, "time_ms"), ("microseconds", 1e-6, "time_us"),
+    ("nanoseconds", 1e-9, "time_ns"),
+)  # fmt: skip
 
 
 def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = False) -> None:
@@ -72,8 +76,12 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
         )  # fmt: skip
 
 
-def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = False) -> None:
+def check_plausible_times(
+    time: Floats, where: object, *, named_unit: float | None = None, offers_anyway: bool = False
+) -> None:
     """Refuse implausible times [s], (frames,), increasing: frame numbers, other units, a jump of minutes.
+
+    named_unit: unit [s] that the name of the times' column states, None where no name states one
 
     Raises:
         ImplausibleError: names the interval and the unit that was probably meant.
@@ -94,9 +102,10 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
             advice=step_or_anyway(advice, offers_anyway),
         )  # fmt: skip
     if apart > 1 / SLOWEST:
-        fitting = [name for name, unit in CLOCKS if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]
+        _refuse_a_named_unit(apart, named_unit, f"{apart:g} s", where, offers_anyway=offers_anyway)
+        fitting = [name for name, unit, _ in CLOCKS[1:] if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]
         meant = f"are these {fitting[0]}?" if fitting else "is its time in seconds?"
-        if np.all(np.abs(np.diff(time) - 1.0) < 1e-6):
+        if np.all(np.abs(np.diff(time) - 1.0) < SAME_STEP):
             meant = "its times are frame numbers, or milliseconds at 1000 frames a second"
         raise ImplausibleError(
             f"its frames are {apart:g} s apart in the median; {meant}", where=where,
@@ -105,10 +114,28 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
                 offers_anyway,
             ),
         )  # fmt: skip
+    _refuse_a_named_unit(apart, named_unit, f"{1e6 * apart:g} µs", where, offers_anyway=offers_anyway)
     raise ImplausibleError(
         f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
         f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=step_or_anyway("give its time in seconds", offers_anyway),
     )  # fmt: skip
+
+
+def _refuse_a_named_unit(
+    apart: float, named: float | None, shown: str, where: object, *, offers_anyway: bool
+) -> None:  # fmt: skip
+    """Refuse times whose column would be plausible under another unit's name, with that name.
+
+    `apart` [s]: median interval, `shown` in words; `named` [s]: as in `check_plausible_times`
+    """
+    if named is None or abs(apart / named - 1.0) < SAME_STEP:  # frame numbers have no unit
+        return
+    for unit_name, unit, column in CLOCKS:
+        if 1 / FASTEST <= apart / named * unit <= 1 / SLOWEST:
+            raise ImplausibleError(
+                f"its frames are {shown} apart in the median; are these {unit_name}?", where=where,
+                advice=step_or_anyway(f"name their column {column}", offers_anyway),
+            )  # fmt: skip
 
 
 def check_rate_alone(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:

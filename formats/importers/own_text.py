@@ -9,6 +9,7 @@ name is empty, or its header cell is missing: R's `write.table` names the other 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,7 @@ def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> Marker
     table = Table(
         width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock] / parts, is_exact=True,
     )  # fmt: skip
-    return read_frames(body, table, path, wanted).tracks(names)
+    return replace(read_frames(body, table, path, wanted).tracks(names), named_unit=1 / parts)
 
 
 def _as_named(cell: str) -> str:

@@ -177,7 +177,9 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     if not options.anyway:
         if not tracks.has_times:
             check_rate_alone(time, tracks.rate, path, offers_anyway=options.anyway is not None)
-        check_plausible_times(time, path, offers_anyway=options.anyway is not None)
+        check_plausible_times(
+            time, path, named_unit=tracks.named_unit, offers_anyway=options.anyway is not None
+        )  # fmt: skip
         check_stated_rate(time, tracks.rate, path, offers_anyway=options.anyway is not None)
     positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]
     return time, positions

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from formats.errors import TakeError
+from formats.errors import ImplausibleError, TakeError
+from formats.importers.marker_tracks import write_marker_csv
 from formats.importers.own_text import EXPECTED_COLUMNS, WITHOUT_IT
-from formats.importers.swatch_mocap import import_marker_take
+from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from formats.swatch import swatch
+from tests.formats.test_marker_oddities import GARMENT, hanging
 from tests.formats.test_marker_tables import MOTIVE, read
 
 NAMES = ("one", "two")
@@ -177,3 +179,33 @@ def test_a_table_in_parts_of_a_second_is_read_exactly(tmp_path, column, parts, b
     found = read(tmp_path, head + "".join(lines))
     assert found.time.tolist() == [k / 50 for k in range(6)]
     assert found.positions[3, 0].tolist() == [0.13, 0.2, 1.0]
+
+
+APART = "apart in the median; are these"
+ODD = "Give seconds: divide milliseconds by 1e3, nanoseconds by 1e9, frame numbers by the frame rate"
+
+
+@pytest.mark.parametrize(
+    ("column", "step", "said"),
+    [
+        ("time_s", 40, f"its frames are 40 s {APART} milliseconds? Name their column time_ms"),
+        ("t_s", 40_000, f"its frames are 40000 s {APART} microseconds? Name their column time_us"),
+        ("Time (s)", 4e7, f"its frames are 4e+07 s {APART} nanoseconds? Name their column time_ns"),
+        ("time_ms", 40_000, f"its frames are 40 s {APART} microseconds? Name their column time_us"),
+        ("time_ms", 0.04, f"its frames are 40 µs {APART} seconds? Name their column time_s"),
+        ("time_ns", 40, f"its frames are 0.04 µs {APART} milliseconds? Name their column time_ms"),
+        ("time_s", 1, "its frames are 1 s apart in the median; its times are frame numbers, or milliseconds at 1000 "
+         f"frames a second; g{ODD[1:]}"),
+        ("time_s", 0.5, f"its frames are 0.5 s apart in the median; is its time in seconds? {ODD}"),
+        ("time_s", 0.3, "has 3.333 frames a second; a garment needs 5 to 1000; record with more frames a second"),
+    ],
+)  # fmt: skip
+def test_a_table_whose_times_are_in_another_unit_is_told_the_name_of_their_column(tmp_path, column, step, said):
+    path = tmp_path / "a.csv"
+    write_marker_csv(path, hanging())
+    head, *lines = path.read_text().splitlines()
+    body = [f"{k * step:.9f},{line.partition(',')[2]}" for k, line in enumerate(lines)]
+    path.write_text("\n".join([head.replace("time_s", column, 1), *body, ""]))
+    with pytest.raises(ImplausibleError) as refused:
+        import_marker_take(path, GARMENT, MarkerOptions())
+    assert str(refused.value) == f"{path}: {said}"

@@ -10,7 +10,10 @@ from __future__ import annotations
 import configparser
 import ctypes
 import ctypes.util
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,9 @@ DRIVER_FOLDERS = (  # beside the library, unless a setting names another folder
     "/usr/lib/*/OpenNI2/Drivers", "/usr/lib/OpenNI2/Drivers", "/usr/lib64/OpenNI2/Drivers",
     "/usr/local/lib/OpenNI2/Drivers", "/usr/local/lib/*/OpenNI2/Drivers",
 )  # fmt: skip
+
+LONGEST_URI = 255  # bytes: ONI_MAX_STR of OpenNI2's OniCTypes.h, less the zero at the end
+OPENED = "/proc/self/fd/"  # Linux: an open file by its number (`man 5 proc`)
 
 _loaded: dict[str, Any] = {}
 
@@ -79,7 +85,27 @@ def live_uris() -> list[str]:
             where="OpenNI2",
             advice="`hangtime sensor doctor` checks bus, permission and driver",
         ) from error
-    return [uri for uri in uris if not uri.lower().endswith(".oni")]
+    return [uri for uri in uris if not uri.lower().endswith(".oni") and not uri.startswith(OPENED)]
+
+
+@contextmanager
+def playable(path: Path) -> Iterator[str]:
+    """Yield a name under which OpenNI2 opens a recording, for as long as this context lasts.
+
+    A letter outside ASCII ends the process within OpenNI2, and it does not open a longer name than `LONGEST_URI`.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    name = str(path)
+    if name.isascii() and len(name) <= LONGEST_URI:
+        yield name
+        return
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        yield f"{OPENED}{handle}"
+    finally:
+        os.close(handle)
 
 
 def reason(error: BaseException) -> str:

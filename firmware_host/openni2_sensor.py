@@ -79,8 +79,10 @@ class OpenNI2Sensor(DepthSensor):
             raise
 
     def _open(self) -> Any:
+        name = contextlib.nullcontext(self._uri) if self._path is None else openni2_library.playable(self._path)
         try:
-            return self._openni2.Device(self._uri.encode())
+            with name as uri:
+                return self._openni2.Device(uri.encode())
         except (self._openni2.OpenNIError, AssertionError) as error:
             if self._path is not None:
                 raise RecordingError("OpenNI2 cannot open it", where=self._path, advice=COPY_AGAIN) from error

@@ -10,6 +10,7 @@ from fit.report.sections import OF_A_DIAGNOSIS, OF_PARAMETERS
 from tests.repository import ROOT, tree_of
 
 TERMS = re.findall(r"^(\S.*)\n: ", (ROOT / "docs/reference/glossary.md").read_text(), re.MULTILINE)
+TERM = re.compile(r"\b(" + "|".join(re.escape(one).replace(r"\-", "[- ]") for one in TERMS) + r")s?\b")
 # Titles and names of the report in everyday words alone.
 PLAIN = {
     "after, mm", "along the cloth's normal", "as published", "as the published method counts", "at which frequency",
@@ -51,8 +52,30 @@ def test_each_term_stands_once_and_in_the_order_of_the_alphabet() -> None:
     assert sorted(set(TERMS), key=lambda term: term.replace("-", " ").lower()) == TERMS
 
 
+def stages_of_a_diagnosis() -> set[str]:
+    """The texts with which the modules of a diagnosis report their progress; {} for each inserted value."""
+    found = set()
+    for module in (ROOT / "fit/gap").glob("*.py"):
+        for node in ast.walk(tree_of(module)):
+            if not isinstance(node, ast.Call) or not node.args:
+                continue
+            if ast.unparse(node.func).rpartition(".")[2] not in {"progress", "tell"}:
+                continue
+            match node.args[0]:
+                case ast.Constant(value=str(text)):
+                    found.add(text)
+                case ast.JoinedStr(values=parts):
+                    found.add("".join(str(one.value) if isinstance(one, ast.Constant) else "{}" for one in parts))
+    return found
+
+
+def test_every_stage_of_a_diagnosis_that_is_not_in_everyday_words_holds_a_term_of_the_glossary() -> None:
+    stages = stages_of_a_diagnosis()
+    assert {"estimating the noise floor", "base fit from {} candidates {}", "done"} <= stages
+    assert {stage for stage in stages if not TERM.search(stage)} == {"choosing the next recording", "done"}
+
+
 def test_every_name_of_the_report_that_is_no_everyday_word_holds_a_term_of_the_glossary() -> None:
     names = names_of_the_report()
     assert {"the gap", "worst frame", "p-value", "part of the objective", "base model misses by"} <= names
-    term = re.compile(r"\b(" + "|".join(re.escape(one).replace(r"\-", "[- ]") for one in TERMS) + r")s?\b")
-    assert {name for name in names if not term.search(name)} == PLAIN
+    assert {name for name in names if not TERM.search(name)} == PLAIN

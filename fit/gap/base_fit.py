@@ -55,7 +55,7 @@ def fit_base(
         """Return simulated candidates, (count, parameters), least cost first."""
 
         def tell(done: float) -> None:
-            progress(f"search of starts, pull {where.frequency:g} Hz", share + 0.06 * done)
+            progress(f"simulating candidates {_under(where.frequency)}", share + 0.06 * done)
 
         return _sampled(where, first, count, seed, kept, tell)
 
@@ -72,7 +72,7 @@ def fit_base(
         fits: list[Fitted] = []
         while len(fits) < len(starts):
             new = range(len(fits), len(starts))
-            progress(f"base fit, {len(starts)} starts, pull {frequency:g} Hz", min(0.14 + 0.05 * len(fits), 0.28))
+            progress(f"base fit from {len(starts)} candidates {_under(frequency)}", min(0.14 + 0.05 * len(fits), 0.28))
             tasks = [Task(starts[k], observer.off) for k in new]
             fits += kept.recall([f"base-{frequency:g}-{k}" for k in new], partial(fit, chosen, tasks))
             if len(fits) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
@@ -83,7 +83,7 @@ def fit_base(
         needed, gate = gates.choose_frequency(observer, fits[0].vector)
         if needed in tried and not has_hopped:
             has_hopped = True
-            progress(f"base fit, across valleys, pull {frequency:g} Hz", 0.29)
+            progress(f"base fit in further valleys {_under(frequency)}", 0.29)
             if beyond := across_valleys(chosen, fits[0]):
                 names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
                 fits += kept.recall(names, partial(fit, chosen, beyond))
@@ -95,6 +95,11 @@ def fit_base(
     if needed != frequency:
         gate = gates.predictability_gate(chosen, fits[0].vector, observer.off)
     return fits, chosen, gate
+
+
+def _under(frequency: float) -> str:
+    """Return the strength of a pull [Hz] in words."""
+    return f"under a pull of {frequency:g} Hz" if frequency else "without a pull"
 
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:

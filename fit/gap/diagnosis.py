@@ -94,7 +94,7 @@ def diagnose(
         FitError: as `ready`, or a checkpoint of other takes or of another version.
     """
     if prepared is None:
-        progress("reading takes", 0.0)
+        progress("reading the takes", 0.0)
     takes = prepared or ready(training, held_out)
     train, test = takes.training, takes.held_out
     rng = np.random.default_rng(seed)
@@ -108,7 +108,7 @@ def diagnose(
         fits, observer, predictability = fit_base(observer, progress, kept, seed)
         judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, progress, kept)
-    progress("noise floor", 0.3)
+    progress("estimating the noise floor", 0.3)
     noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
     before = search.base
     resampling = resample(before.errors, rng)
@@ -126,7 +126,7 @@ def diagnose(
     if not predictability.passed:
         predictability = search.predictability()
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]
-    progress("checking mesh and step", 0.83)
+    progress("estimating the mesh error", 0.83)
     base = search.base.fitted
     refined = refined if refined and search.base is before else refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, noise.mm)
@@ -150,12 +150,12 @@ def diagnose(
         verdict = decide(evidence)
     by_edge = None
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
-        progress("holding the cloth where its edge was tracked", 0.92)
+        progress("simulating from the tracked held edge", 0.92)
         by_edge = edge_driven.held_by_edge(observer, judge, base, kept)
     raw_mm = from_raw.raw_error_mm(observer, judge, training, held_out, base, kept)
-    progress("simulating candidate recordings", 0.93)
+    progress("choosing the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
-    progress("drawing maps", 0.97)
+    progress("estimating the missing force", 0.97)
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)

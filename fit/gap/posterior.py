@@ -53,6 +53,7 @@ from fit.gap.verdict import is_brought
 from fit.observer.edge import LEAST_BY_LAW
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
+from formats.plain_text import counted
 
 Subset = tuple[str, ...]
 
@@ -266,7 +267,7 @@ class Search:
             wanted = _wanted(found, turn)
             if not wanted or turn == MOST_EFFECTS:
                 break
-            tell(f"refitting {len(wanted)} sets of effects")
+            tell(f"{counted(len(wanted), 'refit')}, each with a set of effects")
             found.fits.update(zip(wanted, self.refit(wanted, self._tasks(linear, wanted)), strict=True))
             best = min(wanted, key=lambda one: found.fits[one].cost)
             self.refuted += [one for one in wanted if self._refutes(linear, found.fits[one])]

@@ -37,6 +37,7 @@ from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
 from formats.diagnosis_records import Gate
+from formats.plain_text import counted
 
 Progress = Callable[[str, float], None]
 
@@ -75,15 +76,15 @@ class Rounds:
 
         Without a gap no effect can explain anything, so only the effects in `added` are refitted.
         """
-        self.progress("screening", 0.32)
+        self.progress("screening the effects", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested)
         chosen = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
         chosen += [name for name in self.screened if name in added and name not in chosen]
         if not chosen:
             return
-        self.progress(f"refitting with {len(chosen)} effects, one each", 0.4)
+        self.progress(f"{counted(len(chosen), 'refit')}, each with one effect", 0.4)
         self.refit_alone(chosen)
-        self.progress("refitting the best across valleys", 0.62)
+        self.progress("continuing the best refits", 0.62)
         by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
         nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
         best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]

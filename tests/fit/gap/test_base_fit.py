@@ -96,9 +96,11 @@ def test_the_base_fit_ends_where_the_parameters_are(world, monkeypatch):
     assert (chosen.frequency, gate.name) == (0.0, "predictability")
     # Of the samples 16 of 18, and then 8 of 10, come at once; both are 6 % of the work each.
     assert [(stage, pytest.approx(share)) for stage, share in told] == [
-        ("search of starts, pull 1 Hz", 0.02), ("search of starts, pull 1 Hz", 0.02 + 0.06 * 16 / 18),
-        ("search of starts, pull 0 Hz", 0.08), ("search of starts, pull 0 Hz", 0.08 + 0.06 * 8 / 10),
-        ("base fit, 2 starts, pull 0 Hz", 0.14), ("base fit, across valleys, pull 0 Hz", 0.29),
+        ("simulating candidates under a pull of 1 Hz", 0.02),
+        ("simulating candidates under a pull of 1 Hz", 0.02 + 0.06 * 16 / 18),
+        ("simulating candidates without a pull", 0.08),
+        ("simulating candidates without a pull", 0.08 + 0.06 * 8 / 10),
+        ("base fit from 2 candidates without a pull", 0.14), ("base fit in further valleys without a pull", 0.29),
     ]  # fmt: skip
     beyond = [f"base-0-beyond-{k}" for k in range(len(fits) - 2)]
     assert len(beyond) == len(begun[-1]) == len(across[-1]) > 1  # every valley that promises less is fitted
@@ -136,7 +138,7 @@ def test_a_pull_that_the_end_of_the_fit_needs_is_tried_from_there(world, monkeyp
     fits, chosen, gate = ended(world, lambda stage, share: told.append(stage))
     assert chosen.frequency == 2.0
     assert gate.figure == 2.0
-    assert [s.rsplit("pull ")[1] for s in told if s.startswith("base fit, 2 starts")] == ["0.5 Hz", "2 Hz"]
+    assert [s.rsplit("pull of ")[1] for s in told if s.startswith("base fit from 2")] == ["0.5 Hz", "2 Hz"]
     assert at[-1] == pytest.approx(fits[0].vector)
 
 
@@ -156,9 +158,9 @@ def test_while_the_best_two_disagree_another_start_is_spent_up_to_four(world, mo
     fits, *_ = ended(world, lambda *said: told.append(said))
     assert len(fits) == MOST_STARTS == 4
     # A twentieth of the work each, up to where the search across valleys begins.
-    assert [(stage, pytest.approx(share)) for stage, share in told if "starts, pull 0 Hz" in stage][-3:] == [
-        ("base fit, 2 starts, pull 0 Hz", 0.14), ("base fit, 3 starts, pull 0 Hz", 0.24),
-        ("base fit, 4 starts, pull 0 Hz", 0.28),
+    assert [(stage, pytest.approx(share)) for stage, share in told if "candidates without a pull" in stage][-3:] == [
+        ("base fit from 2 candidates without a pull", 0.14), ("base fit from 3 candidates without a pull", 0.24),
+        ("base fit from 4 candidates without a pull", 0.28),
     ]  # fmt: skip
     monkeypatch.setattr(gates, "disagreement", lambda fits: gates.CONVERGED)
     assert len(ended(world)[0]) == 2

@@ -370,7 +370,7 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch)
     folder = tmp_path / "partial"
 
     def interrupt(stage, share):
-        if stage == "refitting the best across valleys":
+        if stage == "continuing the best refits":
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

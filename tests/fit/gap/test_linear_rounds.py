@@ -43,8 +43,8 @@ def test_the_first_round_refits_the_effect_that_is_there_to_its_size(world):
     before = search.base.errors.squared_mm
     search.first_round((), has_gap=True)
     assert [share for _, share in told] == [0.32, 0.4, 0.62]
-    assert [stage.split()[0] for stage, _ in told] == ["screening", "refitting", "refitting"]
-    assert told[1][0] == f"refitting with {len(search.singles)} effects, one each"
+    assert [stage.split()[0] for stage, _ in told] == ["screening", "1", "continuing"]
+    assert told[1][0] == "1 refit, each with one effect"
     best = min(search.singles.values(), key=lambda h: h.errors.squared_mm)
     assert best.effects == ("air_drag",)
     assert size_of(world, best, "air_drag") == pytest.approx(1.5, abs=0.1)

@@ -269,7 +269,7 @@ def test_a_search_refits_once_for_each_effect_that_a_set_may_have_and_weighs_all
     assert refitted == [("e0",), ("e1",), ("e2",)]
     assert weighed == [0.5] * 4
     assert polished == [True, False, False]
-    assert told == ["refitting 1 sets of effects"] * 3
+    assert told == ["1 refit, each with a set of effects"] * 3
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
@@ -9,6 +10,7 @@ import msgspec
 Interval = tuple[float, float]
 NOT_IDENTIFIED = "not identified"
 AT_BOUND = "at its bound"
+WARNING = "Warning:"  # beginning of every note that warns of the takes or of the figures
 
 
 class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -37,6 +39,11 @@ def verdict_on(number: FitParameter | Combination) -> str:
     if number.is_identified is not False:
         return ""
     return f"{NOT_IDENTIFIED}, {AT_BOUND}" if number.is_at_bound else NOT_IDENTIFIED
+
+
+def warnings_in(notes: Sequence[str]) -> list[str]:
+    """Return the notes of a result that warn of its takes or of its figures."""
+    return [note for note in notes if note.startswith(WARNING)]
 
 
 class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

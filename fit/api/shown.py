@@ -9,7 +9,15 @@ from __future__ import annotations
 from fit.api.tables import Table
 from formats.diagnosis_records import Diagnosis, EffectFinding
 from formats.figures import head_of, short, span_of, with_unit
-from formats.fit_records import TRIVIAL_NAMES, Combination, ErrorFigure, FitParameter, FitResult, verdict_on
+from formats.fit_records import (
+    TRIVIAL_NAMES,
+    Combination,
+    ErrorFigure,
+    FitParameter,
+    FitResult,
+    verdict_on,
+    warnings_in,
+)
 
 IF_IT_HOLDS = "90 % interval, if the model holds"
 # The coverage is measured on takes of the fit's own solver and mesh (`benchmarks/search.py`).
@@ -36,13 +44,12 @@ def fit_tables(result: FitResult) -> list[Table]:
                 rows=tuple((name, short(before, 4), short(after, 4)) for name, (before, after) in parts),
             )
         )
-    warnings = tuple(note for note in result.notes if note.startswith("Warning:"))
     if result.combinations:
         heads = ("combination", "before", "after", IF_IT_HOLDS, "")
         rows = tuple(_combination_row(c) for c in result.combinations)
         tables.append(Table(heads=heads, rows=rows))
-    if warnings:
-        tables[1] = Table(heads=tables[1].heads, rows=tables[1].rows, remarks=warnings)
+    if warnings := warnings_in(result.notes):
+        tables[1] = Table(heads=tables[1].heads, rows=tables[1].rows, remarks=tuple(warnings))
     return [*camera_table(result), *tables]
 
 
@@ -56,14 +63,19 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
-    remarks += [note for note in diagnosis.notes if note.startswith("Warning:")]
+    remarks += warnings_in(diagnosis.notes)
     return [*camera_table(diagnosis, reported=diagnosis.sentence), Table(remarks=tuple(remarks))]
 
 
 def camera_table(result: FitResult | Diagnosis, reported: str = "") -> list[Table]:
     """Return the camera's faults as sentences, except those in `reported`; nothing without faults."""
-    left = tuple(f"Camera: {found.sentence}" for found in result.camera if found.sentence not in reported)
-    return [Table(remarks=left)] if left else []
+    left = camera_words(result, reported)
+    return [Table(remarks=tuple(left))] if left else []
+
+
+def camera_words(result: FitResult | Diagnosis, reported: str = "") -> list[str]:
+    """Return the camera's faults as sentences, except those in `reported`."""
+    return [f"Camera: {found.sentence}" for found in result.camera if found.sentence not in reported]
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:

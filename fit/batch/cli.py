@@ -154,11 +154,11 @@ def batch_command(
     """
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of
-    from fit.batch.morning import short_name
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store, try_writing
-    from fit.batch.summary import as_facts, rows_of, sentence_of, write_summary
+    from fit.batch.summary import as_facts, rows_of, sentence_of, short_name, write_summary
     from fit.folders import make_folder
+    from fit.identification.calibrate import TOO_SHORT
     from fit.identification.request import Plan
     from formats.terminal import ProgressLine
 
@@ -212,8 +212,10 @@ def batch_command(
             morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
     needs = morning.needs if morning is not None else ()
     for row in rows:
-        if row.sentence and (short_name(row.take), row.sentence) not in needs:  # these are said below
-            say(f"{plain(row.take)}: {plain(row.sentence)}")
+        if left := [one for one in row.own_remarks if (short_name(row.take), one) not in needs]:  # needs are said below
+            say(f"{plain(row.take)}: {plain(' '.join(left))}")
+    if any(TOO_SHORT in row.remarks for row in rows):
+        say(TOO_SHORT)
     place = results.path("summary.html") or f"{results.url}/summary.html"
     shown = str(place)
     tell(f"{sentence_of(rows)}\nSummary: {plain(shown)}", summary=shown, takes=as_facts(rows))

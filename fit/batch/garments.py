@@ -16,13 +16,13 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fit.batch.jobs import DiagnosisJob, diagnosis_key, diagnosis_name, failure_name, report_name
 from fit.batch.kept import has_diagnosis, known_outcome
 from fit.batch.runner import Survey, kept_sentence
 from fit.batch.store import Store
-from fit.batch.summary import Row
+from fit.batch.summary import Row, short_name
 from fit.provenance import physics_version
 from formats.archive import take_of
 from formats.findings import SHORTEST_DIAGNOSED
@@ -49,6 +49,7 @@ class Seen:
     - `seconds` [s]: its length
     - `is_calibrated`: whether its rig was
     - `damage`: the take's missing parts and damage, with the next step; '' for a whole take
+    - `copy_of`: name of an earlier file with the same recording; '' without one
     """
 
     name: str
@@ -58,17 +59,41 @@ class Seen:
     seconds: float
     is_calibrated: bool
     damage: str = ""
+    copy_of: str = ""
+
+    @property
+    def why_left_out(self) -> str:
+        """The reason why a diagnosis leaves this take out; '' for a take that can be used."""
+        if self.copy_of:
+            return f"{self.copy_of} is the same recording"
+        if not self.is_calibrated:
+            return "its rig was never calibrated"
+        if self.kind == "still":
+            return "its hanger stands still"
+        if self.seconds < SHORTEST_DIAGNOSED:
+            return (
+                f"it lasts {math.floor(100 * self.seconds) / 100:g} s, and a diagnosis needs {SHORTEST_DIAGNOSED:g} s"
+            )
+        return ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wardrobe:
-    """A garment with its takes, split into fitted and held-out ones, or the reason why it cannot be diagnosed."""
+    """A garment with its takes, split into fitted and held-out ones, or the reason why it cannot be diagnosed.
+
+    copies: files whose recording an earlier file contains, such as recovered files; they are not among `takes`
+    """
 
     name: str
     takes: tuple[Seen, ...]
     training: tuple[Seen, ...] = ()
     held_out: tuple[Seen, ...] = ()
     missing: str = ""
+    copies: tuple[Seen, ...] = ()
+
+    def why_left_out(self, take: str) -> str:
+        """Return the reason why the diagnosis leaves out a take of this name; '' if it does not."""
+        return next((seen.why_left_out for seen in (*self.takes, *self.copies) if seen.name == take), "")
 
 
 def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
@@ -76,7 +101,7 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
     every = tuple(takes)
     calibrated = [take for take in every if take.is_calibrated]
     swung = [take for take in calibrated if take.kind != "still"]
-    moving = [take for take in swung if take.seconds >= SHORTEST_DIAGNOSED]
+    moving = [take for take in swung if not take.why_left_out]
     kinds: defaultdict[str, float] = defaultdict(float)
     for take in moving:
         kinds[take.kind] += take.seconds
@@ -133,22 +158,20 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
     from fit.recordings.selection import content_of
 
     by_garment: list[tuple[Garment, list[Seen]]] = []
-    digests, contents = set(), set()
+    first_of: dict[str, str] = {}  # the first file by its digest, and by the content of its take
     for row in rows:
+        if row.state not in ("fitted", "known"):
+            continue
         digest = found.digests.get(row.take, "")
-        if row.state not in ("fitted", "known") or digest in digests:
-            continue
-        digests.add(digest)
         take = take_of(takes.read(row.take), row.take)
-        content = content_of(take)
-        if content in contents:
-            continue
-        contents.add(content)
+        first = first_of.get(digest) or first_of.get(content_of(take)) or row.take
+        first_of |= {digest: first, content_of(take): first}
         is_calibrated = take.rig.sensor is None or take.rig.calibration is not None
         seconds = float(take.time[-1] - take.time[0]) if len(take.time) else 0.0
         seen = Seen(
             name=row.take, digest=digest, kind=kind_of(take), reach=math.hypot(*reach_of(take).values()),
             seconds=seconds, is_calibrated=is_calibrated, damage=damage_of([take]),
+            copy_of=short_name(first) if first != row.take else "",
         )  # fmt: skip
         same = next((others for garment, others in by_garment if garment.as_meant == take.garment.as_meant), None)
         if same is None:
@@ -156,7 +179,13 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
         else:
             same.append(seen)
     names = _distinct([garment.name for garment, _ in by_garment])
-    return [wardrobe_of(name, seen) for name, (_, seen) in zip(names, by_garment, strict=True)]
+    return [
+        replace(
+            wardrobe_of(name, [take for take in seen if not take.copy_of]),
+            copies=tuple(take for take in seen if take.copy_of),
+        )
+        for name, (_, seen) in zip(names, by_garment, strict=True)
+    ]
 
 
 def diagnoses_of(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,22 +12,20 @@ from fit.batch.kept import kept
 from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
-from fit.batch.summary import STATE_WORDS, Row, sentence_of
+from fit.batch.summary import STATE_WORDS, UNDONE, Row, sentence_of, short_name
 from fit.errors import BatchError, UnreachableError
-from fit.identification.calibrate import TOO_SHORT
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.plain_text import counted
 from formats.results import diagnosis_from
 
-DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
-
+UNDECIDED = "inconclusive"  # a verdict: the takes cannot decide
 # The advice to a person on each verdict, if the diagnosis proposes no next recording.
 NEEDS = {
     "ambiguous": "record the motion that the report proposes, which tells the candidates apart",
     "unknown": "look at the report: no effect of the library explains the gap",
     "numerics": "diagnose it alone on a finer mesh: `hangtime diagnose ... --spacing`",
-    "inconclusive": "look at the checks that failed in the report, mend what they name, and record again",
+    UNDECIDED: "look at the checks that failed in the report, mend what they name, and record again",
 }
 
 
@@ -66,7 +63,11 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeLine:
-    """A take's entry on the page; before and after: mean distance of the points [mm], as text."""
+    """A take's entry on the page.
+
+    - `before`, `after`: mean distance of the points [mm], as text
+    - `why_left_out`: a sentence with the reason why no diagnosis uses the take; '' if one does
+    """
 
     take: str
     garment: str
@@ -77,6 +78,7 @@ class TakeLine:
     verdict: str = ""
     link: str = ""
     remark: str = ""
+    why_left_out: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +106,7 @@ def morning_of(
         UnreachableError: the results cannot be reached now.
     """
     findings = [_finding(one, diagnoses, results) for one in every]
-    by_take = {seen.name: (one, seen) for one in every for seen in one.takes}
+    by_take = {seen.name: (one, seen) for one in every for seen in (*one.takes, *one.copies)}
     verdicts = {
         finding.garment: finding.verdict or STATE_WORDS.get(finding.state, finding.state) for finding in findings
     }
@@ -112,7 +114,8 @@ def morning_of(
     for row in rows:
         one, seen = by_take.get(row.take, (None, None))
         garment, motion = (one.name, seen.kind) if one and seen else ("", "")
-        is_left_out = one is not None and not one.missing and seen not in (*one.training, *one.held_out)
+        why = seen.why_left_out if seen else ""
+        is_left_out = bool(why and one and not one.missing)
         error = row.result.error if row.result else None
         lines.append(
             TakeLine(
@@ -120,13 +123,17 @@ def morning_of(
                 before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
                 after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
                 verdict="left out" if is_left_out else verdicts.get(garment, ""),
-                link=result_name(row.key) if row.result else "", remark=row.sentence,
+                link=result_name(row.key) if row.result else "", remark=" ".join(row.own_remarks),
+                why_left_out=f"Left out of the diagnosis: {why}." if why else "",
             )
         )  # fmt: skip
-    diagnosed = sum(finding.state == "diagnosed" for finding in findings)
-    count = f"{len(findings)} garment{'s' if len(findings) != 1 else ''}: {diagnosed} diagnosed"
+    inconclusive = sum(finding.verdict == UNDECIDED for finding in findings)
+    diagnosed = sum(finding.state == "diagnosed" for finding in findings) - inconclusive
     lacking = sum(finding.state == "lacking" for finding in findings)
-    headline = f"{sentence_of(rows)} {count}{f', {lacking} without enough takes' if lacking else ''}."
+    parts = [f"{diagnosed} diagnosed"]
+    parts += [f"{inconclusive} inconclusive"] if inconclusive else []
+    parts += [f"{lacking} without enough takes"] if lacking else []
+    headline = f"{sentence_of(rows)} {counted(len(findings), 'garment')}: {', '.join(parts)}."
     when = (made or datetime.now(UTC)).strftime("%Y-%m-%d %H:%M UTC")
     needs = (*_needs_of_takes(rows), *_needs_of_garments(findings))
     return Morning(
@@ -164,13 +171,9 @@ def as_text(morning: Morning) -> str:
     lines.append("")
     for take in morning.takes:
         error = f"mean distance {take.before} to {take.after} mm" if take.after else take.remark
-        lines.append("  ".join(part for part in (take.take, take.state, take.garment, take.motion, error) if part))
+        parts = (take.take, take.state, take.garment, take.motion, error, take.why_left_out)
+        lines.append("  ".join(part for part in parts if part))
     return "\n".join(lines) + "\n"
-
-
-def short_name(take: str) -> str:
-    """Return a take's name without the digest that its key on a server ends with."""
-    return DIGEST.sub("", take)
 
 
 def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
@@ -208,17 +211,14 @@ def _stopped(rows: Sequence[Row], findings: Sequence[Finding]) -> str:
 
 
 def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    needs = [(short_name(row.take), row.sentence) for row in rows if row.state in ("failed", "refused", "newer")]
-    for row in rows:
-        notes = row.result.notes if row.result else []
-        needs += [(short_name(row.take), note) for note in notes if note.startswith("Warning:") and note != TOO_SHORT]
-    return needs
+    ordered = sorted(rows, key=lambda row: row.result is not None)  # takes without a result first
+    return [(short_name(row.take), need) for row in ordered for need in row.needs]
 
 
 def _needs_of_garments(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     needs = []
     for finding in findings:
-        if finding.state in ("lacking", "failed", "refused", "newer"):
+        if finding.state in ("lacking", *UNDONE):
             needs.append((finding.garment, finding.sentence))
         elif finding.verdict in NEEDS:
             needs.append((finding.garment, finding.proposal or NEEDS[finding.verdict]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,21 +10,23 @@ from datetime import UTC, datetime
 
 import msgspec
 
+from fit.api.shown import camera_words
 from fit.batch.jobs import result_name
 from fit.batch.kept import kept
 from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
+from fit.identification.calibrate import TOO_SHORT
 from fit.identification.request import Plan
-from fit.recordings.intact import flaw_notes
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
-from formats.fit_records import AT_BOUND, FitParameter, FitResult
+from formats.fit_records import AT_BOUND, WARNING, FitParameter, FitResult, warnings_in
 from formats.results import fit_result_from
 from formats.rows import csv_text
 
+DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
 STATE_WORDS = {
     "fitted": "fitted",
     "known": "fitted before",
@@ -40,17 +43,41 @@ STATE_TONES = {
     "newer": "warn",
     "waiting": "warn",
 }  # of `STATE_WORDS`
+UNDONE = ("failed", "refused", "newer")  # states without a result that another run alone does not mend
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One take of the table; state is a key of `STATE_WORDS`."""
+    """One take of the table.
+
+    - `state`: a key of `STATE_WORDS`
+    - `sentence`: the reason why the take has no result; '' with a result
+    """
 
     take: str
     key: str
     state: str
     sentence: str
     result: FitResult | None
+
+    @property
+    def remarks(self) -> list[str]:
+        """Why the take has no result, else everything that `hangtime fit` says about its fit besides figures."""
+        told = [] if self.result is None else [*camera_words(self.result), *warnings_in(self.result.notes)]
+        return [*([self.sentence] if self.sentence else []), *told]
+
+    @property
+    def own_remarks(self) -> list[str]:
+        """The remarks without the one on the search, which holds for every take of a batch."""
+        return [remark for remark in self.remarks if remark != TOO_SHORT]
+
+    @property
+    def needs(self) -> list[str]:
+        """The remarks that need a person: no result, a warning, or a fault that the camera's correction leaves."""
+        if self.result is None:
+            return [self.sentence] if self.state in UNDONE else []
+        faults = {f"Camera: {found.sentence}" for found in self.result.camera if found.is_fault}
+        return [one for one in self.own_remarks if one in faults or one.startswith(WARNING)]
 
 
 def rows_of(found: Survey, results: Store) -> list[Row]:
@@ -71,8 +98,6 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
                 raise
             except (ResultError, BatchError) as error:
                 state, sentence = "refused", f"its result cannot be read: {error}"
-        if result is not None:
-            sentence = " ".join([sentence, *flaw_notes(result.notes)]).strip()
         rows.append(Row(take=take, key=key, state=state, sentence=sentence, result=result))
     return rows
 
@@ -90,15 +115,28 @@ def sentence_of(rows: Sequence[Row]) -> str:
     return f"{len(rows)} take{'s' if len(rows) != 1 else ''}: {', '.join(parts)}."
 
 
+def short_name(take: str) -> str:
+    """Return a take's name without the digest that its key on a server ends with."""
+    return DIGEST.sub("", take)
+
+
 def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:
-    """Return the outcome of every take as plain values, with the state of the take where it was fitted."""
+    """Return the outcome of every take as plain values; where it was fitted, with its state and doubts on its fit."""
     return [
         {
-            "take": row.take, "state": STATE_WORDS[row.state], "sentence": row.sentence,
+            "take": row.take, "state": STATE_WORDS[row.state], "sentence": " ".join(row.own_remarks),
+            "warnings": warnings_in(row.result.notes) if row.result else [],
+            "not_identified": [p.name for p in _of(row) if p.is_identified is False and not p.is_at_bound],
+            "at_bound": [p.name for p in _of(row) if p.is_at_bound],
+            "file": result_name(row.key) if row.result else "",
             "take_states": msgspec.to_builtins(row.result.take_states) if row.result else [],
         }
         for row in rows
     ]  # fmt: skip
+
+
+def _of(row: Row) -> list[FitParameter]:
+    return row.result.parameters if row.result else []
 
 
 def as_csv(rows: Sequence[Row]) -> str:
@@ -107,7 +145,7 @@ def as_csv(rows: Sequence[Row]) -> str:
     head = ["take", "take_id", "state", "error_before_mm", "error_after_mm", "simulations", "seconds"]
     for name in names:
         head += [name, f"{name}_low", f"{name}_high", f"{name}_is_identified", f"{name}_is_at_bound"]
-    figures = ((row.take, *_figures(row, names), row.sentence, row.key) for row in rows)
+    figures = ((row.take, *_figures(row, names), " ".join(row.remarks), row.key) for row in rows)
     return csv_text([*head, "remark", "key"], figures)
 
 
@@ -145,7 +183,7 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
     return render_page(
         "summary.html.j2",
         about=f"{how} · {made}",
-        is_bad=any(row.state in ("failed", "refused") for row in rows),
+        is_bad=any(row.needs for row in rows),
         sentence=sentence_of(rows),
         short_intervals_of=plan.search if _has_short_intervals(rows, plan) else "",
         heads=[(words(head), unit_of(units.get(head, ""))) for head in heads],
@@ -171,7 +209,8 @@ def _has_short_intervals(rows: Sequence[Row], plan: Plan) -> bool:
 def _line(row: Row, names: list[str]) -> dict[str, object]:
     """Return the texts of a take's line; without a result its sentence alone."""
     line: dict[str, object] = {
-        "take": row.take, "tone": STATE_TONES[row.state], "state": STATE_WORDS[row.state], "sentence": row.sentence,
+        "take": row.take, "tone": STATE_TONES[row.state], "state": STATE_WORDS[row.state],
+        "sentence": " ".join(row.own_remarks),
         "cells": None,
     }  # fmt: skip
     result = row.result
@@ -198,7 +237,7 @@ def _value(parameter: FitParameter | None) -> tuple[str, str]:
 
 def _parameters(rows: Sequence[Row]) -> list[str]:
     """Return the names of all parameters, in the order of their first appearance."""
-    return list(dict.fromkeys(p.name for row in rows if row.result for p in row.result.parameters))
+    return list(dict.fromkeys(p.name for row in rows for p in _of(row)))
 
 
 def _error(row: Row) -> float:

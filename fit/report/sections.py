@@ -30,7 +30,7 @@ from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, duration, instant, number, percent, words
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
-from formats.fit_records import ErrorFigure, FitResult
+from formats.fit_records import ErrorFigure, FitResult, warnings_in
 
 OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
@@ -138,7 +138,7 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
     if fit is not None:
         about = Markup("Method <code>{}</code>, search <code>{}</code>.").format(fit.method, fit.search)
         parts += [lead(about), parameter_table(fit.parameters, _meanings(fit))]
-        parts += [note(said) for said in fit.notes if said.startswith("Warning:")]
+        parts += [note(said) for said in warnings_in(fit.notes)]
         switched_on = [(name.replace("_", " "), _size(name, size)) for name, size in fit.effects.items()]
         if switched_on:
             parts.append(headed("Effects in this fit, and their sizes", pairs(switched_on)))

@@ -221,12 +221,12 @@ def test_a_take_that_lacks_seconds_is_named_in_the_nights_table_and_page(night):
     damaged = msgspec.structs.replace(fit_result(), notes=["Another note.", note, behind], take_states=[state])
     keep(results, result_name(key), result_bytes(damaged, results.path("k")))
     rows = rows_of(survey(*night, PLAN), results)
-    assert [row.sentence for row in rows] == [f"{note} {behind}"]
+    assert [row.own_remarks for row in rows] == [[note, behind]]
     for shown in (as_csv(rows), as_html(rows, PLAN)):
         assert "missing: 2.25 to 3.25 s" in shown
         assert "10 bytes follow its end." in shown
     (told,) = as_facts(rows)
-    assert (told["state"], told["sentence"]) == ("fitted before", rows[0].sentence)
+    assert (told["state"], told["sentence"]) == ("fitted before", f"{note} {behind}")
     assert told["take_states"] == [msgspec.to_builtins(state)]
     assert (state.state, state.missing, state.trailing_bytes) == ("damaged", "2.25 to 3.25 s", 10)
     (waiting,) = as_facts([replace(rows[0], state="waiting", result=None)])

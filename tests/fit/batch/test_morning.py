@@ -7,10 +7,10 @@ import re
 import pytest
 
 from fit.batch.garments import Seen, diagnoses_of, wardrobe_of
-from fit.batch.morning import as_html, as_text, morning_of, short_name
+from fit.batch.morning import as_html, as_text, morning_of
 from fit.batch.runner import Survey
 from fit.batch.store import open_store
-from fit.batch.summary import Row
+from fit.batch.summary import Row, short_name
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import fit_result
 

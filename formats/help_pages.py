@@ -26,7 +26,7 @@ HEADINGS = {
     "Judge on": ("--held-out", "--held-out-motion"),
     "Model": ("--method", "--model", "--fabric", "--engine", "--effect", "--add", "--without", "--by", "--spacing"),
     "Search": ("--search", "--iterations", "--gamma", "--bounds", "--seed"),
-    "Files written": ("--out", "--plot", "--arrows", "--preview", "--overwrite"),
+    "Files written": ("--out", "--plot", "--png", "--arrows", "--preview", "--overwrite"),
 }
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
 # Placeholders of values by type; an option that takes no value has none.

@@ -86,8 +86,9 @@ def show_takes(
     ],
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", "--png", metavar="FILE.png", help="Also draw the paths of up to twelve tracked points."),
+        typer.Option("--plot", metavar="FILE.png", help="Also draw the paths of up to twelve tracked points."),
     ] = None,
+    png: Annotated[Path | None, typer.Option("--png", metavar="FILE.png", help="The same as --plot.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
     """Show the content of takes: length, rate, garment, how often each point was seen and how noisy it is.
@@ -99,9 +100,12 @@ def show_takes(
     from formats.plain_text import plain
     from formats.take_picture import draw_png
 
+    if plot is not None and png is not None:
+        raise OutputError("is the same as --plot", where="--png", advice="give one of the two")
+    option, plot = ("--plot", plot) if png is None else ("--png", png)
     if plot is not None:
         if len(paths) > 1:
-            raise OutputError("draws one take", where="--plot", advice="give one take, or leave out --plot")
+            raise OutputError("draws one take", where=option, advice=f"give one take, or leave out {option}")
         refuse_an_input(plot, paths)
         check_place(plot, "pictures are written as PNG", ".png")
         refuse_to_replace(plot, overwrite=overwrite)

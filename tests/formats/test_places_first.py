@@ -104,10 +104,17 @@ def test_several_takes_are_shown_and_a_lost_one_keeps_no_other_from_it(tmp_path)
     assert (second["file"], second["state"], told["error"]) == ("gone.mcap", "lost", second["error"])
 
 
-def test_a_picture_is_drawn_of_one_take(tmp_path):
-    done = hangtime_here("takes", "show", "a.mcap", "b.mcap", "--plot", "x.png", folder=tmp_path)
+@pytest.mark.parametrize("option", ["--plot", "--png"])
+def test_a_picture_is_drawn_of_one_take(tmp_path, option):
+    done = hangtime_here("takes", "show", "a.mcap", "b.mcap", option, "x.png", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "hangtime: --plot: draws one take; give one take, or leave out --plot\n"
+    assert done.stderr == f"hangtime: {option}: draws one take; give one take, or leave out {option}\n"
+
+
+def test_the_two_names_of_a_picture_are_not_given_together(tmp_path):
+    done = hangtime_here("takes", "show", "a.mcap", "--png", "x.png", "--plot", "y.png", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "hangtime: --png: is the same as --plot; give one of the two\n"
 
 
 def test_a_folder_of_results_that_cannot_be_made_has_no_false_next_step():

@@ -160,7 +160,7 @@ class Appliance:
             if now - self._last_hanger > GONE_AFTER and self._follow(Event.HANGER_GONE):
                 self._forget_frames()
             return
-        self._take.count(seen)
+        self._take.count(seen, self._reader.frame)
         self._condition = self._take.condition
         self._disk.add(seen)
         if self._take.seconds_since_press >= self._config.recording.longest_s:
@@ -211,7 +211,7 @@ class Appliance:
         if self._take is None or not self._follow(event):
             return False
         take, self._take = self._take, None
-        self._disk.end(take.facts(ended_by), is_worth_keeping=take.is_worth_keeping)
+        self._disk.end(take.facts(ended_by), is_worth_keeping=take.is_worth_keeping, shown=take.shown)
         if not take.is_worth_keeping:
             tally = take.tally
             worst = tally.conditions.worst.value

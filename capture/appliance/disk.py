@@ -20,6 +20,8 @@ from typing import Any
 from capture.appliance.retention import Retention
 from capture.appliance.spool import KeptTake, RunningTake, Spool
 from capture.recording.frame_reader import Seen
+from capture.recording.upside_down import of_the_sensor
+from firmware_host.depth_sensor import SensorFrame
 from formats.archive import TakeWriter, read_take
 from formats.errors import HangtimeError, OutputError
 from formats.findings import Finding
@@ -150,9 +152,12 @@ class Disk:
         """Add a frame to the running take."""
         self._put(lambda: self._do_add(seen))
 
-    def end(self, facts: dict[str, Any], *, is_worth_keeping: bool) -> None:
-        """Finish the running take; keep it with its metadata, or remove it."""
-        self._put(lambda: self._do_end(facts, is_worth_keeping))
+    def end(self, facts: dict[str, Any], *, is_worth_keeping: bool, shown: SensorFrame | None = None) -> None:
+        """Finish the running take; keep it with its metadata, or remove it.
+
+        shown: a frame of the take with both markers, which tells a sensor that hangs upside down
+        """
+        self._put(lambda: self._do_end(facts, is_worth_keeping, shown))
 
     # --- in the thread -------------------------------------------------------------------------------
 
@@ -236,13 +241,13 @@ class Disk:
             take.writer.keep()
             self._news.put(DiskNews(failure=take.failure))
 
-    def _do_end(self, facts: dict[str, Any], is_worth_keeping: bool) -> None:
+    def _do_end(self, facts: dict[str, Any], is_worth_keeping: bool, shown: SensorFrame | None = None) -> None:
         take, self._take = self._take, None
         if take is None:
             self._news.put(DiskNews(is_over=True))
             return
         try:
-            kept, findings = self._kept(take, facts) if is_worth_keeping else (None, ())
+            kept, findings = self._kept(take, facts, shown) if is_worth_keeping else (None, ())
             if not is_worth_keeping:
                 take.writer.discard()
             self._news.put(DiskNews(is_over=True, kept=kept, findings=findings))
@@ -251,12 +256,15 @@ class Disk:
             take.writer.keep()
             self._news.put(DiskNews(is_over=True, failure=_named(error, self._folder)))
 
-    def _kept(self, take: _Running, facts: dict[str, Any]) -> tuple[KeptTake, tuple[Finding, ...]]:
+    def _kept(
+        self, take: _Running, facts: dict[str, Any], shown: SensorFrame | None
+    ) -> tuple[KeptTake, tuple[Finding, ...]]:
         findings: tuple[Finding, ...] = ()
         if take.failure is None:
             take.writer.finish()
             with self._reading():
-                findings = judge(read_take(take.running.partial))
+                kept = read_take(take.running.partial)
+                findings = of_the_sensor(judge(kept), shown, kept.rig)
             facts = facts | {"findings": [finding.as_fact() for finding in findings]}
         else:
             facts = facts | {"ended_by": str(take.failure)}

@@ -10,6 +10,7 @@ from capture.appliance.wall_clock import WallTime, boot_id, wall_time
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, Seen
 from capture.recording.tally import Tally
+from firmware_host.depth_sensor import SensorFrame
 from formats.garment import Garment
 from formats.judgement import FEWEST_HANGERS
 from formats.rig import Rig
@@ -37,12 +38,15 @@ class TakeInProgress:
         span = before[-1].time - before[0].time if before else 0.0
         self.beginning = Beginning(by=by, pressed_s=now, pre_roll_s=span, wall=wall_time(span))
         self.condition = Condition.GOOD
+        self.shown: SensorFrame | None = None  # the last frame with both markers
         for seen in before:
             self.count(seen)
 
-    def count(self, seen: Seen) -> None:
-        """Count a frame."""
+    def count(self, seen: Seen, frame: SensorFrame | None = None) -> None:
+        """Count a frame; frame: its pictures, None for one of the pre-roll."""
         self.condition = self.tally.add(seen) or self.condition
+        if frame is not None and seen.has_hanger:
+            self.shown = frame
 
     def plan(self, rig: Rig, garment: Garment, source: str) -> TakePlan:
         """Return the metadata that is known at the beginning."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -14,12 +14,13 @@ import numpy as np
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
-from capture.hanger.seen_otherwise import is_seen_twice, is_upside_down, seen_otherwise
+from capture.hanger.seen_otherwise import is_seen_twice, seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
+from capture.recording.upside_down import of_the_sensor
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter, read_take
@@ -27,7 +28,7 @@ from formats.arrays import Floats
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.findings import Finding
 from formats.garment import Garment
-from formats.judgement import FEWEST_HANGERS, SWAPPED, judge
+from formats.judgement import FEWEST_HANGERS, judge
 from formats.outputs import unwritable
 from formats.rig import Hanger, Rig
 from formats.system_causes import step_to_write
@@ -196,7 +197,7 @@ def record(
             writer.discard()
             raise failure or _no_markers(sensor.info.uri, rig, tally, frame=reader.frame, info=sensor.info)
         _finish(writer, tally.with_hanger)
-    findings = _of_the_sensor(judge(read_take(out)), shown, rig)
+    findings = of_the_sensor(judge(read_take(out)), shown, rig)
     return RecordingReport(
         path=out,
         frames=tally.frames,
@@ -286,17 +287,6 @@ def _no_markers(
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=where, advice=advice)
-
-
-def _of_the_sensor(findings: tuple[Finding, ...], shown: SensorFrame | None, rig: Rig) -> tuple[Finding, ...]:
-    """Return the findings; that of exchanged markers names a sensor that hangs upside down, where they show it."""
-    if shown is None or rig.hanger is None or all(one.name != SWAPPED for one in findings):
-        return findings
-    if not is_upside_down(shown.colour, rig.hanger):
-        return findings
-    words = "the first marker is on the right, and both stand on their heads: the sensor hangs upside down"
-    advice = "turn the sensor over and record again"
-    return tuple(replace(one, words=words, advice=advice) if one.name == SWAPPED else one for one in findings)
 
 
 def _doubt(where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...]) -> CaptureError | None:

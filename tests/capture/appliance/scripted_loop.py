@@ -41,7 +41,8 @@ class ScriptedDisk:
     def add(self, seen):
         self.asked.append(("add", seen))
 
-    def end(self, facts, *, is_worth_keeping):
+    def end(self, facts, *, is_worth_keeping, shown):
+        self.shown = shown
         self.asked.append(("end", facts, is_worth_keeping))
 
     def of(self, kind):

@@ -120,6 +120,16 @@ def test_a_take_has_its_pre_roll_its_notes_and_its_facts_and_ends_after_its_long
     assert armed.state is State.READY
 
 
+def test_the_disk_gets_the_last_frame_that_shows_the_hanger(armed):
+    armed.ask("start")
+    armed.frame(40)
+    last = armed.number
+    armed.sees = False
+    armed.frame(3)
+    armed.ask("stop")
+    assert armed.disk.shown.index == last < armed.number
+
+
 def test_a_take_in_which_the_hanger_is_hardly_seen_is_not_kept_and_says_why(armed):
     armed.ask("start")
     armed.sees = False

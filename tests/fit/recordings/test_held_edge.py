@@ -197,3 +197,12 @@ def test_an_edge_that_is_lifted_with_its_hanger_does_not_slip():
         return raised
 
     assert HeldEdge(still.time, points, ACROSS, held).slip_at() == pytest.approx(still.slip_at(), abs=0.1)
+
+
+@pytest.mark.parametrize(("errors", "is_told"), [(7.8, False), (8.2, True)])
+def test_a_step_of_the_left_end_is_measured_on_the_two_points_there(errors, is_told):
+    """The mirror image of a step on the right: a third point, or all five, would show less of it."""
+    right = stepped(errors * 1e-3 * 64 / 0.6745 / np.sqrt(924) * np.sqrt(180 / 91 / 89) / 0.875)
+    left = HeldEdge(right.time, right.points.copy(), ACROSS, right.held)
+    left.points[..., 2] = right.points[:, ::-1, 2]
+    assert left.slip_at() == pytest.approx(3.0 if is_told else 1.05, abs=1e-6 if is_told else 0.1)

@@ -198,3 +198,11 @@ def test_missing_and_used_seconds_are_stated():
 def test_of_a_take_that_only_lacks_its_end_all_that_is_left_is_used():
     (note,) = describe_missing([replace(a_take(), is_complete=False)])
     assert note.endswith("(150 frames are left; missing: its end was never written).")
+
+
+@pytest.mark.parametrize(("seen", "is_at_rest"), [(1, False), (2, True)])
+def test_rest_shows_in_two_frames_of_the_ends_and_not_in_one(seen, is_at_rest):
+    take = first_part_lost()
+    take.held[:], take.points[:] = 0.0, 1.0
+    take.held[seen:15] = np.nan
+    assert (intact_part(take).points_valid[:30].mean() > 0.9) == is_at_rest

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from benchmarks.hanger_noise import cubic
 from fit.cloth.simulator import Simulator
@@ -259,3 +260,20 @@ def test_a_take_may_begin_at_any_time():
         assert smoothed(later, values, 4.0)(later) == pytest.approx(smoothed(time, values, 4.0)(time), abs=1e-6)
     assert best_cut_off(later, values) == pytest.approx(best_cut_off(time, values), rel=1e-3)
     assert best_cut_off(later, np.sin(4 * time)[:, None]) == pytest.approx(12.0, abs=0.15)  # 29 intervals
+
+
+@pytest.mark.parametrize("begin", [0.0, 50.0])
+@pytest.mark.parametrize("cut_off", [3.0, 8.0])
+def test_a_short_steady_spline_is_the_least_of_its_own_sum_whenever_it_begins(begin, cut_off):
+    """|y - B a|^2 + lambda |D a|^2 of twelve frames, eleven spans, solved as it stands above the module."""
+    time = begin + np.arange(12) * FRAME
+    values = np.random.default_rng(3).normal(size=(12, 2))
+    knots = begin + FRAME * np.arange(-5, 17)
+    basis = BSpline.design_matrix(np.clip(time, knots[5], knots[-6]), knots, 5).toarray()
+    differences = np.diff(np.eye(basis.shape[1]), 3, axis=0)
+    angle = 2 * np.pi * cut_off * FRAME
+    halves = ((66 + 52 * np.cos(angle) + 2 * np.cos(2 * angle)) / 120) ** 2 / (2 * np.sin(angle / 2)) ** 6
+    expected = np.linalg.solve(basis.T @ basis + halves * differences.T @ differences, basis.T @ values)
+    found = steady_spline(time, values, cut_off)
+    assert found.t == pytest.approx(knots)
+    assert found(time) == pytest.approx(basis @ expected, abs=1e-6)

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm
 
+from fit.recordings.robust_line import robust_line
 from fit.recordings.timing import (
     FEWEST_NOISE_FRAMES,
     LEAST_NOISE,
+    MEDIAN_TELLS,
     SCAN_STEP,
     STILL,
     Timing,
@@ -194,3 +197,63 @@ def test_of_six_points_the_outermost_do_not_count_and_of_five_they_do():
     points[0, :, 0], points[0, :2, 2] = across, 9.0
     assert row_middle(points, across)[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert row_middle(points[:, :5], across[:5])[0, 2] > 1.0
+
+
+def test_a_scales_interval_is_that_of_the_travel_and_not_of_the_velocity_beside_it():
+    """A row that moves a tenth less than its hanger; the line over travel and velocity is drawn here anew."""
+    time = np.arange(0, 12, 1 / 15)
+
+    def swings(instants):
+        ends = path(0 * instants)
+        ends[:, [1, 4]] = 0.1 * np.sin(4 * instants)[:, None]
+        return ends
+
+    row = 0.9 * 0.1 * np.sin(4 * time) + 0.002 * np.random.default_rng(0).normal(size=len(time))
+    middle = np.stack([0 * time, row, 0 * time + 1.0], 1)
+    found = _Scan(time, middle, 0 * time, swings, np.ones(len(time), bool)).with_scale(A_TIMING)
+    out, travel = row - 0.1 * np.sin(4 * time), 0.1 * np.sin(4 * time)
+    design = np.stack([np.ones(len(time)), travel - travel.mean(), 0.4 * np.cos(4 * time)], 1)
+    line, half = robust_line(design, out, (time // HALF_SWING).astype(int))
+    assert found.scale == pytest.approx(line[1], abs=1e-4)
+    assert found.scale == pytest.approx(-0.1, abs=0.01)
+    assert np.ptp(found.scale_interval) == pytest.approx(2 * half[1], rel=0.01)
+    assert min(half[0], half[2]) < 0.5 * half[1]
+
+
+def test_a_shares_interval_is_students_times_its_own_jackknife_over_half_swings():
+    """Stamps of a hanger at changing speed, late by half of what their interval is longer than the median."""
+    rng = np.random.default_rng(2)
+    time = np.cumsum(np.where(rng.uniform(size=120) < 0.3, 0.15, 0.05))
+    step = uneven_intervals(time)
+
+    def swings(instants):
+        ends = path(0 * instants)
+        ends[:, [1, 4]] = 0.1 * np.sin(4 * instants)[:, None]
+        return ends
+
+    row = swings(time - 0.5 * step).reshape(-1, 2, 3).mean(1)
+    row[:, 1] += 0.002 * rng.normal(size=len(time))
+    scan = _Scan(time, row, step, swings, np.ones(len(time), bool))
+    latency, share, sd = scan.mended(0.0, 0.5, is_uneven=True)
+    at = time - latency - share * step
+    speed = 0.4 * np.cos(4 * at)
+    design = np.stack([speed, speed * step, np.ones(len(time))], 1)
+    off = row[:, 1] - 0.1 * np.sin(4 * at)
+    block = scan.block
+    without = np.stack([np.linalg.lstsq(design[block != b], off[block != b], rcond=None)[0] for b in np.unique(block)])
+    count = len(without)
+    expected = np.sqrt((count - 1) / count * ((without - without.mean(0)) ** 2).sum(0))
+    assert sd == pytest.approx(expected[:2], rel=0.02)
+    found = find_timing(time, row, swings, is_per_frame=False)
+    assert np.ptp(found.latency_interval) < 0.5 * np.ptp(found.share_interval)
+
+
+@pytest.mark.parametrize(("share", "has_one"), [(0.99, False), (1.01, True)])
+def test_frames_that_deviate_alike_in_every_block_are_judged_by_the_noise_alone(share, has_one):
+    """Of 500 frames at rest three axes give the noise's variance, as a median gives it: less of it at three errors."""
+    freedom = 3 * MEDIAN_TELLS * 500
+    most = freedom / chi2.ppf(norm.cdf(-3.0), freedom)
+    lag = 1e-3 / SPEED * np.sqrt(share * most)
+    time = np.arange(20) * HALF_SWING / 2
+    found = scan_of(time, lag * np.where(np.arange(20) % 2, 1.0, -1.0), still=500).with_deviation(A_TIMING)
+    assert found.deviation == pytest.approx(1e-3 / SPEED * np.sqrt(share * most - 1) if has_one else 0.0, rel=1e-6)

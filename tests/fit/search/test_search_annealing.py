@@ -306,3 +306,17 @@ def test_bounds_without_width_is_refused():
         FitError, match=r"^search box: bounds and intervals differ in number; give each parameter all three$"
     ):
         SearchBox(np.zeros(2), np.ones(2), np.ones(3))
+
+
+@pytest.mark.parametrize("kind", [np.random.MT19937, np.random.Philox, np.random.SFC64])
+def test_a_chain_is_saved_with_any_kind_of_generator(kind):
+    """The states of these generators hold arrays, which JSON does not know."""
+    whole, again = (
+        Annealing(KINECT_SKIRT.initial, BOX, AnnealingSettings(iterations=30), np.random.Generator(kind(seed)))
+        for seed in (5, 6)
+    )
+    run(whole, 4, batches=2)
+    again.restore(json.loads(json.dumps(whole.state(), allow_nan=False)))
+    run(whole, 4)
+    run(again, 4)
+    assert again.steps == whole.steps

@@ -263,3 +263,15 @@ def test_finished_chains_ask_for_nothing_and_say_so_with_an_empty_array():
         started = before[0] > 0
         assert not started or done == sum(len(chain.steps) for chain in several.chains) - sum(before)
     assert several.ask(6).shape == (0, 2)
+
+
+def test_of_a_ladder_whose_far_lanes_blow_up_in_one_number_the_best_of_the_others_is_taken():
+    """r = x - 2 from 0: steps of 2 / (1 + lambda), of which those beyond 1 have a second number that is none."""
+
+    def partly(candidates):
+        return np.concatenate([candidates - 2.0, np.where(candidates > 1.0, np.nan, 0.0)], 1)
+
+    found = minimise(
+        partly, np.array([0.0]), box(0.0, 4.0), settings=LeastSquaresSettings(width=4, max_iterations=1, damping=1.0)
+    )
+    assert found.parameters == pytest.approx([2 / (1 + 10**0.5)], rel=1e-6)

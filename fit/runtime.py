@@ -9,7 +9,9 @@ import contextlib
 import functools
 import io
 import os
+import sys
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,21 @@ JITTER_VARIABLE = "HANGTIME_JITTER"  # environment variable that `jittered` read
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
 TASK = 512  # Taichi splits loops into tasks of at least 512 iterations: a kernel makes each group one task
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
+# Option -W of Python: the beginning of the message, and its kind.
+SILENT_TRACKER = "ignore:resource_tracker:UserWarning"
 _started: dict[str, int] = {}
+
+
+def start_tracker() -> None:
+    """Start Python's process that frees what killed workers leave, so that it prints no warning of its own.
+
+    It outlives a command that a signal ended, and would write its warning to the user's terminal.
+    """
+    sys.warnoptions.append(SILENT_TRACKER)  # a new Python process gets these options
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(SILENT_TRACKER)
 
 
 def available_threads() -> int:

@@ -17,6 +17,8 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import FrameType, ModuleType
 from typing import Any
 
+ENDING = (signal.SIGTERM, signal.SIGHUP)  # signals that end a command from outside
+
 
 class _Interruption:
     is_met = False
@@ -111,6 +113,37 @@ def held() -> Iterator[None]:
             signal.signal(signal.SIGINT, before)
         if noted:
             before(signal.SIGINT, None)
+
+
+@contextmanager
+def ended_like_ctrl_c() -> Iterator[None]:
+    """Within the block, the first SIGTERM or SIGHUP has the effect of Ctrl-C; the next ones do nothing.
+
+    The end of a login sends both. A signal that is already ignored, as SIGHUP under `nohup`, stays ignored. Only the
+    main thread receives signals; in other threads the context does nothing.
+    """
+    is_asked = False
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal is_asked
+        if is_asked:
+            return
+        is_asked = True
+        if callable(signal.getsignal(signal.SIGINT)):  # also where `held` delays it
+            signal.raise_signal(signal.SIGINT)
+        else:  # a shell ignores Ctrl-C for a command in the background
+            raise KeyboardInterrupt
+
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {one: signal.getsignal(one) for one in ENDING if is_main}
+    before = {one: handler for one, handler in before.items() if handler not in (signal.SIG_IGN, None)}
+    for one in before:
+        signal.signal(one, stop)
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
 
 
 def hold_while_importing() -> None:

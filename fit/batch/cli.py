@@ -12,6 +12,7 @@ from fit.errors import BatchError, UnreachableError
 from fit.search import PRINTED_ITERATIONS
 from formats.anyway import Anyway
 from formats.command_groups import FIT
+from formats.interrupts import ended_like_ctrl_c
 from formats.plain_text import counted, plain
 from formats.telling import tell, tell_fault
 from formats.terminal import say
@@ -194,7 +195,7 @@ def batch_command(
             progress.end()
         return False
 
-    with _none_after(ending):
+    with _none_after(ending), ended_like_ctrl_c():
         takes, results = open_store(url), open_store(out)
         found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
         if (own := results.path("summary.html")) is not None:

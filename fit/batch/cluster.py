@@ -15,12 +15,12 @@ import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 from fit.batch.room import Room
 from fit.errors import BatchError, UnreachableError
+from fit.runtime import start_tracker
 from formats.interrupts import held
 
 # s that one attempt to reach a scheduler may take. Our choice: half and double change only how late a lost scheduler
@@ -92,7 +92,7 @@ def _undisturbed() -> Iterator[None]:
     Raises:
         KeyboardInterrupt: Ctrl-C came inside.
     """
-    resource_tracker.ensure_running()  # its own start would let signals through again, before the first worker's
+    start_tracker()  # its own start would let signals through again, before the first worker's
     with held():
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # threads and processes inherit it
         try:

@@ -222,6 +222,7 @@ def _made(folder: Path, truths: list[Truth], how: tuple[str, float], workers: in
         for truth in truths:
             yield _make_one(folder, truth, how)
         return
+    runtime.start_tracker()
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker)
     try:
         waiting = {pool.submit(_make_one, folder, truth, how) for truth in truths}

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from formats.interrupts import held, raise_swallowed, remember_interruptions
+from formats.interrupts import ended_like_ctrl_c, held, raise_swallowed, remember_interruptions
 
 
 @pytest.fixture(autouse=True)
@@ -79,6 +79,43 @@ def test_a_handler_that_a_library_brings_stays():
     with held():
         signal.signal(signal.SIGINT, own)
     assert signal.getsignal(signal.SIGINT) is own
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("is_ignored", [False, True])
+def test_the_first_signal_that_ends_a_command_is_a_ctrl_c_and_the_second_nothing(number, is_ignored):
+    """A shell ignores Ctrl-C for a command in the background, which SIGTERM ends all the same."""
+    if is_ignored:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before, done = signal.getsignal(number), []
+    with ended_like_ctrl_c():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        signal.raise_signal(number)
+        done.append("tidied up")
+    assert done == ["tidied up"]
+    assert signal.getsignal(number) is before
+
+
+def test_a_signal_that_ends_a_command_waits_where_ctrl_c_waits():
+    done = []
+
+    def work():
+        with held():
+            signal.raise_signal(signal.SIGTERM)
+            done.append("all of it")
+
+    with ended_like_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["all of it"]
+
+
+def test_a_hang_up_that_nohup_ignores_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with ended_like_ctrl_c():
+        signal.raise_signal(signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    signal.signal(signal.SIGHUP, before)
 
 
 INTERRUPTED_AT = """

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 FIRST_WAIT, LONGEST_WAIT = 2.0, 300.0  # s; a network that comes back is noticed within five minutes
+MOST_DOUBLINGS = 30  # far beyond the 8 from `FIRST_WAIT` to `LONGEST_WAIT`; a power of thousands would overflow
 
 
 def wait_after(tries: int, chance: random.Random) -> float:
@@ -15,7 +16,7 @@ def wait_after(tries: int, chance: random.Random) -> float:
     So devices that lost one server together do not retry together ("equal jitter": Brooker, "Exponential Backoff
     And Jitter", AWS Architecture Blog, 2015).
     """
-    whole = min(LONGEST_WAIT, FIRST_WAIT * 2.0 ** min(tries - 1, 30))
+    whole = min(LONGEST_WAIT, FIRST_WAIT * 2.0 ** min(tries - 1, MOST_DOUBLINGS))
     return whole / 2 * (1 + chance.random())
 
 

@@ -17,10 +17,11 @@ from fit.errors import FitError
 from fit.search import PRINTED_ITERATIONS
 from formats.errors import HangtimeError, of_system
 
-# Options of the command line and the equivalent arguments, if their names differ in more than hyphens.
+# Options of the command line, without `--`, and the equivalent arguments.
 ARGUMENT_OF_OPTION = {
     "anyway": "anyway=True", "effect": "effects", "out": "checkpoint", "overwrite": "overwrite=True",
 }  # fmt: skip
+# Options whose arguments have the same name, with `_` in place of `-`.
 SAME_AS_OPTION = {
     "add", "bounds", "by", "checkpoint", "engine", "fabric", "fit", "gamma", "held-out", "held-out-motion",
     "iterations", "method", "model", "search", "seed", "spacing", "take", "thickness", "to", "without",
@@ -43,11 +44,12 @@ class PlanOptions(TypedDict, total=False):
     engine: str
 
 
+# The defaults of `fit.identification.request.Plan`, which is not imported before a call needs it.
 PLAN_DEFAULTS: Mapping[str, object] = {
     "method": "si", "effects": (), "bounds": (), "search": "", "iterations": PRINTED_ITERATIONS,
     "gamma": None, "spacing": None, "seed": 0, "fabric": None, "engine": "own",
 }  # fmt: skip
-"""The defaults of `fit.identification.request.Plan`, which is not imported before a call needs it."""
+# The same options where a fit is given: `...` stands for the fit's own value.
 OF_THE_FIT: Mapping[str, object] = dict.fromkeys(PLAN_DEFAULTS, ...)
 _Call = TypeVar("_Call", bound=Callable[..., object])
 

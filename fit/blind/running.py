@@ -25,6 +25,7 @@ LIMIT = 3600.0  # s for one case: thirty times the usual time
 # s after the terminal's Ctrl-C, until a diagnosis that still runs is interrupted too. Our choice: time for a
 # diagnosis to save its state. Half and double were not tried.
 INTERRUPT_PATIENCE = 10.0
+FAILURE_SHOWN = 2000  # characters of the output's end that a failure repeats; our choice: an error and what led to it
 DIAGNOSIS, FAILURE, OUTPUT_FILE = "diagnosis.json", "failure.txt", "output.txt"
 KEPT = "diagnosis.partial"  # folder with saved fits of an interrupted diagnosis
 Progress = Callable[[int, int, int], None]
@@ -98,6 +99,16 @@ def _is_done(answer: Path) -> bool:
     return (answer / DIAGNOSIS).exists()
 
 
+def _keep_outcome(work: Path, said: str, code: int) -> None:
+    """Write the output of a diagnosis, and beside it either its result or its failure."""
+    write_whole(work / OUTPUT_FILE, said.encode())
+    if code in {0, INCONCLUSIVE} and _is_done(work):
+        (work / FAILURE).unlink(missing_ok=True)
+    else:
+        (work / DIAGNOSIS).unlink(missing_ok=True)
+        write_whole(work / FAILURE, f"exit code {code}\n{said[-FAILURE_SHOWN:]}".encode())
+
+
 class _Diagnoses:
     """Parallel diagnoses, each in its own process."""
 
@@ -116,12 +127,7 @@ class _Diagnoses:
         """
         work = out.with_name(f".{out.name}.partial")
         work.mkdir(parents=True, exist_ok=True)
-        words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))[: self._takes]]
-        for path in sorted(case.glob("held-out-*.mcap")) if self._takes is None else ():
-            words += ["--held-out", str(path.resolve())]
-        words = [*self._command, *words, "--out", str(work), *self._options]
-        if without:
-            words += ["--without", without]
+        words = self._command_line(case, work, without)
         has_kept = (work / KEPT).exists()
         said, code = self._call(words)
         if code == FitError.exit_code and has_kept:  # the saved fits are of another version or of other options
@@ -135,14 +141,16 @@ class _Diagnoses:
             )
         if code in {130, -signal.SIGINT}:  # the next run continues from the saved fits in its folder
             raise KeyboardInterrupt
-        write_whole(work / OUTPUT_FILE, said.encode())
-        if code in {0, INCONCLUSIVE} and _is_done(work):
-            (work / FAILURE).unlink(missing_ok=True)
-        else:
-            (work / DIAGNOSIS).unlink(missing_ok=True)
-            write_whole(work / FAILURE, f"exit code {code}\n{said[-2000:]}".encode())
+        _keep_outcome(work, said, code)
         shutil.rmtree(out, ignore_errors=True)
         work.replace(out)
+
+    def _command_line(self, case: Path, work: Path, without: str) -> list[str]:
+        words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))[: self._takes]]
+        for path in sorted(case.glob("held-out-*.mcap")) if self._takes is None else ():
+            words += ["--held-out", str(path.resolve())]
+        words = [*self._command, *words, "--out", str(work), *self._options]
+        return [*words, "--without", without] if without else words
 
     def _call(self, words: list[str]) -> tuple[str, int]:
         """Run a command; return its output and its exit code."""

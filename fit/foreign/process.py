@@ -29,7 +29,14 @@ CLOSING_TIME = 10.0
 
 @dataclass(frozen=True)
 class Foreign:
-    """Installation of a simulator: its name, its module, our extra, and the variable that names its Python."""
+    """Installation of a simulator.
+
+    - `name`: as messages name it
+    - `module`: Python module that must be importable
+    - `extra`: extra of Hangtime that installs the module
+    - `variable`: environment variable that names the Python with the module
+    - `script`: worker that this Python runs
+    """
 
     name: str
     module: str

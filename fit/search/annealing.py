@@ -44,6 +44,7 @@ from fit.search.speculation import Branch, grow
 from formats.arrays import Floats
 
 OUTCOMES_KEPT = 64  # last proposals that estimate the next acceptance probability; changes speed only, never the chain
+SMALLEST_CHANCE = 1e-300  # of p2, so that its logarithm is finite; a drawn p2 is 0 or above 1e-16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,11 +61,16 @@ class AnnealingSettings:
     gamma: float = 1e5  # 1/m; our choice: the paper gives none
     beyond_bounds: Literal["reflect", "clip", "redraw"] = "reflect"
 
+    def cooled(self, temperature: float, iteration: int) -> float:
+        """Return T_t of equation 3 from T_(t-1), for iteration t counted from 1."""
+        cooling: float = (1 + self.beta * iteration) ** self.alpha
+        return temperature / cooling  # (3)
+
     def temperature(self, iteration: int) -> float:
-        """Return T of equation 3 for an iteration counted from 1."""
+        """Return T_t for iteration t counted from 1."""
         temperature = self.start_temperature
         for t in range(1, iteration + 1):
-            temperature /= (1 + self.beta * t) ** self.alpha
+            temperature = self.cooled(temperature, t)
         return temperature
 
     def lasting(self, iterations: int) -> AnnealingSettings:
@@ -86,7 +92,11 @@ class AnnealingSettings:
 
 @dataclass(frozen=True)
 class AnnealingStep:
-    """The record of one iteration. Distances [m]; iteration 0 is the start."""
+    """The record of one iteration; iteration 0 is the start.
+
+    - `temperature` [1]: T_t of equation 3
+    - `proposed`, `current`, `best` [m]: distances of the proposal, of the chain's candidate and of the best so far
+    """
 
     iteration: int
     temperature: float
@@ -123,6 +133,11 @@ class Annealing:
     def __init__(
         self, start: Floats, box: SearchBox, settings: AnnealingSettings, generator: np.random.Generator
     ) -> None:
+        """Start a chain at `start`, (parameters,), in the parameters' own units.
+
+        Raises:
+            FitError: the start lies outside the bounds.
+        """
         start = np.array(start, dtype=float)
         if not ((box.minimum <= start) & (start <= box.maximum)).all():
             raise FitError(
@@ -247,12 +262,8 @@ class Annealing:
             self._draws.append(self._generator.random(len(self.current) + 1))
         temperature = self._temperature
         for t in range(self.iteration + 1, self.iteration + offset + 2):
-            temperature = self._cooled(temperature, t)
+            temperature = self.settings.cooled(temperature, t)
         return self._draws[offset], temperature
-
-    def _cooled(self, temperature: float, iteration: int) -> float:
-        cooling: float = (1 + self.settings.beta * iteration) ** self.settings.alpha
-        return temperature / cooling  # (3)
 
     def _propose(self, theta: Floats, offset: int) -> Floats:
         draws, temperature = self._ahead(offset)
@@ -268,7 +279,8 @@ class Annealing:
     def _guess_acceptance(self, offset: int) -> float:
         """Estimate the probability that the iteration is accepted, from its p2 and recent proposals."""
         draws, temperature = self._ahead(offset)
-        worst = -temperature / self.settings.gamma * math.log(max(draws[-1], 1e-300))  # largest rise that passes (5)
+        p2 = max(draws[-1], SMALLEST_CHANCE)
+        worst = -temperature / self.settings.gamma * math.log(p2)  # largest rise that passes (5)
         passed = sum(change <= worst for change in self._changes)
         return (passed + 1.0) / (len(self._changes) + 2.0)
 

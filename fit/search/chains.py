@@ -46,7 +46,7 @@ class ParallelChains:
 
     @property
     def iteration(self) -> int:
-        """Iterations of all chains."""
+        """Iterations done, summed over all chains."""
         return sum(chain.iteration for chain in self.chains)
 
     @property
@@ -71,7 +71,10 @@ class ParallelChains:
 
     @property
     def best_history(self) -> Floats:
-        """Best distance over all chains [m] after each iteration of the longest, (iterations + 1,)."""
+        """Best distance of all chains so far [m], (iterations + 1,), the starts first.
+
+        A chain with fewer iterations keeps its last best distance.
+        """
         length = max(len(chain.steps) for chain in self.chains)
         best = np.full(length, np.inf)
         for chain in self.chains:

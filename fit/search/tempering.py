@@ -33,8 +33,13 @@ TEMPERATURES = 8  # chains; our choice: 30^(1/7) = 1.6 from one temperature to t
 HOTTEST = 30.0  # N ln(D'/D) between the best and a poor candidate is 10 to 50: the hottest chain walks freely
 FIRST_STEP = 0.1  # share of the box; our choice: steps adapt from there, so that only the first ones depend on it
 WANTED_ACCEPTANCE = 0.25  # share of proposed steps; our choice: near the 0.234 of Roberts, Gelman and Gilks (1997)
-# Of the coldest chain, below which their spread is no estimate. Our choice: independent draws then know it to 10 %,
-# half of them to 14 %, and searches of 350 candidates have fewer anyway.
+SMALLEST_STEP, LARGEST_STEP = 1e-4, 1.0  # share of the box; wider steps are reflected back into it anyway
+HOT_STEP = 4.0  # times `FIRST_STEP`: largest first step; our choice: 0.4 of the box, and steps adapt from there
+# Of ln(step), for an acceptance of 1 in place of `WANTED_ACCEPTANCE`. Robbins-Monro with a constant gain: a rejection
+# shrinks a step by 3 %, an acceptance widens it by 10 %.
+STEP_GAIN = 0.13
+# Draws of the coldest chain, below which their spread is no estimate. Our choice: independent draws then know it to
+# 10 %, half of them to 14 %, and searches of 350 candidates have fewer anyway.
 FEWEST_DRAWS = 50
 
 
@@ -46,14 +51,18 @@ class Tempering(RecordedSearch):
     def __init__(
         self, start: Floats, space: BoundedSpace, budget: int, seed: int, *, numbers: float, chains: int = TEMPERATURES
     ) -> None:
-        """Create the chains; `numbers`: N, the number of independent numbers in the mean distance."""
+        """Create the chains, all at `start`, (parameters,), in the parameters' own units.
+
+        - `budget`: candidates in all
+        - `numbers`: N, the number of independent numbers in the mean distance
+        """
         super().__init__(start, space, budget, seed)
         self._generator = np.random.default_rng(seed)
         self.numbers = numbers
         self.temperatures = HOTTEST ** (np.arange(chains) / max(chains - 1, 1))
         self.current = np.tile(self.start, (chains, 1))
         self.logs = np.full(chains, np.inf)  # ln D
-        self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=4)
+        self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=HOT_STEP)  # share of the box, (chains,)
         self._turn: list[tuple[Floats, float]] = []
         self._proposed = np.empty((0, len(self.start)))
         self._draws: list[Floats] = []
@@ -92,9 +101,8 @@ class Tempering(RecordedSearch):
             if is_accepted:
                 self.current[k], self.logs[k] = unit, log
             if is_settling:
-                # Robbins-Monro with a constant gain: a rejection shrinks by 3 %, an acceptance widens by 10 %.
-                gain = 0.13 * ((1.0 if is_accepted else 0.0) - WANTED_ACCEPTANCE)
-                self.steps[k] = float(np.clip(self.steps[k] * math.exp(gain), 1e-4, 1.0))
+                gain = STEP_GAIN * ((1.0 if is_accepted else 0.0) - WANTED_ACCEPTANCE)
+                self.steps[k] = float(np.clip(self.steps[k] * math.exp(gain), SMALLEST_STEP, LARGEST_STEP))
         self._swap()
         if not is_settling:
             self._draws.append(self.current[0].copy())

@@ -1,11 +1,14 @@
 """Exchange of cloth and motions with a third-party simulator: job arrays, and points from its answer.
 
-    rest [m], (nodes, 2); triangles, (faces, 3), of an even grid; mass [kg], (nodes,); start [m], (takes, nodes, 3)
-    held, (held,): nodes of the held edge; fraction, (held,): position along it; spot, (nodes,): shares of a magnet's
-    pull path [m], (takes, steps + 1, 6): the held edge's ends at every step of dt [s]; every: steps a sample
-    settle_steps, settle_damping [1/s]: hanging still before the take; rate [1/s]: samples of the answer names, numbers,
-    (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, `POLES`, and bending_warp, bending_weft, hem_from
-    [m] below which bending is hem_bending times as stiff
+- `rest` [m], (nodes, 2); `triangles`, (faces, 3), of an even grid; `mass` [kg], (nodes,)
+- `start` [m], (takes, nodes, 3)
+- `held`, (held,): nodes of the held edge; `fraction`, (held,): position along it
+- `spot`, (nodes,): shares of a magnet's pull
+- `path` [m], (takes, steps + 1, 6): the held edge's ends at every step of `dt` [s]; `every`: steps a sample
+- `settle_steps`, `settle_damping` [1/s]: hanging still before the take
+- `rate` [1/s]: samples of the answer
+- `names`; `numbers` [SI], (takes, names): those of `fit.blind.engine.Engine.numbers`, `POLES`, and `bending_warp`,
+  `bending_weft` and `hem_from` [m], below which bending is `hem_bending` times as stiff
 
 The answer is `nodes` [m], (takes, samples, nodes, 3), and `seconds`, (takes,), of one process, settling left out.
 """

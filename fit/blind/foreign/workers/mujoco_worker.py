@@ -28,7 +28,7 @@ SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0
 
 
 def build(job, numbers):
-    """Return the model of a sheet that hangs flat below the origin."""
+    """Return the model of a sheet that hangs flat below the origin; `fit.blind.foreign.jobs` lists the job's arrays."""
     rest, triangles = job["rest"], job["triangles"]
     young = 12 * numbers["bending_warp"] / THICKNESS**3
     bodies = "".join(
@@ -53,7 +53,10 @@ def build(job, numbers):
 
 
 def membrane(corners, numbers):
-    """Return the 21 numbers that MuJoCo stores per triangle, (faces, 21), from its corners (faces, 3, 2)."""
+    """Return the 21 numbers that MuJoCo stores per triangle, (faces, 21), from its corners [m], (faces, 3, 2).
+
+    The first six are the upper half of the symmetric matrix over the triangle's three edges; the others stay 0.
+    """
     mu, lam = numbers["mu"], numbers["lam"]
     c = np.array([
         [lam + 2 * mu + numbers["fibre_weft"], lam, 0.0], [lam, lam + 2 * mu + numbers["fibre_warp"], 0.0],
@@ -69,14 +72,14 @@ def membrane(corners, numbers):
 
 
 def bending_scale(ends, numbers):
-    """Return each edge's bending stiffness over that of the warp, (edges,), from its ends (edges, 2, 2)."""
+    """Return each edge's bending stiffness over that of the warp, (edges,), from its ends [m], (edges, 2, 2)."""
     is_upright = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) > np.abs(ends[:, 1, 0] - ends[:, 0, 0])
     scale = np.where(is_upright, numbers["bending_weft"] / numbers["bending_warp"], 1.0)
     return np.where(ends[:, :, 1].mean(1) < numbers["hem_from"], numbers["hem_bending"], 1.0) * scale
 
 
 def swing(model, job, take, numbers):
-    """Return the nodes of one take, (samples, nodes, 3), and the processor time [s] without settling."""
+    """Return the nodes of one take [m], (samples, nodes, 3), and the processor time [s] without settling."""
     rest, held, path = job["rest"], job["held"], job["path"][take]
     dt, every, settle = float(job["dt"]), int(job["every"]), int(job["settle_steps"])
     fraction = job["fraction"][:, None]

@@ -14,15 +14,23 @@ BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on, as `fit
 
 
 def plate(speed, along_normal, coefficient):
-    """Normal force per area [Pa] of a plate in a flow of this speed and normal component [m/s]."""
+    """Return the normal force per area [Pa], (faces,), of plates; speed and normal component of the flow [m/s]."""
     attack = np.abs(along_normal) / (speed + 1e-12)
     return 0.5 * BLIND_AIR * coefficient * speed * along_normal * 0.505 / (0.222 * attack + 0.283)
 
 
 class OutsideForces:
-    """The forces of one take; `numbers` as `fit.blind.engine.Engine.numbers` names them."""
+    """The forces of one take."""
 
     def __init__(self, numbers, triangles, spot, start, dt):
+        """Prepare the forces.
+
+        - `numbers` [SI]: by the names of `fit.blind.engine.Engine.numbers`
+        - `triangles`, (faces, 3): nodes of each triangle
+        - `spot`, (nodes,): shares of the magnet's pull
+        - `start` [m], (nodes, 3): the sheet at the first step
+        - `dt` [s]: time step
+        """
         self.p, self.triangles, self.spot, self.dt = numbers, triangles, spot, dt
         self.wind = np.array([numbers["wind_x"], numbers["wind_y"], numbers["wind_z"]])
         self.has_air = bool(numbers["drag"] or numbers["lift"] or numbers["wake"] or self.wind.any())
@@ -38,7 +46,10 @@ class OutsideForces:
         return self.has_air or self.has_spots
 
     def at(self, now, x, v):
-        """Return the forces [N], (nodes, 3), at a time [s] since the take's start, and advance states with memory."""
+        """Return the forces [N], (nodes, 3), at a time [s] since the take's start, and advance states with memory.
+
+        x [m], v [m/s], (nodes, 3): positions and velocities
+        """
         force = np.zeros_like(x)
         if self.has_air:
             self._add_air(now, x, v, force)
@@ -57,6 +68,7 @@ class OutsideForces:
         normal = -plate(speed, vn, p["drag"])
         normal -= 0.5 * BLIND_AIR * p["lift"] * vn * (along**2).sum(1) / (speed + 1e-12)
         if self.wind.any():  # drag in moving air minus drag in still air, which is a separate effect
+            # gusts of 15 % at 1.9 rad/s, as `fit.blind.kernel`
             flow = self.wind * (1 + 0.15 * np.sin(1.9 * now + p["gust_phase"])) - vc
             normal += plate(np.sqrt((flow**2).sum(1)), (flow * n).sum(1), DRAUGHT) + plate(speed, vn, DRAUGHT)
         if p["wake"]:

@@ -32,10 +32,15 @@ from capture.garment.slant import Slant
 from formats.arrays import Floats
 
 BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits at which `beyond` is clipped
-PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
+# m^2: A, a pixel and a half at 2 m. Half changes no figure of nine scenes at 1.6 m (`benchmarks/tracking.py --set
+# development-11`). With double 96 % of the corners called hidden are hidden, in place of 97.
+PEEKING = 2e-5
 FORGETTING, FOLDED_AT_REST = 4.9, 1 / 3  # 1/s: f, and R: best of five pairs, by little, on development cloths left out
-PLACED = -3.0  # log-odds: 1 in 20, more than observed, since the next frame may reveal a fold
-MOST = 8.0  # bound on the log-odds, so that one frame can outweigh many
+# log-odds: 1 in 20, more than observed, since the next frame may reveal a fold. On the same scenes 91 % of the hidden
+# corners are found; 95 % with half, and 89 % with double.
+PLACED = -3.0
+# bound on the log-odds, so that one frame can outweigh many: 1 in 3000. Half and double change no figure of the scenes.
+MOST = 8.0
 FOLD_WEIGHTS = {  # c_k, per unit of each x: `benchmarks/hidden_corners.py` prints them for the development sets
     "beyond": 2.61,
     "peeking, at the outline": -0.95,
@@ -47,7 +52,9 @@ FOLD_WEIGHTS = {  # c_k, per unit of each x: `benchmarks/hidden_corners.py` prin
     "tip of a sleeve, slant outwards": 1.74,
 }
 TRACES = tuple(FOLD_WEIGHTS)
-THRESHOLD = 0.59  # probability from which a corner counts as hidden
+# probability from which a corner counts as hidden: precision and recall then miss their targets by equally much (see
+# the module). On the same scenes they are 97 and 91 %. At 0.3 they are 97 and 95 %, at 0.8 they are 99 and 88 %.
+THRESHOLD = 0.59
 
 
 @dataclass(frozen=True)

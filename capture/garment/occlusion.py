@@ -23,10 +23,14 @@ from formats.arrays import Booleans, Floats
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20  # px of the 25 x 25 around the point; our choice: 3 % of them, more than single wrong pixels
-OCCLUSION_BORDER = 3  # px; our choice: nearly four deviations of the lateral noise of 0.8 px, half and double not tried
+# px; our choice: nearly four deviations of the lateral noise of 0.8 px. A third and double change no figure of the
+# scenes that `SHORT_MORE` names.
+OCCLUSION_BORDER = 3
 COVERED = 0.025  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
 SHORT_WAY = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
-SHORT_MORE = 0.008  # m, the corners' own errors
+# m, the corners' own errors. On nine scenes at 1.6 m (`benchmarks/tracking.py --set development-11`) 91 % of the hidden
+# corners are found with this and with half, and 87 % with double.
+SHORT_MORE = 0.008
 LONG_WAY = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing
 
 

@@ -24,7 +24,8 @@ from formats.rig import Calibration, Hanger, Rig, Sensor
 
 HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window allows for
 # s without detection after which the whole image is searched. Our choice: nine frames. In this time a hand at 1 m/s
-# moves a hanger by 0.3 m. Half and double were not tried.
+# moves a hanger by 0.3 m. Half and double change no figure of nine scenes at 1.6 m (`benchmarks/tracking.py --set
+# development-11`).
 LONGEST_GUESS = 0.3
 DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth scale error (1-2 %)
 

@@ -31,8 +31,8 @@ STEEPEST_STEP = 2.0  # path length per distance across the view; a steeper step 
 SOURCE_REACH = 2.5
 GRID_PADDING = 2  # nodes of padding around the grid so that every move stays inside the arrays
 # nodes to either side over which a distance map is smoothed by a parabola. Our choice: 25 values for a parabola's 6
-# numbers. On the same scenes the centre is off by 3.3 mm with half as with this, and by 3.5 mm with double, which
-# costs three times the time.
+# numbers. On the same scenes the centre is off by 3.3 mm, with half as well. Double costs three times the time and
+# puts the centre off by 3.5 mm.
 FIT_REACH = 2
 WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)  # nodes of one parabola
 # points per grid step at which the smoothed maps are compared. Our choice: 3.5 mm at a step of 28 mm, below the

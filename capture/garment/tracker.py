@@ -48,7 +48,8 @@ HELD_SLACK = 0.006
 BY_WAYS = 0.020  # m: a doubtful corner that is at most so far beyond the visible cloth lies at its nearest point
 BY_WAYS_SD = 0.0055  # of the distance, along each axis: rms on the development sets' hard swings
 # m, of the grid for geodesics. Our choice: near `GRID_STEP` of the flat garment, so that both distances are too long
-# alike. On the same scenes half puts the corners' 95 % at 10.9 mm in place of 9.9. Double puts the centre off by 4.5 mm, and locates it in 79 % of the frames in place of 84.
+# alike. On the same scenes half puts the corners' 95 % at 10.9 mm in place of 9.9. Double puts the centre off by
+# 4.5 mm, and locates it in 79 % of the frames in place of 84.
 CELL = 0.028
 # of a distance between corners: tolerance of its measurement. Our choice: half and double place all garments of
 # `test_garment_points.py` as well.

@@ -31,7 +31,7 @@ from formats.importers.missing_values import (
 )
 from formats.importers.number_cells import CELL_SHOWN
 from formats.importers.units import metres_of
-from formats.plain_text import first_few, sized
+from formats.plain_text import counted, first_few, sized
 from formats.plausible import USABLE_RATES
 
 LARGEST_C3D = 1 << 30  # bytes; our choice: memory; two hours of 40 markers at 200 frames a second have 0.9 GB
@@ -77,6 +77,11 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     if header.end == size:
         refuse_lost_bytes(path, size, layout.data_at + frames * layout.width)
+    if wanted.names and not any(labels):
+        raise TakeError(
+            f"has the trajectories of {counted(points, 'point')} and no label", where=path,
+            advice="label the markers, and export it again",
+        )  # fmt: skip
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]

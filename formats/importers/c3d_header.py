@@ -30,6 +30,9 @@ LEAST_RATE = 1e-3  # frames a second, so that quotients are finite
 WORD_VALUES = 1 << 16  # numbers that a word of 16 bits can state
 MOST_STATED_FRAMES = WORD_VALUES - 1  # that the header can state
 LARGEST_SECTION = 1 << 24  # bytes of parameters; our choice: 128 times the 255 blocks that one byte can state
+# Size of a frame rate [1/s], a scale or a coordinate in the file's unit, which no other bytes show as a float. Our
+# choice: scales are 1e-4 to 1, the number 100 of another byte order is 1e-40, and letters are 1e20.
+SENSIBLE = (1e-6, 1e6)
 COUNTED = "POINT:FRAMES"
 
 
@@ -37,7 +40,8 @@ COUNTED = "POINT:FRAMES"
 class HeaderWords:
     """The words of a header as they stand in the file, and the parameters' processor and offset [bytes].
 
-    `behind` [bytes]: possible offsets of the parameters and of rotations, which may stand behind the frames
+    - `parameter_blocks`: number of blocks that the parameters state for themselves
+    - `behind` [bytes]: possible offsets of the parameters and of rotations, which may stand behind the frames
     """
 
     points: int
@@ -49,6 +53,7 @@ class HeaderWords:
     rate: float
     processor: int
     parameters_at: int
+    parameter_blocks: int
     behind: tuple[int, ...]
 
     @property
@@ -62,10 +67,11 @@ class HeaderWords:
         return has_wrapped or (self.last == MOST_STATED_FRAMES and frames > self.frames)
 
 
-def read_words(path: Path, parameters_at: int | None = None) -> HeaderWords:
+def read_words(path: Path, parameters_at: int | None = None, processor: int | None = None) -> HeaderWords:
     """Return the words of a file's header, with other parameters than the header states where they are given.
 
-    parameters_at [bytes]: offset of the parameters, whose byte order is the header's as well
+    - `parameters_at` [bytes]: offset of the parameters, whose byte order is the header's as well
+    - `processor`: code of the byte order, the one that the parameters state unless given
 
     Raises:
         TakeError: the file is no C3D file.
@@ -77,13 +83,16 @@ def read_words(path: Path, parameters_at: int | None = None) -> HeaderWords:
             advice = "the file is text: give it the ending .trc, .csv or .tsv" if is_text else "export it again"
             raise TakeError("is no C3D file that can be read (the file lacks a C3D header)", where=path, advice=advice)
         parameters_at = BLOCK_BYTES * (head[0] - 1) if parameters_at is None else parameters_at
-        file.seek(parameters_at + 3)
-        processor = (file.read(1) or b"\0")[0]
+        file.seek(parameters_at + 2)
+        blocks, stated = file.read(2).ljust(2, b"\0")
+    processor = stated if processor is None else processor
     order = ">" if processor == SGI else "<"
     points, analogue, first, last = struct.unpack_from(f"{order}HHHH", head, 2)
     start = struct.unpack_from(f"{order}H", head, 16)[0]
     scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
-    return HeaderWords(points, analogue, first, last, start, scale, rate, processor, parameters_at, (parameters_at,))
+    return HeaderWords(
+        points, analogue, first, last, start, scale, rate, processor, parameters_at, blocks, (parameters_at,)
+    )
 
 
 def read_parameters(path: Path, words: HeaderWords) -> tuple[Parameters, NoParametersError | None]:
@@ -91,15 +100,13 @@ def read_parameters(path: Path, words: HeaderWords) -> tuple[Parameters, NoParam
 
     Their section may be longer than it states.
     """
-    begin = words.parameters_at
+    begin, blocks = words.parameters_at, words.parameter_blocks
     with path.open("rb") as file:
-        file.seek(begin + 2)
-        blocks = (file.read(1) or b"\0")[0]
         file.seek(begin)
         until = BLOCK_BYTES * (words.start - 1) - begin
         section = file.read(min(max(BLOCK_BYTES * blocks, until, 0), LARGEST_SECTION))
     try:
-        return Parameters(section), None
+        return Parameters(section, words.processor), None
     except NoParametersError as error:
         return Parameters(b""), error
 

@@ -6,6 +6,9 @@ Several layouts of the frames are possible then:
 
 A layout agrees with the size if its frames end less than a block or a frame before the file's end. The first layout
 that agrees counts, and the layouts with the fewest departures from the header come first.
+
+Where no layout agrees, or the frames would begin within the parameters, the frames may begin right behind these. This
+layout counts if its size agrees. The bytes before the stated block and behind the last frame must agree, too.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from formats.importers.c3d_blocks import BLOCK_BYTES
 from formats.importers.c3d_header import (
     COUNTED,
     MOST_STATED_FRAMES,
+    SENSIBLE,
     WORD_VALUES,
     HeaderWords,
     analogue_of,
@@ -30,7 +34,7 @@ from formats.importers.c3d_header import (
     first_of,
     is_word_of,
 )
-from formats.importers.c3d_parameters import Parameters
+from formats.importers.c3d_parameters import FLOAT, Parameters, numbers_of
 from formats.importers.c3d_sections import find_parameters
 from formats.importers.stated_values import FEWER_FRAMES
 
@@ -115,6 +119,16 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     counts = counts_of(parameters)
     layouts = _layouts(words, (scale, copy), counts, parameters)
     layout = _choice(layouts, words, size)
+    within = _is_within(layout, words, parameters)
+    if within or not layout.agrees(_end(words, size, layout)):
+        moved_layout = _behind_parameters(path, layouts[0], words, parameters, size)
+        layout, within = (layout, within) if moved_layout is None else (moved_layout, False)
+    if within and layout.points and layout.frames > 0:
+        holds = ("which is before the first one", "which holds its header", "which holds its parameters")
+        raise TakeError(
+            f"states block {layout.start} as the first of its frames, {holds[min(layout.start, 2)]}", where=path,
+            advice="export it again",
+        )  # fmt: skip
     agrees = layout.agrees(_end(words, size, layout))
     doubts = [
         moved,
@@ -195,6 +209,44 @@ def _choice(layouts: list[Layout], words: HeaderWords, size: int) -> Layout:
     return next((one for one in moved if one.held(_end(words, size, one)) >= one.frames), layouts[0])
 
 
+def _is_within(layout: Layout, words: HeaderWords, parameters: Parameters) -> bool:
+    """Return whether the frames would begin within the header or the parameters."""
+    offset = layout.data_at - words.parameters_at
+    return layout.start < 2 or (parameters.has("POINT") and 0 <= offset < parameters.end)
+
+
+def _behind_parameters(
+    path: Path, stated: Layout, words: HeaderWords, parameters: Parameters, size: int
+) -> Layout | None:
+    """Return the layout whose frames begin at the block behind the parameters; None if the file does not agree."""
+    first = words.parameters_at // BLOCK_BYTES + 1
+    for start in _distinct(first + words.parameter_blocks, first - (-parameters.end // BLOCK_BYTES)):
+        layout = replace(stated, start=start)
+        end = layout.data_at + layout.frames * layout.width
+        if not parameters.has("POINT") or not layout.agrees(size) or _is_within(layout, words, parameters):
+            continue
+        with path.open("rb") as file:
+            file.seek(layout.data_at)
+            before = file.read(max(stated.data_at - layout.data_at, 0))
+            file.seek(end)
+            if _are_frames(before, file.read(BLOCK_BYTES), words, is_float=layout.is_float):
+                return layout
+    return None
+
+
+def _are_frames(before: bytes, behind: bytes, words: HeaderWords, *, is_float: bool) -> bool:
+    """Return whether bytes before the stated block are of frames, and those behind the last frame zeros.
+
+    Otherwise the stated block may be true, and the file cut off by as many bytes as stand before it.
+    """
+    blocks = [before[at : at + BLOCK_BYTES] for at in range(0, len(before), BLOCK_BYTES)]
+    if any(behind) or not all(map(any, blocks)):
+        return False
+    if is_float:
+        return bool((np.abs(numbers_of(before, FLOAT, words.processor)) <= SENSIBLE[1]).all())
+    return bool(behind) or not before
+
+
 def _doubts(
     words: HeaderWords, layout: Layout, counts: dict[str, int], parameters: Parameters, path: Path, *, agrees: bool
 ) -> Iterator[str]:
@@ -216,6 +268,11 @@ def _doubts(
         yield (
             f"its header and its parameter POINT:DATA_START state blocks {words.start} and {begin} as the first of "
             f"its frames; the frames were read from block {layout.start}"
+        )
+    elif layout.start != words.start:
+        yield (
+            f"its header states block {words.start} as the first of its frames; the frames fill the file from block "
+            f"{layout.start} on, and were read from there"
         )
     used = parameters.numbers("POINT", "USED")
     if len(used) and (count := int(first_of(used))) != words.points:
@@ -251,7 +308,9 @@ def _refuse_a_long_file(words: HeaderWords, layout: Layout, held: int, path: Pat
     """Refuse a file that may hold more frames than its header can state, if some were not read."""
     is_at_its_most = words.last == MOST_STATED_FRAMES and words.first <= 1
     # The last block's rest may look like frames, of a 16-bit point each.
-    if is_at_its_most and held > layout.frames + BLOCK_BYTES // 8:
+    rest, more = BLOCK_BYTES // 8, held - layout.frames
+    has_wrapped = more >= WORD_VALUES and more % WORD_VALUES <= rest
+    if has_wrapped or (is_at_its_most and more > rest):
         raise TakeError(
             f"has room for {held} frames and states {layout.frames}: its header counts no further", where=path,
             advice="export it in shorter parts, or as text",

@@ -64,22 +64,26 @@ def text_of(raw: bytes) -> str:
 class Parameters:
     """Parameters by group and name, both in capital letters."""
 
-    def __init__(self, section: bytes) -> None:
+    def __init__(self, section: bytes, processor: int | None = None) -> None:
         """Parse a section, (bytes,), from its first byte on.
+
+        - `processor`: code of the byte order, the section's own unless given
 
         Raises:
             NoParametersError: the section, or a parameter in a group of `USED`, is malformed.
         """
-        self.processor = section[3] if len(section) >= SECTION_HEAD else 0
+        stated = section[3] if len(section) >= SECTION_HEAD else 0
+        self.processor = stated if processor is None else processor
         self._order = ">" if self.processor == SGI else "<"
         groups: dict[int, str] = {}
         found: dict[tuple[int, str], tuple[int, list[int], bytes] | None] = {}
         differ: set[tuple[int, str]] = set()
-        at = SECTION_HEAD
+        at = self.end = SECTION_HEAD  # behind the values of the last record [bytes]
         while at + 2 <= len(section) and section[at] and section[at + 1]:
             length, group = abs(_signed(section[at])), _signed(section[at + 1])
             name, offset_at = text_of(section[at + 2 : at + 2 + length]).upper(), at + 2 + length
             offset = self._whole(section, offset_at)
+            self.end = max(offset_at + 2, 0 if group < 0 else _end_of(section, offset_at + 2))
             if group < 0:
                 groups[-group] = name
             else:

@@ -174,3 +174,73 @@ def test_units_of_more_than_255_points_go_on_in_units2(tmp_path):
     texts = b"mm" * 5 + b"cm" * 12
     raw = c3d_bytes(places, names, units=["mm"] * 255, more=[("UNITS2", texts, -1, [2, 17], 1)])
     np.testing.assert_allclose(1e3 * read(tmp_path, raw).positions, np.tile(PLACES, (1, 17, 1)), atol=1e-3)
+
+
+WIDE = np.random.default_rng(5).uniform(100, 900, (30, 80, 3))  # mm; frames of 1280 bytes, more than two blocks
+
+
+def started(raw, by, *, order="<"):
+    """The file, whose header and POINT:DATA_START both state the block of the frames so many blocks away."""
+    raw = bytearray(raw)
+    start = struct.unpack_from(order + "H", raw, START)[0]
+    for at in (START, raw.index(b"DATA_START") + 14):
+        struct.pack_into(order + "H", raw, at, start + by)
+    return bytes(raw), start
+
+
+@pytest.mark.parametrize("by", [-2, -1, 1, 2, 5])
+@pytest.mark.parametrize("traits", [
+    {}, {"processor": "sgi", "scale": 0.1, "places": PLACES[:59]}, {"places": WIDE},
+])  # fmt: skip
+def test_frames_right_behind_the_parameters_are_read_where_all_copies_state_another_block(tmp_path, by, traits):
+    """The wide frames also agree with the size of the file where they begin a block too early.
+
+    Integers need zeros behind the last frame, which 60 frames of 16 markers do not have.
+    """
+    places, scale = traits.get("places", PLACES), traits.get("scale", -1)
+    names = [f"a long name of a marker {k}" for k in range(places.shape[1])]
+    raw = c3d_bytes(places, names, **{name: one for name, one in traits.items() if name != "places"})
+    raw, start = started(raw, by, order=">" if "processor" in traits else "<")
+    found = read(tmp_path, raw)
+    np.testing.assert_allclose(1e3 * found.positions, places, atol=1.01 * (0.05 if scale > 0 else 1e-3))
+    assert found.warning == (
+        f"its header states block {start + by} as the first of its frames; the frames fill the file from block {start} "
+        "on, and were read from there"
+    )
+
+
+@pytest.mark.parametrize("scale", [-1.0, 0.1])
+@pytest.mark.parametrize("gap", [bytes(1024), b"left over " * 102 + b"text"])
+def test_a_file_that_is_cut_by_as_much_as_stands_before_its_frames_is_refused(tmp_path, gap, scale):
+    """Its frames would fill the file from the block behind the parameters on, as far as its size tells."""
+    raw, start = started(made(scale=scale), 2)
+    begin = 512 * (start - 1)
+    whole = raw[:begin] + gap + raw[begin:]
+    np.testing.assert_allclose(1e3 * read(tmp_path, whole).positions, PLACES, atol=0.06)
+    with pytest.raises(TakeError, match=r"holds \d+ of the 60 frames that its header states; the file is cut off, or"):
+        read(tmp_path, whole[: -len(gap)])
+
+
+def test_frames_that_would_begin_within_the_parameters_are_refused(tmp_path):
+    """Neither the stated block nor the one behind the parameters agrees with a file that is cut besides."""
+    raw, start = started(made(), -1)
+    for cut in (600, 5000):
+        with pytest.raises(TakeError, match=f"states block {start - 1} as the first of its frames, which holds its p"):
+            read(tmp_path, raw[:-cut])
+    raw, _ = started(made(), 1 - start)
+    with pytest.raises(TakeError, match="states block 1 as the first of its frames, which holds its header; export"):
+        read(tmp_path, raw[:-600])
+
+
+@pytest.mark.parametrize(("more", "is_refused"), [(65_536, True), (66_200, False), (131_072, True), (60_000, False)])
+def test_a_count_that_has_wrapped_round_is_refused(tmp_path, more, is_refused):
+    """Programs that write the count into 16 bits leave 464 of 66000 frames; any other room is told and left out."""
+    places = np.tile(PLACES[:1, :8], (464 + more, 1, 1))
+    raw = made(places=places, frames_said=464, scale=0.1)
+    held = (len(raw) - 512 * (struct.unpack_from("<H", raw, START)[0] - 1)) // 64  # with what fills the last block
+    told = f"room for {held} "
+    if is_refused:
+        with pytest.raises(TakeError, match=f"{told}frames and states 464: its header counts no further; export it in"):
+            read(tmp_path, raw)
+    else:
+        assert read(tmp_path, raw).warning == f"the file states 464 frames and has {told[:-1]}; the first 464 were read"

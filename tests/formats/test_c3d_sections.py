@@ -132,3 +132,26 @@ def test_parameters_of_no_known_processor_are_read_where_the_header_points(tmp_p
     assert (found.labels, found.warning) == (known.labels, "")
     assert (found.positions == known.positions).all()
     assert (found.time == known.time).all()
+
+
+@pytest.mark.parametrize("scale", [-1.0, 0.05])
+@pytest.mark.parametrize("written", ["intel", "dec", "sgi"])
+@pytest.mark.parametrize(("code", "stated"), [(84, "Intel"), (85, "DEC"), (86, "SGI"), (0, ""), (1, "")])
+def test_a_file_whose_parameters_state_another_byte_order_is_read_in_its_own(tmp_path, code, stated, written, scale):
+    raw = bytearray(c3d_bytes(PLACES, NAMES, processor=written, scale=scale))
+    own = {84: "Intel", 85: "DEC", 86: "SGI"}[raw[BLOCK + 3]]
+    raw[BLOCK + 3] = code
+    found = read(tmp_path, bytes(raw))
+    np.testing.assert_allclose(found.positions, PLACES / 1000, atol=1e-9 if scale < 0 else 2.6e-5)
+    told = f"state the byte order of {stated}" if stated else "state no byte order"
+    as_stated = own == stated or (own == "Intel" and not stated)  # files without a known code are Intel's
+    assert found.warning == (
+        "" if as_stated
+        else f"its parameters {told}, and its numbers agree in that of {own}, which was used"
+    )  # fmt: skip
+
+
+def test_a_stated_byte_order_counts_where_header_and_parameters_contradict_each_other_in_each(tmp_path):
+    raw = bytearray(c3d_bytes(PLACES, NAMES, processor="sgi"))
+    raw[20:24] = struct.pack(">f", 1e-30)
+    assert read(tmp_path, bytes(raw)).warning == ""

@@ -180,3 +180,12 @@ def test_a_file_of_analogue_values_alone_has_no_marker_paths(tmp_path):
 )  # fmt: skip
 def test_a_file_has_one_unit_for_all_points_or_one_for_each(units, unit, metres):
     assert _scale(units, 3, unit, "a.c3d")[0].tolist() == metres
+
+
+@pytest.mark.parametrize("labels", [[], ["", " ", ""]])
+def test_a_file_without_labels_is_refused_where_markers_are_needed(tmp_path, labels):
+    """A label that the reader makes up, `unlabelled_0`, stands nowhere in the file."""
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(np.ones((30, 3, 3)), labels))
+    with pytest.raises(TakeError, match=r"a\.c3d: has the trajectories of 3 points and no label; label the markers, a"):
+        read_c3d(tmp_path / "a.c3d", None, Wanted(names=("a",)))
+    assert read_c3d(tmp_path / "a.c3d", None).positions.shape == (30, 3, 3)

@@ -6,9 +6,10 @@ import typer
 
 # Headings of the list of commands
 COMMAND_GROUPS = (
-    "Record a garment", "Keep takes", "Fit and diagnose", "Take results away", "Check the diagnosis itself", "Others",
+    "Record a garment", "Run an appliance", "Keep takes", "Fit and diagnose", "Take results away",
+    "Check the diagnosis itself", "Others",
 )  # fmt: skip
-RECORD, TAKES, FIT, OUT, CHECK_DIAGNOSIS, OTHER_COMMANDS = COMMAND_GROUPS
+RECORD, APPLIANCE, TAKES, FIT, OUT, CHECK_DIAGNOSIS, OTHER_COMMANDS = COMMAND_GROUPS
 HELP = {"takes": "Show, check, recover, export and prune take archives."}
 PANEL_OF = {"takes": TAKES}
 ORDER = {

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from formats.command_groups import RECORD
+from formats.command_groups import APPLIANCE
 from formats.help_pages import OUTPUT
 from formats.telling import tell, tell_fault
 
@@ -30,7 +30,7 @@ def add_commands(app: typer.Typer) -> None:
         ("status", status_command, "Show the state of the appliance, and the next steps."),
         ("watch", watch_command, "Show the state of the appliance at every change."),
     ):
-        app.command(name, rich_help_panel=RECORD, short_help=words)(command)
+        app.command(name, rich_help_panel=APPLIANCE, short_help=words)(command)
 
 
 def daemon_command(config: CONFIG_OPTION = DEFAULT_CONFIG) -> None:

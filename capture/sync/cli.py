@@ -25,9 +25,9 @@ CONFIG_FILE = Path("/etc/hangtime/appliance.toml")
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of sync to the `hangtime` command."""
-    from formats.command_groups import RECORD, group_of
+    from formats.command_groups import APPLIANCE, group_of
 
-    sync = group_of(app, "sync", "Upload kept takes, and verify them on the server.", RECORD)
+    sync = group_of(app, "sync", "Upload kept takes, and verify them on the server.", APPLIANCE)
     sync.command("run", short_help="Upload takes until none waits.")(run_sync)
     sync.command("now", short_help="Upload the waiting takes once.")(sync_now)
     sync.command("prove", short_help="Fetch one take at random and check it.")(prove_sync)

@@ -8,6 +8,11 @@ import math
 # times apart; a scale in sevenths is hard to read.
 AXIS_STEPS = (1, 2, 2.5, 5, 10)
 
+DIGITS = 12  # significant digits; our choice: more than any typed bound has, and fewer than double precision holds
+# ulp, units in the last place. A logarithm and its exponential miss the bounds of all methods by 6 at most
+# (`tests/fit/test_figures_named.py`); our choice is a power of two that is more than twice as much.
+ROUNDINGS = 16
+
 
 def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
     """Return a number with this many significant digits; below a million, whole numbers stay in full.
@@ -17,6 +22,15 @@ def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a p
     if 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6:
         return f"{value:.0f}"
     return f"{value:.{digits}g}"
+
+
+def without_noise(value: float) -> float:
+    """Return a number without the rounding noise of a sum or a logarithm: 0.3 for 0.30000000000000004.
+
+    A number that `DIGITS` digits do not give within a few roundings stays as it is, with every digit.
+    """
+    plain = float(f"{value:.{DIGITS}g}")
+    return plain if abs(plain - value) <= ROUNDINGS * math.ulp(value) else value
 
 
 def span_of(ends: tuple[float, float], digits: int = 3) -> str:  # our choice: as above

@@ -22,6 +22,7 @@ from fit.identification.request import Plan
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
+from formats.figures import without_noise
 from formats.fit_records import AT_BOUND, WARNING, FitParameter, FitResult, warnings_in
 from formats.results import fit_result_from
 from formats.rows import csv_text
@@ -163,8 +164,9 @@ def _figures(row: Row, names: list[str]) -> list[object]:
         if p is None:
             figures += [""] * 5
         else:  # only the interval if the value is not identified
-            fitted = "" if p.is_identified is False else p.fitted
-            figures += [fitted, p.interval_low, p.interval_high, p.is_identified, p.is_at_bound]
+            numbers = (None if p.is_identified is False else p.fitted, p.interval_low, p.interval_high)
+            figures += [None if one is None else without_noise(one) for one in numbers]
+            figures += [p.is_identified, p.is_at_bound]
     return figures
 
 

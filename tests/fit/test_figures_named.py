@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 
 import msgspec
 import pytest
@@ -20,6 +21,7 @@ from fit.export.kinds import Order, contents
 from fit.export.new_motion import check_motion
 from fit.export.worn import FigureOrder
 from fit.identification.request import Plan
+from fit.methods import METHODS
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
@@ -58,6 +60,21 @@ def test_an_interval_that_ends_at_a_bound_is_marked_in_table_and_page():
     (line,) = csv.DictReader(io.StringIO(as_csv(rows)))
     assert (line[f"{first.name}_is_at_bound"], line[f"{second.name}_is_at_bound"]) == ("True", "False")
     assert as_html(rows, Plan()).count(", at its bound</small>") == 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_nights_table_has_no_rounding_noise_of_a_bound(method):
+    """A search on a log scale ends at exp(log(bound)), which is 999.9999999999998 for 1000."""
+    space = Plan(method=method).request().space
+    first = fit_result().parameters[0]
+    for low, high, is_log in zip(space.minimum.tolist(), space.maximum.tolist(), space.is_log, strict=True):
+        ends = [math.exp(math.log(low)), math.exp(math.log(high))] if is_log else [low, high]
+        end = msgspec.structs.replace(
+            first, fitted=0.1 + 0.2, interval_low=ends[0], interval_high=ends[1], is_identified=True
+        )
+        rows = [row(result=msgspec.structs.replace(fit_result(), parameters=[end]))]
+        (line,) = csv.DictReader(io.StringIO(as_csv(rows)))
+        assert [line[f"{first.name}{which}"] for which in ("", "_low", "_high")] == ["0.3", repr(low), repr(high)]
 
 
 @pytest.mark.parametrize(

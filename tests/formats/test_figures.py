@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from formats.figures import head_of, short, span_of, with_unit
+from formats.figures import head_of, short, span_of, with_unit, without_noise
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,19 @@ from formats.figures import head_of, short, span_of, with_unit
 )
 def test_a_number_below_a_million_has_no_exponent(value, text):
     assert short(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "plain"),
+    [
+        (0.1 + 0.2, 0.3), (-(0.1 + 0.2), -0.3), (1.1 * 3, 3.3), (999.9999999999998, 1000.0), (0.0, 0.0),
+        (1.0000000000000004e-06, 1e-6), (80.0, 80.0), (float("inf"), float("inf")),
+        (4.465136808289297, 4.465136808289297), (7.067759933696431e-05, 7.067759933696431e-05),
+        (0.3000000000001, 0.3000000000001), (1.2345678901e-7, 1.2345678901e-7),
+    ],
+)  # fmt: skip
+def test_rounding_noise_is_left_out_and_every_other_digit_stays(value, plain):
+    assert without_noise(value) == plain
 
 
 def test_an_interval_has_the_digits_of_its_ends():

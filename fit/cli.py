@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -334,7 +335,7 @@ def diagnose_command(
     prepared = ready(training, testing)
     if fitted is not None and not prepared.are_of(fitted):
         raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
-    if fitted is None and (out / "fit.json").exists():
+    if fitted is None and os.path.exists(out / "fit.json"):  # `Path.exists` refuses long names
         beside = load_fit_result(out / "fit.json")
         fitted = beside if prepared.are_of(beside) else None
     struck = {name for effect in find_effects(without) for name in parameter_names(effect)}

@@ -13,12 +13,11 @@ import msgspec
 
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
-from formats.errors import HangtimeError, ResultError
+from formats.errors import HangtimeError, OutputError, ResultError
 from formats.fit_records import FitResult
-from formats.outputs import step_to_make
+from formats.outputs import make_output_folder
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
-from formats.whole_files import make_writable
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
 RESULTS = ("fit.json", "diagnosis.json")
@@ -32,11 +31,9 @@ def make_folder(folder: Path, *files: str) -> Path:
         FitError: the folder cannot be made or written to, or a folder has the name of one of the files.
     """
     try:
-        make_writable(folder)
-    except OSError as error:
-        raise FitError(
-            f"cannot be used as a folder for results ({error.strerror})", where=folder, advice=step_to_make(error)
-        ) from error
+        make_output_folder(folder)
+    except OutputError as error:
+        raise FitError(error.what, where=error.where, advice=error.advice) from error
     for name in files:
         if (folder / name).is_dir():
             raise FitError("is a folder; a file is to be written there", where=folder / name, advice="move it away")

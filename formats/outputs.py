@@ -163,11 +163,14 @@ def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
 def make_output_folder(folder: Path) -> None:
     """Make a folder and check that files can be written to it, before the work begins.
 
+    Parents that were made for a folder that cannot be made are removed again.
+
     Raises:
         OutputError: it cannot be made or written to.
     """
     try:
-        make_writable(folder)
+        with no_empty_folder(folder):
+            make_writable(folder)
     except OSError as error:
         raise OutputError(
             f"cannot be made or written to ({error.strerror})", where=folder, advice=step_to_make(error)
@@ -197,12 +200,12 @@ def output_folder(folder: Path) -> Iterator[None]:
 @contextlib.contextmanager
 def no_empty_folder(folder: Path) -> Iterator[None]:
     """Remove a folder that the `with` block made, if the block fails and leaves the folder empty."""
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    missing = [one for one in (folder, *folder.parents) if not os.path.exists(one)]  # `Path.exists` refuses long names
     try:
         yield
     except BaseException:
-        with contextlib.suppress(OSError):  # it holds something, or was never made
-            for made in missing:
+        for made in missing:
+            with contextlib.suppress(OSError):  # it holds something, or was never made
                 made.rmdir()
         raise
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -203,12 +204,21 @@ def recover_takes(
 
     Exit code 2: at least one take cannot be read, or its sound file cannot be written. The others are still recovered.
     """
-    from formats.errors import HangtimeError
-    from formats.take_reader import read_every_take
+    from formats.outputs import output_folder
 
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
     refuse_the_same_name(paths, targets, "recover one of them into another --out")
+    with output_folder(out) if out is not None else nullcontext():
+        if not _recover_each(paths, targets, overwrite=overwrite):
+            raise typer.Exit(2)
+
+
+def _recover_each(paths: list[Path], targets: list[Path], *, overwrite: bool) -> bool:
+    """Recover takes and report each; return whether all were written."""
+    from formats.errors import HangtimeError
+    from formats.take_reader import read_every_take
+
     all_written, is_alone = True, len(paths) == 1
     for path, target in zip(paths, targets, strict=True):
         try:
@@ -232,8 +242,7 @@ def recover_takes(
                 _tell_not_recovered(path, error, is_alone=is_alone)
                 all_written = False
             del found  # before the next one is read
-    if not all_written:
-        raise typer.Exit(2)
+    return all_written
 
 
 def refuse_a_target(target: Path, paths: list[Path], *, overwrite: bool) -> None:

@@ -161,6 +161,7 @@ def batch_command(
     from fit.folders import make_folder
     from fit.identification.calibrate import TOO_SHORT
     from fit.identification.request import Plan
+    from formats.outputs import no_empty_folder
     from formats.terminal import ProgressLine
 
     plan = Plan(
@@ -197,10 +198,12 @@ def batch_command(
 
     with _none_after(ending), ended_like_ctrl_c():
         takes, results = open_store(url), open_store(out)
-        found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
-        if (own := results.path("summary.html")) is not None:
-            make_folder(own.parent, "summary.csv", own.name)
-        else:
+        own = results.path("summary.html")
+        with no_empty_folder(own.parent) if own is not None else contextlib.nullcontext():
+            if own is not None:
+                make_folder(own.parent, "summary.csv", own.name)
+            found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
+        if own is None:
             try_writing(results)
         say(f"{counted(len(found.keys), 'take')}, {len(found.jobs)} to fit.")
         try:

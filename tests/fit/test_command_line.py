@@ -139,9 +139,9 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("diagnose", "a.mcap", "--without", "gremlins"), "there is no effect named 'gremlins'"),
         (("diagnose", "a.mcap", "--without", "hem", "--add", "hem"), "hem is to be added and left out"),
         (("batch", ".", "--seed", "-1"), "-1 is outside the range: the value must be at least 0"),
-        (("fit", "a.mcap", "--out", "a.mcap"), "a.mcap: cannot be used as a folder for results (File exists)"),
-        (("diagnose", "a.mcap", "--out", "a.mcap/b"), "a.mcap/b: cannot be used as a folder for results"),
-        (("blind", "make", "a.mcap", "--nulls", "1"), "a.mcap: cannot be used as a folder for results"),
+        (("fit", "a.mcap", "--out", "a.mcap"), "a.mcap: cannot be made or written to (File exists)"),
+        (("diagnose", "a.mcap", "--out", "a.mcap/b"), "a.mcap/b: cannot be made or written to"),
+        (("blind", "make", "a.mcap", "--nulls", "1"), "a.mcap: cannot be made or written to"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, swung, words, sentence):

@@ -46,7 +46,7 @@ def test_the_takes_are_named_once_nothing_refuses_them(tmp_path, command):
         (tmp_path / name).write_text("{")
     for words, sentence in (
         (["a.mcap", "a.mcap"], "is given twice"),
-        (["a.mcap", "--out", "file"], "file: cannot be used as a folder for results"),
+        (["a.mcap", "--out", "file"], "file: cannot be made or written to"),
         (["a.mcap", "--out", "kept"], "cannot be read"),
     ):
         done = hangtime_here(command, *words, folder=tmp_path)

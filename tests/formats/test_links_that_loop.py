@@ -55,7 +55,7 @@ def desk(tmp_path):
         ("takes show a.mcap --png self.png", f"self.png: {THERE}"),
         ("takes show a.mcap --png one/a.png", f"one/a.png: cannot be written {WRITTEN}"),
         ("takes recover self.mcap --out .", f"self.recovered.mcap: {RECOVERED}"),
-        ("takes recover a.mcap --out one", f"one/a.recovered.mcap: cannot be written {WRITTEN}"),
+        ("takes recover a.mcap --out one", f"one: cannot be made or written to {WRITTEN}"),
         ("takes export a.mcap --to npz --out one", f"one: cannot be made or written to {WRITTEN}"),
         ("takes export a.mcap --to parquet --out self.parquet", f"self.parquet: {THERE}"),
         (

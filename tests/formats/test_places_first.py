@@ -119,7 +119,7 @@ def test_the_two_names_of_a_picture_are_not_given_together(tmp_path):
 
 def test_a_folder_of_results_that_cannot_be_made_has_no_false_next_step():
     """/proc refuses each new name as absent, so that no folder can be made first."""
-    with pytest.raises(FitError, match="cannot be used as a folder for results") as refused:
+    with pytest.raises(FitError, match="cannot be made or written to") as refused:
         make_folder(Path("/proc/x"))
     assert str(refused.value).endswith(NO_FILES)
 

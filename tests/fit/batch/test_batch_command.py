@@ -133,7 +133,7 @@ def test_a_night_whose_results_have_no_place_is_refused_at_once(tmp_path):
     (done,) = hangtime_unprivileged(["batch", "takes", "--out", "locked/out", *SHORT], folder=night.folder)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.endswith(
-        "locked/out: cannot be used as a folder for results (Permission denied); choose another folder, or get the "
+        "locked/out: cannot be made or written to (Permission denied); choose another folder, or get the "
         "permission to write to this one\n"
     )
     assert done.stderr.count("\n") == 1

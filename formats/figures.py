@@ -9,8 +9,8 @@ import math
 AXIS_STEPS = (1, 2, 2.5, 5, 10)
 
 DIGITS = 12  # significant digits; our choice: more than any typed bound has, and fewer than double precision holds
-# ulp, units in the last place. A logarithm and its exponential miss the bounds of all methods by 6 at most
-# (`tests/fit/test_figures_named.py`); our choice is a power of two that is more than twice as much.
+# ulp, units in the last place. A logarithm and its exponential miss the bounds of all methods by 6 at most.
+# Our choice: more than twice as much, which still changes no digit that a person reads.
 ROUNDINGS = 16
 
 

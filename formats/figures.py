@@ -8,7 +8,9 @@ import math
 # times apart; a scale in sevenths is hard to read.
 AXIS_STEPS = (1, 2, 2.5, 5, 10)
 
-DIGITS = 12  # significant digits; our choice: more than any typed bound has, and fewer than double precision holds
+NOISELESS_DIGITS = (
+    12  # significant digits; our choice: more than any typed bound has, and fewer than double precision holds
+)
 # ulp, units in the last place. A logarithm and its exponential miss the bounds of all methods by 6 at most.
 # Our choice: more than twice as much, which still changes no digit that a person reads.
 ROUNDINGS = 16
@@ -27,9 +29,9 @@ def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a p
 def without_noise(value: float) -> float:
     """Return a number without the rounding noise of a sum or a logarithm: 0.3 for 0.30000000000000004.
 
-    A number that `DIGITS` digits do not give within a few roundings stays as it is, with every digit.
+    A number that `NOISELESS_DIGITS` digits do not give within a few roundings stays as it is, with every digit.
     """
-    plain = float(f"{value:.{DIGITS}g}")
+    plain = float(f"{value:.{NOISELESS_DIGITS}g}")
     return plain if abs(plain - value) <= ROUNDINGS * math.ulp(value) else value
 
 

@@ -91,8 +91,13 @@ def diagnose(
     - `begun`: called after all checks of the takes, before the first simulation
 
     Raises:
-        FitError: as `ready`, or a checkpoint of other takes or of another version.
+        FitError: as `ready`, every effect is part of the base model, or a checkpoint of other takes or versions.
     """
+    if {effect.in_base for effect in effects} <= {parameter.name for parameter in model.parameters}:
+        raise FitError(
+            "no effect is left to test: the base model contains each of them", where="--without",
+            advice="leave out fewer",
+        )  # fmt: skip
     if prepared is None:
         progress("reading the takes", 0.0)
     takes = prepared or ready(training, held_out)

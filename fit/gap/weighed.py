@@ -53,6 +53,8 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
 
     def renew(about: Fitted) -> dict[str, Floats]:
         left = [name for name in rounds.tested if name not in about.active]
+        if not left:  # the fit holds every effect that is tested
+            return {}
         found = screen(rounds.observer, about, left, rounds.screened)
         return {name: one.raw for name, one in found.items()}
 

@@ -311,3 +311,25 @@ def test_twins_and_effects_that_solvers_make_are_never_beside_others():
     search.found.twins = {frozenset("ab")}
     allowed = search._allowed(SimpleNamespace(rows=dict.fromkeys("cabd")))
     assert allowed == [(), ("a",), ("b",), ("c",), ("d",), ("a", "c"), ("b", "c")]
+
+
+def test_a_refuted_set_is_tried_again_about_the_next_fit_and_not_before(monkeypatch):
+    """f0 is refuted beside the best e0, about the base fit; e1 and f1 are refuted together about the fit of e0."""
+    costs = {"e0": 80.0, "f0": 90.0, "e1": 70.0, "f1": 75.0, "e2": 60.0, "f2": 65.0}
+    linear = SimpleNamespace(masses=lambda among, known: None, twins=set)
+    monkeypatch.setattr("fit.gap.posterior.Likelihood", lambda *given: None)
+    monkeypatch.setattr("fit.gap.posterior.Linear", lambda *given: linear)
+    monkeypatch.setattr("fit.gap.posterior._wanted", lambda found, turn: [(f"e{turn}",), (f"f{turn}",)])
+    known = []
+
+    def refit(wanted, tasks):
+        return [SimpleNamespace(cost=costs[one], name=one, residual=None) for (one,) in wanted]
+
+    search = search_of(noise=[], rows={}, known_mm=0.5, refit=refit, renew=lambda fitted: {})
+    search.about.residual = None
+    search._allowed, search._tasks = (lambda one: []), lambda *given: []
+    search._possible = lambda mass: known.append([name for (name,) in search.refuted])
+    search._refutes = lambda linear, fitted: fitted.name in {"f0", "e1", "f1"}
+    search._polished = lambda best, again: search.found.fits[best]
+    search.go()
+    assert known == [[], [], ["e1", "f1"], []]

@@ -297,3 +297,19 @@ def test_a_row_that_is_off_makes_the_edges_numbers_less_certain_by_as_much():
     off = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, row_off=0.003))
     before, after = EdgeResiduals(recording).sd, EdgeResiduals(off).sd
     assert after == pytest.approx(np.hypot(before, 0.003))
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_an_edge_is_as_uncertain_as_its_own_points_wherever_the_garment_lists_them(is_turned):
+    """Five points of 4 mm, before or after twenty of 1 mm: the middle is known to 4 mm / sqrt(5)."""
+    garment, path = sheet(grid=5), swing(TIME)
+    take = take_of(garment, TIME, path, hung(garment, TIME) + path[:, None])
+    take.points_sd[:, :5] = 4e-3
+    if is_turned:
+        garment = msgspec.structs.replace(garment, points=garment.points[::-1])
+        take = dataclasses.replace(
+            take, garment=garment, points=take.points[:, ::-1], points_sd=take.points_sd[:, ::-1]
+        )
+    sd = EdgeResiduals(prepare(take)).sd
+    assert sd[:, :3] == pytest.approx(4e-3 / np.sqrt(5), rel=0.01)
+    assert sd[:, 3] == pytest.approx(4e-3 / np.sqrt(5), rel=0.01)  # the slope times the points' rms distance

@@ -184,3 +184,13 @@ def test_a_point_is_seen_where_it_is_valid_and_all_of_its_position_is_known():
     track = Track(dataclasses.replace(take, points=points, points_valid=valid))
     assert np.flatnonzero(~track.seen[:, 2]).tolist() == [3, 4]
     assert track.counts[2] == len(take.time) - 2
+
+
+@pytest.mark.parametrize(("step", "is_one"), [(10, True), (11, False)])
+def test_of_a_copy_one_frame_in_ten_may_show_points(step, is_one, monkeypatch):
+    """The other frames are there, and nothing is seen in them."""
+    monkeypatch.setattr("tests.fit.recordings.test_copies.TIME", np.arange(0, 10, 1 / 30))
+    take = recorded()
+    seen = (np.arange(300) % step == 0)[:, None] & take.points_valid
+    shown = dataclasses.replace(take, points=np.where(seen[..., None], take.points, np.nan), points_valid=seen)
+    assert same_places(take, shown) == is_one

@@ -275,3 +275,30 @@ def test_of_a_ladder_whose_far_lanes_blow_up_in_one_number_the_best_of_the_other
         partly, np.array([0.0]), box(0.0, 4.0), settings=LeastSquaresSettings(width=4, max_iterations=1, damping=1.0)
     )
     assert found.parameters == pytest.approx([2 / (1 + 10**0.5)], rel=1e-6)
+
+
+@pytest.mark.parametrize("renewals", [0, 1, 2])
+def test_chords_that_find_no_further_step_are_renewed_so_often_and_no_more(renewals):
+    """One ladder after each Jacobian halves r, and no other lowers it."""
+    one = search(
+        np.array([0.5]), box(0.0, 1.0),
+        settings=LeastSquaresSettings(width=4, is_exact=False, is_chord=True, renewals=renewals),
+    )  # fmt: skip
+    at, left, jacobians, is_new = next(one)[0, 0], 1.0, 0, False
+    batch = one.send(np.array([[left]]))
+    while True:
+        if len(batch) == 1:
+            jacobians, is_new = jacobians + 1, True
+            answers = left + 10 * (batch - at)
+        elif is_new:
+            at, left, is_new = batch[0, 0], 0.5 * left, False
+            answers = np.full((4, 1), left)
+        else:
+            answers = np.full((4, 1), 9.0)
+        try:
+            batch = one.send(answers)
+        except StopIteration as stop:
+            found = stop.value
+            break
+    assert jacobians == 1 + renewals
+    assert found.cost == pytest.approx(0.25 ** (1 + renewals))

@@ -13,6 +13,7 @@ from formats.arrays import Floats
 from formats.errors import ImplausibleError
 from formats.garment import Garment
 from formats.meant_units import NEAR_A_RANGE, OUNCE, step_or_anyway, unit_of
+from formats.plain_text import shortened
 from formats.plausible_rig import check_plausible_rig
 from formats.take import Take
 
@@ -22,6 +23,7 @@ MOST_USUAL_LAYERS = 2  # front and back
 # m, the longer side of the flat garment. Our choice: a swatch's side, and beyond a person's height. A wrong unit is
 # off 39 times or more, so half and twice of either would tell units as well.
 SHORTEST, LONGEST = 0.1, 3.0
+POINTS_APART = 1e-3  # m between two points; our choice: the smallest markers of motion capture are 1.5 mm wide
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second; the module states the cameras; at 5, a swing at 2 Hz has 2.5 frames
 USABLE_RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
 SAME_STEP = 1e-6  # s, or of a step: times of frame numbers differ by 1, but for the rounding of a division
@@ -74,6 +76,21 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
             f"mass_kg = {garment.mass_kg:g}{layers} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}"
             f"{meant}", where=where, advice=step_or_anyway("weigh it and give kilograms", offers_anyway),
         )  # fmt: skip
+    _check_places(garment, where, offers_anyway=offers_anyway)
+
+
+def _check_places(garment: Garment, where: object, *, offers_anyway: bool) -> None:
+    """Refuse two points of a garment at nearly one place."""
+    places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
+    for one in range(len(places)):
+        others = np.flatnonzero(np.linalg.norm(places[one + 1 :] - places[one], axis=1) < POINTS_APART)
+        if len(others):
+            pair = garment.points[one], garment.points[one + 1 + int(others[0])]
+            names = " and ".join(repr(shortened(point.name)) for point in pair)
+            raise ImplausibleError(
+                f"points: {names} are at one place, {list(pair[0].at_m)}", where=where,
+                advice=step_or_anyway("give each point a place of its own", offers_anyway),
+            )  # fmt: skip
 
 
 def check_plausible_times(

@@ -22,18 +22,15 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_neighbours import check_neighbours
 from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted, composed
 from formats.importers.path_outliers import refuse_jumps
-from formats.importers.units import other_unit
-from formats.judged_cloth import MOST_STRETCHED
 from formats.plain_text import counted
 from formats.plausible import check_plausible_times, check_rate_alone, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
 ON_CORNER = 2e-3  # m, largest distance of a marker from the outline's corner
-LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
-AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
 LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: the drop of cloth held at 70 degrees throughout
 DOWNWARD: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
@@ -83,7 +80,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
     _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
-    _check_distances(positions, garment, (left, right), path)
+    check_neighbours(positions, garment, (left, right), path)
     _check_up(positions, garment, (left, right), path, up)
     seen = np.asarray(np.isfinite(positions).all(2))
     held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
@@ -227,38 +224,6 @@ def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zero
         what += taken
         advice += "; where a marker was at 0, 0, 0, move the origin and export again"
     raise TakeError(what, where=path, advice=advice)
-
-
-def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
-    """Refuse neighbours or corners farther apart than cloth can stretch, and neighbours that are all too near."""
-    places = np.array([point.at_m for point in garment.points], float)
-    flat = np.linalg.norm(places[:, None] - places[None], axis=2)
-    np.fill_diagonal(flat, np.inf)
-    near = flat <= AS_NEAR * flat.min(axis=1, keepdims=True)
-    pairs = [(int(a), int(b)) for a, b in zip(*np.nonzero(np.triu(near | near.T)), strict=True)]
-    widths = {}
-    for first, second in [*pairs, held]:
-        apart = np.linalg.norm(positions[:, first] - positions[:, second], axis=1)
-        both = np.isfinite(apart)
-        if not both.any():
-            continue
-        found, distance = float(np.median(apart[both])), float(np.linalg.norm(places[first] - places[second]))
-        widths[first, second] = found / distance
-        if found > MOST_STRETCHED * distance:
-            names = garment.points[first].name, garment.points[second].name
-            raise TakeError(
-                f"markers {names[0]!r} and {names[1]!r} are {1e3 * found:.0f} mm apart, "
-                f"on the flat garment {1e3 * distance:.0f} mm{other_unit(found / distance)}",
-                where=path,
-                advice="check the unit, the garment's size and the names of the markers",
-            )
-    shares = [widths[pair] for pair in pairs if pair in widths]
-    if shares and np.median(shares) < LEAST_WIDTH:
-        raise TakeError(
-            f"neighbouring markers are {np.median(shares):.2g} of their distance on the flat garment apart in the "
-            f"median{other_unit(float(np.median(shares)))}",
-            where=path, advice="check the unit and the garment's size",
-        )  # fmt: skip
 
 
 def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: Path, up: str) -> None:

@@ -71,6 +71,23 @@ def test_each_layer_of_cloth_weighs_twenty_grams_to_one_and_a_half_kilograms(den
         assert refused(check_plausible_garment, garment) == f"a file: mass_kg = {garment.mass_kg:g} {words}"
 
 
+@pytest.mark.parametrize(("apart", "are_two"), [(0.0, False), (0.00099, False), (0.00101, True), (0.1, True)])
+@pytest.mark.parametrize("along", [(1.0, 0.0), (0.6, -0.8)])
+def test_two_points_of_a_garment_within_a_millimetre_are_at_one_place(apart, are_two, along):
+    """A point that is copied and not moved would count twice, and its own place not at all."""
+    garment = panel(0.5, 0.4, 0.04)
+    at = (0.1 + apart * along[0], -0.1 + apart * along[1])
+    named = [("a", (0.1, -0.1)), ("far", (-0.2, -0.1)), ("b", at)]
+    garment = msgspec.structs.replace(garment, points=tuple(TrackedPoint(name=n, at_m=place) for n, place in named))
+    if are_two:
+        check_plausible_garment(garment, "a file")
+    else:
+        assert refused(check_plausible_garment, garment, offers_anyway=True) == (
+            "a file: points: 'a' and 'b' are at one place, [0.1, -0.1]; give each point a place of its own, or "
+            "--anyway to accept it"
+        )
+
+
 def test_grams_instead_of_kilograms_are_named_with_the_number_that_was_meant():
     assert refused(check_plausible_garment, panel(0.5, 0.4, 40.0)) == (
         "a file: mass_kg = 40 makes 200 kg/m2, fabric has 0.02 to 1.5; were 40 grams meant, mass_kg = 0.04 "

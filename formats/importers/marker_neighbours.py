@@ -1,0 +1,95 @@
+"""Check the distances between neighbouring markers against the flat garment, and find the cause of wrong ones.
+
+A wrong unit or size changes all distances by one factor. Two markers with exchanged names change the distances to the
+neighbours of these two alone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Booleans, Floats, Integers
+from formats.errors import TakeError
+from formats.garment import Garment
+from formats.importers.units import other_unit
+from formats.judged_cloth import MOST_STRETCHED
+
+LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
+AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
+
+
+def check_neighbours(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
+    """Refuse neighbours or corners farther apart than cloth can stretch, and neighbours that are all too near.
+
+    - `positions` [m], (frames, points, 3), NaN where not seen
+    - `held`: indices of the markers on the two top corners
+
+    Raises:
+        TakeError: names the distance, and the unit or the exchange of markers that would explain it.
+    """
+    places = np.array([point.at_m for point in garment.points], float)
+    flat = np.linalg.norm(places[:, None] - places[None], axis=2)
+    flat[flat == 0] = np.inf  # of a marker to itself, and of two markers that the garment has at one place
+    near = flat <= AS_NEAR * flat.min(axis=1, keepdims=True)
+    near = np.asarray((near | near.T) & np.isfinite(flat))
+    pairs = [(int(a), int(b)) for a, b in zip(*np.nonzero(np.triu(near)), strict=True)]
+    widths, apart = {}, {}
+    for first, second in [*pairs, held]:
+        distances = np.linalg.norm(positions[:, first] - positions[:, second], axis=1)
+        both = np.isfinite(distances)
+        if both.any() and np.isfinite(flat[first, second]):
+            apart[first, second] = float(np.median(distances[both]))
+            widths[first, second] = apart[first, second] / flat[first, second]
+    shares = [widths[pair] for pair in pairs if pair in widths]
+    usual = float(np.median(shares)) if shares else 1.0
+    far = next((pair for pair, width in widths.items() if width > MOST_STRETCHED), None)
+    if far is not None:
+        one, other = (garment.points[k].name for k in far)
+        told = (
+            f"markers {one!r} and {other!r} are {1e3 * apart[far]:.0f} mm apart, "
+            f"on the flat garment {1e3 * flat[far]:.0f} mm"
+        )
+        exchanged = _exchanged(positions, flat, near, far) if usual <= MOST_STRETCHED else None
+        if exchanged is not None:
+            names = " and ".join(repr(garment.points[k].name) for k in exchanged)
+            raise TakeError(
+                f"{told}; are the names of {names} exchanged?", where=path, advice="check the names of the markers"
+            )
+        raise TakeError(
+            f"{told}{other_unit(widths[far]) if usual > MOST_STRETCHED else ''}", where=path,
+            advice="check the unit, the garment's size and the names of the markers",
+        )  # fmt: skip
+    if usual < LEAST_WIDTH:
+        raise TakeError(
+            f"neighbouring markers are {usual:.2g} of their distance on the flat garment apart in the "
+            f"median{other_unit(usual)}",
+            where=path, advice="check the unit and the garment's size",
+        )  # fmt: skip
+
+
+def _exchanged(positions: Floats, flat: Floats, near: Booleans, far: tuple[int, int]) -> tuple[int, int] | None:
+    """Return the only two markers whose exchange makes all neighbours fit, in the frame in which most are seen.
+
+    - `flat` [m], `near`: distances on the flat garment, and whether two markers are neighbours, (points, points)
+    - `far`: two neighbours that are too far apart: one of them is exchanged
+    """
+    seen = np.isfinite(positions).all(2)
+    place = positions[int(seen.sum(1).argmax())]
+    found = set[tuple[int, int]]()
+    for one in far:
+        for other in range(len(place)):
+            order = np.arange(len(place))
+            order[[one, other]] = other, one
+            if other != one and _fit(place[order], flat, near, order[[one, other]]) and _fit(place[order], flat, near):
+                found.add((min(one, other), max(one, other)))
+    return found.pop() if len(found) == 1 else None
+
+
+def _fit(place: Floats, flat: Floats, near: Booleans, markers: Integers | slice = slice(None)) -> bool:
+    """Return whether no neighbour of some markers lies farther away than cloth can stretch."""
+    one, other = np.nonzero(near[markers])
+    one = np.arange(len(place))[markers][one]
+    apart = np.linalg.norm(place[one] - place[other], axis=1)
+    return not (apart > MOST_STRETCHED * flat[one, other]).any()

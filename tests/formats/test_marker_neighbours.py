@@ -1,0 +1,83 @@
+"""Distances between neighbouring markers tell a wrong unit from two markers whose names are exchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import msgspec
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.garment import TrackedPoint
+from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
+from tests.formats.test_marker_oddities import GARMENT, hanging
+
+NAMES = GARMENT.point_names
+
+
+def imported(tmp_path, change=lambda places: places, garment=GARMENT, **options):
+    tracks = hanging()
+    path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=change(tracks.positions.copy())))
+    return import_marker_take(path, garment, MarkerOptions(**options))
+
+
+def with_exchanged(one, other):
+    def change(places):
+        places[:, [one, other]] = places[:, [other, one]]
+        return places
+
+    return change
+
+
+@pytest.mark.parametrize("pair", list(combinations(range(0, 16, 3), 2)))
+@pytest.mark.parametrize("unseen", [False, True])
+def test_two_markers_with_exchanged_names_are_named_and_no_unit_is(tmp_path, pair, unseen):
+    """Neighbours three columns apart are 2.5 to 3 times too far apart, as centimetres taken for inches would be."""
+
+    def change(places):
+        places = with_exchanged(*pair)(places)
+        if unseen:
+            places[::2, (pair[0] + 1) % 16] = np.nan
+        return places
+
+    names = " and ".join(f"'{NAMES[k]}'" for k in pair)
+    with pytest.raises(TakeError, match=f"; are the names of {names} exchanged\\? Check the names of the markers$"):
+        imported(tmp_path, change)
+
+
+def test_names_that_no_single_exchange_puts_right_bring_no_question(tmp_path):
+    def change(places):
+        return with_exchanged(3, 12)(with_exchanged(0, 15)(places))
+
+    with pytest.raises(TakeError, match=r"on the flat garment 167 mm; check the unit, the garment's size and th"):
+        imported(tmp_path, change)
+
+
+def test_a_single_marker_elsewhere_brings_no_question_of_a_unit(tmp_path):
+    def change(places):
+        places[:, 5, 1] += 10 * 0.5 / 3  # ten times the distance to its neighbours: centimetres and millimetres
+        return places
+
+    with pytest.raises(TakeError, match=r"167 mm; check the unit, the garment's size and the names of the markers$"):
+        imported(tmp_path, change)
+
+
+def test_two_points_that_the_garment_has_at_one_place_end_in_a_sentence(tmp_path):
+    """`--anyway` accepts them, and they are no neighbours of each other."""
+    points = [
+        TrackedPoint(name=point.name, at_m=GARMENT.points[4].at_m if k == 5 else point.at_m)
+        for k, point in enumerate(GARMENT.points)
+    ]
+    garment = msgspec.structs.replace(GARMENT, points=tuple(points))
+    take = imported(tmp_path, with_at_one_place, garment, anyway=True)
+    np.testing.assert_allclose(take.points[:, 4], take.points[:, 5], atol=1e-6)
+    with pytest.raises(TakeError, match="mm apart, on the flat garment"):
+        imported(tmp_path, garment=garment, anyway=True)
+
+
+def with_at_one_place(places):
+    places[:, 5] = places[:, 4]
+    return places

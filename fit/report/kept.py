@@ -20,6 +20,7 @@ from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.system_causes import step_to_write
 from formats.whole_files import check_ends, write_whole
+from formats.zip_members import members_of
 
 FORMAT = "hangtime-report-motion/1"
 STEP = 1e-4  # m: rounding step of positions, a tenth of the sensor's noise
@@ -108,8 +109,8 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
         return [], None
     try:
         check_ends(path)
-        with zipfile.ZipFile(path) as archive:
-            if sum(part.file_size for part in archive.infolist()) > MOST_BYTES + PLAIN_BYTES:
+        with path.open("rb") as file:
+            if sum(part.file_size for part in members_of(file)) > MOST_BYTES + PLAIN_BYTES:
                 raise ValueError("too many bytes unpacked")
         with np.load(path, allow_pickle=False) as arrays:
             head = msgspec.json.decode(arrays["head"].tobytes(), type=_Head)

@@ -19,6 +19,7 @@ from formats.errors import TakeError
 from formats.plain_text import counted, sized
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
+from formats.zip_members import members_of
 
 BEGINNING = b"PK\x03\x04"  # first bytes of a zip archive (APPNOTE.TXT, 4.3.7)
 END_RECORD = b"PK\x05\x06"  # first bytes of the record at the end of a zip archive (APPNOTE.TXT, 4.3.16)
@@ -92,8 +93,7 @@ def _check_members(file: BinaryIO, path: Path, names: Collection[str], most_byte
 
     The unpacked arrays of a zip bomb would take far more memory than any recording.
     """
-    with zipfile.ZipFile(file) as archive:
-        wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
+    wanted = [part for part in members_of(file) if part.filename.removesuffix(".npy") in names]
     name, count = next(iter(Counter(part.filename.removesuffix(".npy") for part in wanted).most_common(1)), ("", 0))
     if count > 1:
         raise TakeError(

@@ -23,6 +23,7 @@ from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
 from formats.take_header import described
 from formats.take_writer import MOST_HEADER_BYTES, OPTIONAL, PROFILE, STORED
+from formats.zip_members import members_of
 
 ABOUT = "about"
 SCAN = re.compile(r"scan(\d{1,6})_(?:time|grid|contour)")
@@ -59,8 +60,8 @@ def _names_in(path: Path) -> set[str]:
     if not os.path.isfile(path):  # a pipe would wait for its writer
         return set()
     try:
-        with path.open("rb") as file, zipfile.ZipFile(file) as archive:
-            return set(archive.namelist())
+        with path.open("rb") as file:
+            return {part.filename for part in members_of(file)}
     except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):
         return set()
 

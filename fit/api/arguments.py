@@ -13,6 +13,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypedDict, TypeVar, cast, get_type_hints
 
+import numpy as np
+
 from fit.errors import FitError
 from fit.search import PRINTED_ITERATIONS
 from formats.errors import HangtimeError, of_system
@@ -123,7 +125,7 @@ def names_of(names: str | Sequence[str], name: str) -> list[str]:
     is_range, texts = name == "bounds", "NAME=LOW:HIGH, one text a parameter"
     check_kind(names, name, (list, tuple, set, frozenset), texts if is_range else "a text or a list of texts")
     for one in names:
-        check_kind(one, name, str, texts if is_range else "a list of texts")
+        check_kind(one, name, str, texts if is_range else "a list of texts", is_in_list=True)
     return list(names)
 
 
@@ -156,15 +158,32 @@ def check_text(value: object, name: str) -> None:
     check_kind(value, name, str, "a text")
 
 
-def check_kind(value: object, name: str, kinds: type | tuple[type, ...], wanted: str) -> None:
+def check_kind(
+    value: object, name: str, kinds: type | tuple[type, ...], wanted: str, *, is_in_list: bool = False
+) -> None:
     """Refuse an argument of the wrong type; True and False are no numbers.
+
+    is_in_list: whether the value is one of the list that is the argument
 
     Raises:
         FitError: names the argument, its type and the expected type.
     """
     if isinstance(value, bool) or not isinstance(value, kinds):
         kind = "None" if value is None else f"of the kind {type(value).__name__}"
-        raise FitError(f"is {kind}", where=name, advice=f"give {wanted}")
+        what = f"holds {'a value ' * (value is not None)}{kind}" if is_in_list else f"is {kind}"
+        raise FitError(what, where=name, advice=f"give {wanted}")
+
+
+def check_switches(**values: object) -> None:
+    """Refuse arguments that are neither True nor False: "no" and 0.5 would count as True.
+
+    Raises:
+        FitError: names the first such argument, and its type.
+    """
+    for name, value in values.items():
+        if not isinstance(value, bool | np.bool_):
+            kind = "None" if value is None else f"of the kind {type(value).__name__}"
+            raise FitError(f"is {kind}", where=name, advice="give True or False")
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ from fit.api.arguments import (
     PlanOptions,
     arguments_named,
     check_kind,
+    check_switches,
     check_text,
     checked,
     names_checked,
@@ -110,6 +111,7 @@ def fit(
     from fit.recordings.ready import ready
 
     check_progress(progress)
+    check_switches(anyway=anyway)
     request = Plan(**checked(options)).request()
     file = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
     mesh = request.resolution.spacing
@@ -167,10 +169,11 @@ def diagnose(
         if text is not None or name == "by":
             check_text(text, name)
     check_progress(progress)
+    check_switches(anyway=anyway)
     check_count(seed, "seed", least=0)
     mesh = number_of(spacing, "spacing")
     resolution = Resolution(spacing=mesh) if mesh is not None else None
-    folder = path_of(checkpoint, "checkpoint") if checkpoint is not None else None
+    folder = path_of(checkpoint, "checkpoint", "the path of a folder") if checkpoint is not None else None
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     if not training:
         raise FitError("no take was given", advice="name at least one take archive")
@@ -221,6 +224,7 @@ def simulate(
     from fit.recordings.recording import prepare_together
     from fit.runtime import one_thread_of_algebra
 
+    check_switches(anyway=anyway)
     read, _ = sorted_out(takes, anyway=anyway)
     if not read:
         raise FitError("no take was given", where="simulate", advice="name at least one take archive")
@@ -268,6 +272,7 @@ def report(
     from fit.report.kept import place_beside
     from fit.runtime import one_thread_of_algebra
 
+    check_switches(overwrite=overwrite)
     check_kind(outcome, "outcome", (FitOutcome, DiagnosisOutcome), "a result of `fit` or `diagnose`")
     path, first = path_of(path, "path"), outcome.training[0] if outcome.training else None
     if fit is not None:
@@ -323,6 +328,7 @@ def export(
     from fit.folders import read_fit
 
     check_text(to, "to")
+    check_switches(overwrite=overwrite)
     check_kind(thickness, "thickness", Real, "metres, as in 0.0005")
     mesh, file = number_of(spacing, "spacing"), path_of(path, "path")
     result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(path_of(outcome, "outcome"))[0]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from fit.api.arguments import PlanOptions, arguments_named, path_of
+from fit.api.arguments import PlanOptions, arguments_named, check_switches, path_of
 from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables, interval_words
 from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
@@ -228,6 +228,7 @@ def _refuse_another(file: Path, load: Callable[[Path], object], result: object, 
     Raises:
         OutputError: it does, or cannot be replaced.
     """
+    check_switches(overwrite=overwrite)
     if not overwrite and file.is_file():
         with suppress(HangtimeError):
             if load(file) == result:
@@ -246,6 +247,7 @@ def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None, *, overwrit
     if path is not None:
         with arguments_named():
             file = path_of(path, "path")
+            check_switches(overwrite=overwrite)
             make_parent(file)
             refuse_to_replace(file, text, overwrite=overwrite)
             write_text(file, text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +62,8 @@ def sorted_out(
     kinds = names_of(held_out_motion, "held_out_motion")
     given, given_to_judge = _each(takes, "takes"), _each(held_out, "held_out")
     check_there([*given, *given_to_judge])
+    for name, one in [*(("takes", one) for one in given), *(("held_out", one) for one in given_to_judge)]:
+        check_kind(one, name, (Take, str, PathLike), "a take or the path of one", is_in_list=True)
     every = [one_take(take, "takes") for take in given]
     judged = [one_take(take, "held_out") for take in given_to_judge]
     if not anyway:
@@ -96,7 +98,10 @@ def _each(takes: Takes, name: str) -> list[OneTake]:
     """Return the takes of an argument as they were given, none of them read yet."""
     if isinstance(takes, Take | PathLike | str):
         return [takes]
-    check_kind(takes, name, Iterable, "a take, the path of one, or a list of them")
+    wanted = "a take, the path of one, or a list of them"
+    check_kind(takes, name, Iterable, wanted)
+    if isinstance(takes, Mapping | bytes | bytearray):  # their items are no takes
+        raise FitError(f"is of the kind {type(takes).__name__}", where=name, advice=f"give {wanted}")
     return list(takes)
 
 

@@ -50,7 +50,7 @@ def check_progress(progress: object) -> None:
         FitError: names the argument.
     """
     if progress is not None and not isinstance(progress, bool) and not callable(progress):
-        raise FitError("cannot be called", where="progress", advice="give a function, or leave it out")
+        raise FitError("cannot be called", where="progress", advice="give a function, True or False")
 
 
 @contextlib.contextmanager

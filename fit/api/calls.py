@@ -92,7 +92,8 @@ def fit(
     - `checkpoint`: file from which an interrupted search continues; its folder is made if absent. Ctrl-C keeps the
       search there; without a file, nothing is kept
     - `progress`: False hides the line of progress, which a terminal or notebook shows. A function receives the steps
-      done, the steps in all and the least error so far
+      done, the steps in all and the least error so far. It may wait for calls of other threads; this call goes on
+      after them
     - `method`: the parameters to fit, as `--method`
     - `effects`: names of effects of which the size is fitted too, as `--effect`
     - `bounds`: NAME=LOW:HIGH, one text a parameter

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from fit.api.turns import own_turn, paused
 from fit.errors import FitError
 from formats.interrupts import forget_interruption, raise_swallowed, remember_interruptions
 from formats.terminal import ProgressLine, is_displayed
@@ -21,17 +21,6 @@ if TYPE_CHECKING:
 FitProgress = Callable[[int, int, float], None]
 StageProgress = Callable[[str, float], None]
 _Call = TypeVar("_Call", bound=Callable[..., object])
-_RUNNING = threading.RLock()  # a function of progress may call Hangtime itself
-
-
-def _begin_unlocked() -> None:
-    """Give a new process a lock of its own: the thread that holds the copied one does not run there."""
-    global _RUNNING
-    _RUNNING = threading.RLock()
-
-
-if hasattr(os, "register_at_fork"):  # Unix
-    os.register_at_fork(after_in_child=_begin_unlocked)
 
 
 def fit_words(request: Request, done: int, total: int, best: float) -> str:
@@ -57,7 +46,7 @@ def check_progress(progress: object) -> None:
 def fit_shown(progress: FitProgress | bool | None, request: Request) -> Iterator[FitProgress]:
     """Yield what receives a fit's progress: the caller's function, a line where somebody sees it, or nothing."""
     if callable(progress):
-        yield progress
+        yield paused(progress)
         return
     with _line(request.search, is_wanted=progress is not False) as line:
 
@@ -73,7 +62,7 @@ def fit_shown(progress: FitProgress | bool | None, request: Request) -> Iterator
 def diagnosis_shown(progress: StageProgress | bool | None) -> Iterator[StageProgress]:
     """Yield what receives a diagnosis' progress, as `fit_shown` does for a fit."""
     if callable(progress):
-        yield progress
+        yield paused(progress)
         return
     with _line("diagnosis", is_wanted=progress is not False) as line:
 
@@ -97,15 +86,12 @@ def _line(title: str, *, is_wanted: bool) -> Iterator[ProgressLine | None]:
 
 
 def one_at_a_time(call: _Call) -> _Call:
-    """Return the call with one more promise: in another thread it waits for the one that runs.
-
-    The solver has one memory for the whole process, and breaks where two threads begin to use it at once.
-    """
+    """Return the call with one more promise: in another thread it waits for the one that runs, or for its progress."""
 
     @functools.wraps(call)
     def alone(*arguments: Any, **options: Any) -> object:
         __tracebackhide__ = True
-        with _RUNNING:
+        with own_turn():
             return call(*arguments, **options)
 
     return cast("_Call", alone)

@@ -16,14 +16,17 @@ from capture.garment.silhouette import Silhouette, square_around
 from formats.arrays import Booleans, Floats, Unsigned
 from formats.rig import Sensor
 
-FARTHEST_MISSING, MORE = 0.25, 0.03  # m: bound on the missing cloth that is searched for, and its tolerance
-# times the search radius, in depth: a fold may lie elsewhere. On nine scenes at 1.6 m (`benchmarks/tracking.py --set
-# development-11`) 97 % of the corners called hidden are hidden. Half gives 94 %, and double changes nothing.
+# m: bound on the missing cloth that is searched for, and its tolerance. Half and double change no figure of nine scenes
+# at 1.6 m (`benchmarks/tracking.py --set development-11`).
+FARTHEST_MISSING, MORE = 0.25, 0.03
+# times the search radius, in depth: a fold may lie elsewhere. On the same scenes 97 % of the corners
+# called hidden are hidden. Half gives 94 %, and double changes nothing.
 DEEPER = 1.5
 # px, bounds on the search radius. Our choice: for a focal length of 576 px the least radius is 6 px at 2.9 m. The
 # largest radius is 90 px at 1.8 m. Half and double change no figure of the same scenes.
 LEAST_AROUND, MOST_AROUND = 6, 90
-BELOW = 0.04  # m below the held edge: above are bar, plates and hand
+# m below the held edge: above are bar, plates and hand. Half and double change no figure of the same scenes.
+BELOW = 0.04
 # Of a distance on the flat garment, and m: bound on the cloth's distance to a held end.
 STRETCH_BOUND, SLACK = 1.03, 0.02
 LEAST_SHARE_OUTSIDE = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the edge

@@ -18,7 +18,8 @@ from formats.arrays import Bytes, Floats, Indices, Singles, Unsigned
 CROP_BORDER = 12
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)  # px: closes gaps; erodes by 2 px
 # px below the held edge in which the garment must be present: 33 mm at 1.6 m with a focal length of 576 px.
-# Our choice: clips or a waistband without depth take less.
+# Our choice: clips or a waistband without depth take less. Half and double change no figure of nine scenes at that
+# distance (`benchmarks/tracking.py --set development-11`).
 EDGE_BAND = 12
 
 

@@ -22,12 +22,17 @@ from capture.hanger.pose import PlateSlope, hanger_pitch
 from formats.arrays import Booleans, Bytes, Floats, Unsigned
 from formats.rig import Calibration, Hanger, Rig, Sensor
 
-HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window allows for
+# m/s^2, acceleration of a hand-held hanger that a search window allows for. A hanger at 1.4 m/s, the hardest swing of
+# `benchmarks/tracking.py`, that turns round in a tenth of a second has 28. Half and double change no
+# figure of the scenes that `LONGEST_GUESS` names.
+HARDEST_HAND = 40.0
 # s without detection after which the whole image is searched. Our choice: nine frames. In this time a hand at 1 m/s
 # moves a hanger by 0.3 m. Half and double change no figure of nine scenes at 1.6 m (`benchmarks/tracking.py --set
 # development-11`).
 LONGEST_GUESS = 0.3
-DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth scale error (1-2 %)
+# of the marker distance; wider than a sensor's depth scale error (1-2 %). Half and double change no figure of the same
+# scenes.
+DISTANCE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)

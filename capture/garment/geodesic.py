@@ -24,8 +24,8 @@ from formats.arrays import Floats, Singles
 
 # Half of the 16 moves (rows, columns); the other half are their opposites.
 MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
-# path length per distance across the view; a steeper step joins two folds, not one surface. 1.4 and 4 locate the centre
-# in 83 and 84 % of the frames of the scenes below, in place of 84, and leave it as near.
+# path length per distance across the view; a steeper step joins two folds, not one surface. With 1.4 the centre
+# is located in 83 % of the frames of the scenes below, with 4 in 84 as with this.
 STEEPEST_STEP = 2.0
 # grid steps from a corner to the nodes that its distance map starts from. Our choice: 20 nodes around a corner, so
 # that one missing node does not matter. On nine scenes at 1.6 m (`benchmarks/tracking.py --set development-11`) half

@@ -21,9 +21,12 @@ from capture.errors import UntrackableError
 from formats.arrays import Bytes, Floats
 
 APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is measured to a pixel
-WANTED_SIDE = 64.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
+# px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px. On nine scenes at 1.6 m
+# (`benchmarks/tracking.py --set development-11`) moving markers are off by 0.64 mm, by 0.67 mm with half of it. Double
+# gives 0.64 mm.
+WANTED_SIDE = 64.0
 # of the marker's side, one after the other; the module says why. Half and double leave the markers within 0.65 mm as
-# well on nine scenes at 1.6 m (`benchmarks/tracking.py --set development-11`).
+# well on the same scenes.
 SQUARES = (0.35, 0.7)
 LARGEST_ENLARGEMENT = 4  # times, for sides of 18 px or less; our choice: more only interpolates
 ENLARGEMENT = 2  # of whole images: markers of 6 cm at 2 m are 17 px at 640 px; 34 px are detected more reliably

@@ -27,7 +27,8 @@ import numpy as np
 from formats.arrays import Floats
 
 # Numbers of a residual vector that count as independent: neighbours in time are correlated. Our choice: it weighs the
-# simulations against the two priors below, and nothing else depends on it. Half and double were not tried.
+# simulations against the two priors below, and nothing else depends on it. Half and double change the error of a fit to
+# the demo's takes by 0.01 mm of 3.67.
 INDEPENDENT = 60.0
 # Prior of a range, shares of the box, and of its logarithm. Our choice: two deviations reach from a quarter of the box
 # to four boxes, over which a parameter hardly acts. Half and double were not tried.

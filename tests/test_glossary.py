@@ -79,3 +79,18 @@ def test_every_name_of_the_report_that_is_no_everyday_word_holds_a_term_of_the_g
     names = names_of_the_report()
     assert {"the gap", "worst frame", "p-value", "part of the objective", "base model misses by"} <= names
     assert {name for name in names if not TERM.search(name)} == PLAIN
+
+
+def test_the_program_calls_a_parameter_at_its_bound_by_the_term_of_the_glossary_alone() -> None:
+    other = re.compile(
+        r"(stopped|held|limited) (by|at) (its|their|the|a) bounds?\b|ends? at (the|its|their|a) bounds?\b"
+    )
+    found = []
+    for package in ("fit", "formats"):
+        for module in (ROOT / package).rglob("*.py"):
+            found += [
+                f"{module.name}: {node.value}"
+                for node in ast.walk(tree_of(module))
+                if isinstance(node, ast.Constant) and isinstance(node.value, str) and other.search(node.value)
+            ]
+    assert found == []

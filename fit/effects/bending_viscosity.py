@@ -8,7 +8,7 @@ More viscous cloth puts the fitted damping time at its upper bound.
 The amplitude is eta per width, never negative.
 
 Believe it when small, quick folds die away sooner than the swing of the whole cloth. The base model's own bending
-damping ends at its bound then.
+damping is at its bound then.
 
 Source: Kelvin-Voigt; P. Lahey & G. Heppler, J. Text. Inst. (2004): fabric bending as viscous plus frictional.
 """

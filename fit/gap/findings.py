@@ -17,7 +17,7 @@ from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import NEAR_BOUND
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.figures import short, with_unit
-from formats.fit_records import FitParameter
+from formats.fit_records import AT_BOUND, FitParameter
 from formats.nature import NORMAL_90
 
 LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
@@ -91,7 +91,7 @@ def describe_effects(
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
         if is_held:
-            note = f"stopped by its bound, so that its size has no interval; {note}"
+            note = f"{AT_BOUND}, so that its size has no interval; {note}"
         if not can_show:
             note = (
                 "these takes could not have shown the effect: at its typical size the effect moves none of their points"
@@ -142,8 +142,9 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
                 maximum=parameter.maximum,
                 interval_low=float(low),
                 interval_high=float(high),
-                is_identified=bool(spread < 0.7 and not stopped) if parameter.is_log else None,
-                note=f"{parameter.meaning}; stopped by its bound" if stopped else parameter.meaning,
+                is_identified=bool(spread < 0.7 and not stopped) if parameter.is_log or stopped else None,
+                is_at_bound=stopped,
+                note=parameter.meaning,
             )
         )
     return described
@@ -168,11 +169,8 @@ def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
     if not names:
         return ""
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-    is_one = len(names) == 1
-    return (
-        f" The base fit ends at the bound of {listed}. {'This value says' if is_one else 'These values say'} more of "
-        "the range than of the cloth."
-    )
+    where = f"is {AT_BOUND}. This value says" if len(names) == 1 else "are at their bounds. These values say"
+    return f" In the base fit, {listed} {where} more of the range than of the cloth."
 
 
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:

@@ -33,11 +33,11 @@ def test_parameters_at_their_bounds_are_listed_as_one_writes():
     low = {p.name: p.minimum for p in (ONE, TWO, THREE)}
     first, second, third = map(listed, (ONE, TWO, THREE))
     one = at_bounds(SI, fitted_at(**{ONE.name: ONE.minimum}))
-    assert one.startswith(f" The base fit ends at the bound of {first}. This value says")
+    assert one.startswith(f" In the base fit, {first} is at its bound. This value says")
     two = at_bounds(SI, fitted_at(**{k: low[k] for k in (ONE.name, TWO.name)}))
-    assert two.startswith(f" The base fit ends at the bound of {first} and {second}. These values say")
+    assert two.startswith(f" In the base fit, {first} and {second} are at their bounds. These values say")
     three = at_bounds(SI, fitted_at(**low))
-    assert three.startswith(f" The base fit ends at the bound of {first}, {second} and {third}. These values say")
+    assert three.startswith(f" In the base fit, {first}, {second} and {third} are at their bounds. These values say")
     assert at_bounds(SI, fitted_at()) == ""
 
 
@@ -173,7 +173,7 @@ def costing(one, cost):
 
 @pytest.fixture
 def described(monkeypatch):
-    """Describe effects of which a draught moves no point and the hem was stopped by its bound."""
+    """Describe effects of which a draught moves no point and the hem is at its bound."""
     monkeypatch.setattr("fit.gap.findings.smallest_detectable", lambda evidence: {
         k: np.array([np.inf]) if k == "draught" else np.array([0.3, 0.5, np.inf]) for k in evidence.screened
     })  # fmt: skip
@@ -210,7 +210,7 @@ def test_refitted_effects_are_listed_by_what_they_close_most_first(described):
     assert (drag.explained, drag.absorbed, drag.correlation) == (0.3, 0.2, 0.4)
     assert (drag.components, drag.unit, drag.tested) == ({}, KINDS["air_drag"].unit, True)
     assert hem.amplitude_interval is None
-    assert hem.note == "stopped by its bound, so that its size has no interval; best effect in 0 % of bootstrap draws"
+    assert hem.note == "at its bound, so that its size has no interval; best effect in 0 % of bootstrap draws"
 
 
 def test_masses_are_stated_instead_of_shares_of_draws(described):

@@ -14,6 +14,7 @@ from fit.gap.findings import at_bounds, base_parameters
 from fit.gap.from_raw import sentence, with_raw
 from fit.gap.verdict import decide
 from fit.methods import SI
+from formats.fit_records import verdict_on
 from tests.fit.gap.verdict_scene import EFFECTS, evidence_of, hypothesis, with_edge
 from tests.formats.test_results import diagnosis
 
@@ -24,10 +25,12 @@ def test_a_parameter_at_its_bound_has_its_whole_range_and_is_named():
     first, second, *_ = base_parameters(SI, fitted)
     assert (first.interval_low, first.interval_high) == (stopped.minimum, stopped.maximum)
     assert not first.is_identified
-    assert first.note.endswith("stopped by its bound")
+    assert first.is_at_bound
+    assert verdict_on(first) == "not identified, at its bound"
+    assert (first.note, second.is_at_bound) == (stopped.meaning, False)
     assert second.interval_high < SI.parameters[1].maximum
     assert at_bounds(SI, fitted) == (
-        " The base fit ends at the bound of stretch stiffness (30 N/m). This value says more of the range than of the "
+        " In the base fit, stretch stiffness (30 N/m) is at its bound. This value says more of the range than of the "
         "cloth."
     )
     assert at_bounds(SI, hypothesis((), 5.0).fitted) == ""

@@ -1,7 +1,8 @@
 """Read marker trajectories from the TSV of Qualisys Track Manager, whose export options change the table.
 
 The header lines, each a name and its value, end with `MARKER_NAMES` or `TRAJECTORY_TYPES`. A row of column names may
-follow. Then each line is a frame: x, y and z of each marker. The frame's number and time may stand before them.
+follow. Then each line is a frame: x, y and z of each marker. The frame's number, its time, or both may stand before
+them.
 
 Sources: Qualisys Track Manager, "TSV export" and "Motion data (.tsv)".
 """
@@ -25,7 +26,12 @@ from formats.importers.units import metres_of
 
 LONGEST_HEAD = 1000  # lines above the first frame: one for each event
 STATED = re.compile(r"[A-Z_]+")  # the name of a value
-CLOCK_CELLS = 2  # cells: number and time of a frame
+NUMBER_TITLE, TIME_TITLE = "frame", "time"  # column names of the clock, without their capital letters
+KINDS_OF_CLOCK = (
+    (NUMBER_TITLE, TIME_TITLE),
+    (NUMBER_TITLE,),
+    (TIME_TITLE,),
+)  # before the positions; Qualisys writes both, and other programs remove one
 WITHIN_A_STEP = 0.5  # frame intervals that a rounded time may be off
 
 
@@ -57,25 +63,30 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
     count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path, len(rows) - len(head))
     body, width = rows[len(head) :], 3 * len(names)
     titles = body[0] if len(body) else [""]
-    has_clock = titles[0].strip().lower() == "frame"
+    clock_cells = tuple(
+        takewhile(lambda title: title in (NUMBER_TITLE, TIME_TITLE), (cell.strip().lower() for cell in titles))
+    )
     # FREQUENCY is EXT where another device triggers each frame; frames with times need no rate.
-    rate = rate_beside_times(value("FREQUENCY")) if has_clock else frame_rate(value("FREQUENCY"), path)
-    if has_clock or _are_titles(titles, names):
+    rate = rate_beside_times(value("FREQUENCY")) if TIME_TITLE in clock_cells else frame_rate(value("FREQUENCY"), path)
+    if clock_cells or _are_titles(titles, names):
         body = body[1:]
-    has_clock = has_clock or (rate is not None and _begin_with_a_clock(body, width, rate))
+    if not clock_cells and rate is not None:
+        clock_cells = next((cells for cells in KINDS_OF_CLOCK if _begin_with(cells, body, width, rate)), ())
     end = len(body)
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
     body = body[:end]
     warning = warning_of_count(end, count_of_frames, wanted.frames, path)
-    begin = CLOCK_CELLS * has_clock
+    begin = len(clock_cells)
 
     def clock(first: Floats) -> Floats:
-        return first[:, 1] if has_clock or rate is None else np.arange(len(first)) / rate
+        if TIME_TITLE in clock_cells or rate is None:
+            return first[:, clock_cells.index(TIME_TITLE)]
+        return (first[:, 0] if NUMBER_TITLE in clock_cells else np.arange(len(first))) / rate
 
     table = Table(begin + width, range(begin, begin + width, 3), names, metres_of("mm", unit, path), clock)
     frames = read_frames(body, table, path, wanted)
-    return frames.tracks(names_of(names, path), rate=rate, warning=warning, has_times=has_clock)
+    return frames.tracks(names_of(names, path), rate=rate, warning=warning, has_times=TIME_TITLE in clock_cells)
 
 
 def _states_a_value(row: list[str]) -> bool:
@@ -88,17 +99,19 @@ def _are_titles(row: list[str], names: list[str]) -> bool:
     return bool(names) and row[0].strip().startswith(names[0]) and not any(map(is_number, row))
 
 
-def _begin_with_a_clock(body: Rows, width: int, rate: float) -> bool:
-    """Return whether lines without column names begin with a frame number and a time at `rate` frames a second.
+def _begin_with(cells: tuple[str, ...], body: Rows, width: int, rate: float) -> bool:
+    """Return whether lines without column names begin with such cells of a clock, at `rate` frames a second.
 
     `width`: number of cells with coordinates
     """
     lines = [row for row in body[: min(LOOKED_AT, len(body) - body.is_cut)] if any(map(str.strip, row))]
-    if max(map(len, lines), default=0) < width + CLOCK_CELLS:
+    filled = (len(row) - sum(1 for _ in takewhile(lambda cell: not cell.strip(), reversed(row))) for row in lines)
+    if max(map(len, lines), default=0) < width + len(cells) or max(filled) > width + len(cells):
         return False
-    if not all(len(row) >= CLOCK_CELLS and all(map(is_number, row[:CLOCK_CELLS])) for row in lines):
+    if not all(len(row) >= len(cells) and all(map(is_number, row[: len(cells)])) for row in lines):
         return False
-    clock = np.array([[number_of(cell) for cell in row[:CLOCK_CELLS]] for row in lines])
-    since = clock - clock[0]
-    counts = bool((since[:, 0] == np.arange(len(lines))).all()) and float(clock[0, 0]).is_integer()
-    return counts and bool((np.abs(since[:, 1] * rate - since[:, 0]) <= WITHIN_A_STEP).all())
+    clock = np.array([[number_of(cell) for cell in row[: len(cells)]] for row in lines])
+    counted, since = np.arange(len(lines)), clock - clock[0]
+    if NUMBER_TITLE in cells and not ((since[:, 0] == counted).all() and float(clock[0, 0]).is_integer()):
+        return False
+    return TIME_TITLE not in cells or bool((np.abs(since[:, -1] * rate - counted) <= WITHIN_A_STEP).all())

@@ -17,6 +17,7 @@ FRAMES = [f"{k}.25\t{k}.5\t1200.75\t{k}.125\t7.5\t1100.25".split("\t") for k in 
 HEAD = "NO_OF_FRAMES\t4\nNO_OF_MARKERS\t2\nFREQUENCY\t50\nMARKER_NAMES\tone\ttwo\n"
 TITLES = [f"{name} {axis}" for name in NAMES for axis in "XYZ"]
 CLOCK = [[str(7 + k), f"{0.12 + k / 50:.5f}"] for k in range(4)]
+NUMBERS, TIMES = ([[cells[k]] for cells in CLOCK] for k in range(2))
 MM = [f"{name}_{axis}_mm" for name in NAMES for axis in "xyz"]
 FIRST = pytest.approx([2.5e-4, 5e-4, 1.20075])
 
@@ -35,13 +36,15 @@ def clocked(frames, clock=CLOCK):
     [
         ([], FRAMES, 0.0), ([TITLES], FRAMES, 0.0), ([["Frame", "Time", *TITLES]], clocked(FRAMES), 0.12),
         ([], clocked(FRAMES), 0.12),
+        ([["Frame", *TITLES]], clocked(FRAMES, NUMBERS), 0.14), ([["Time", *TITLES]], clocked(FRAMES, TIMES), 0.12),
+        ([], clocked(FRAMES, NUMBERS), 0.14), ([], clocked(FRAMES, TIMES), 0.12),
     ],
-    ids=["none", "titles", "both", "clock"],
+    ids=["none", "titles", "both", "clock", "titled numbers", "titled times", "numbers", "times"],
 )  # fmt: skip
 def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path, titles, lines, begin, end):
     found = read(tmp_path, HEAD + table(*titles, *(line + end for line in lines)), name="a.tsv")
     assert found.time == pytest.approx([begin + k / 50 for k in range(4)])
-    assert (found.labels, found.warning, found.has_times) == (NAMES, "", begin > 0)
+    assert (found.labels, found.warning, found.has_times) == (NAMES, "", begin == 0.12)  # frame numbers are no times
     assert found.positions[0, 0] == FIRST
     assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
 

@@ -28,7 +28,7 @@ IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a ga
 # Half, and 0.9 and 0.5, change no figure of nine scenes at 1.6 m (`benchmarks/tracking.py --set development-11`).
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25
 # s after which the hanger may be anywhere, unless an object covers it. Our choice: longer than a swing. Half and
-# double were not tried.
+# double change no figure of the same scenes.
 HANGER_MEMORY = 3.0
 # px along both axes between samples of the whole image. Our choice: 4800 samples of 640 x 480, so a share of a
 # quarter errs by less than 1 %.

@@ -165,10 +165,7 @@ def diagnose(
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)
     notes += describe_flaws([*training, *held_out])
-    if verdict.verdict == "ambiguous" and proposal is None:
-        notes.append(
-            "No motion of the menu would separate the named effects by one standard deviation more than these takes do."
-        )
+    notes += described.unseparated(verdict.verdict, proposal)
     camera = describe_camera(train + test)
     gap = from_raw.with_raw(described.describe_gap(evidence, best, by_edge), raw_mm)
     diagnosis = Diagnosis(

@@ -15,7 +15,7 @@ from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import NEAR_BOUND
-from formats.diagnosis_records import EffectFinding, Figure, Gap
+from formats.diagnosis_records import EffectFinding, Figure, Gap, NextExperiment
 from formats.figures import short, with_unit
 from formats.fit_records import AT_BOUND, FitParameter
 from formats.nature import NORMAL_90
@@ -209,3 +209,12 @@ def notes(
     if training + held_out < 3:
         said.append("One or two takes: the same cloth, hung anew, may differ from them by more than their noise.")
     return said
+
+
+def unseparated(verdict: str, proposal: NextExperiment | None) -> list[str]:
+    """Return the note on named effects that no motion of the menu would tell apart, if these takes do not."""
+    if verdict != "ambiguous" or proposal is not None:
+        return []
+    return [
+        "No motion of the menu would separate the named effects by one standard deviation more than these takes do."
+    ]

@@ -196,3 +196,12 @@ def test_a_residual_that_is_noise_leaves_an_observers_half_seconds_independent()
     slow = np.sin(2 * np.pi * 0.8 * recording.time)[:, None, None] * 0.01
     rung = observer.residuals_of([recording.points[None] + slow])[0]
     assert correlation_of(observer, rung)[0, 1] > 0.5
+
+
+def test_a_swing_that_does_not_decay_is_all_of_its_residual_and_no_more():
+    """Of the longest decay tried, 4 s, a cosine without any would be more than one."""
+    angle = 2 * np.pi * 0.8 * np.arange(1200) / RATE
+    grid = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)[:, None]
+    found = ringing_of([grid], RATE)
+    assert (found.decay, found.hertz) == pytest.approx((4.0, 0.8))
+    assert found.share == 1.0

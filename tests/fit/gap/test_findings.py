@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
-from fit.gap.findings import at_bounds, base_parameters, describe_effects, describe_gap, left_out, notes
+from fit.gap.findings import at_bounds, base_parameters, describe_effects, describe_gap, left_out, notes, unseparated
 from fit.gap.floor import Floor
 from fit.methods import SI
 from tests.fit.gap.verdict_scene import KINDS, evidence_of, hypothesis, with_edge
@@ -247,3 +247,14 @@ def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure
     value = dict(zip((p.name for p in SI.parameters), alone.base.fitted.vector, strict=True))
     fitted = KINDS["shear_stiffness"].in_base
     assert shear.note == f"part of the base model: {fitted} is fitted, {value[fitted]:.3g}"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "proposal", "is_said"),
+    [("ambiguous", None, True), ("ambiguous", object(), False), ("unknown", None, False), ("effect", None, False)],
+)
+def test_named_effects_that_no_motion_would_separate_are_noted(verdict, proposal, is_said):
+    expected = (
+        "No motion of the menu would separate the named effects by one standard deviation more than these takes do."
+    )
+    assert unseparated(verdict, proposal) == ([expected] if is_said else [])

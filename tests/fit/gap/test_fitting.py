@@ -161,3 +161,17 @@ def test_the_sandwich_of_few_blocks_is_the_standard_error_of_their_mean():
 )
 def test_an_interval_excludes_zero_on_either_side_of_it(interval, is_apart):
     assert excludes_zero(interval) == is_apart
+
+
+def test_an_amplitudes_deviation_is_of_the_data_alone_and_a_parameters_of_its_prior_too():
+    """A row of length 0.1, which a prior of five typical sizes outweighs, beside parameters that move nothing."""
+    row, other, _ = rows()
+    mixed = 5.0 * (other + row)
+    observer = an_observer(mixed, hem=0.1 * row / HEM.typical)
+    (found,) = fit(observer, [Task(SI.initial, observer.off, ("hem",))])
+    jacobian = np.concatenate([np.zeros((NUMBERS, PARAMETERS)), 0.1 * row[:, None]], 1)
+    sd = np.append(np.full(PARAMETERS, 1.5), 5.0)
+    of_data = sandwich(jacobian, found.residual, observer.layout.block, sd)[-1]
+    assert found.deviation[-1] == pytest.approx(of_data, rel=1e-6)
+    assert found.deviation[:-1] == pytest.approx(1.5)
+    assert from_prior(jacobian, sd)[-1] > 0.5 * of_data  # it would show

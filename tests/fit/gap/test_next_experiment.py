@@ -361,3 +361,10 @@ def test_each_motion_of_the_menu_has_its_own_answer(monkeypatch):
     for times, (jacobian, (change,)) in zip((1.0, 2.0, 3.0), found, strict=True):
         assert change == pytest.approx(0.5 * times * numbers)
         assert jacobian == pytest.approx(times * found[0][0])
+
+
+def test_changes_that_are_alike_explain_a_residual_once():
+    """The second change has nothing left of it; three times as much again would be a ratio of 9 x 18."""
+    same = np.ones(18)
+    observer = SimpleNamespace(layout=SimpleNamespace(block=np.zeros(18, int)))
+    assert _inflation(observer, SimpleNamespace(residual=3.0 * same), [same, same]) == 1.0

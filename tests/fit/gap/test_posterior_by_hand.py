@@ -333,3 +333,21 @@ def test_a_refuted_set_is_tried_again_about_the_next_fit_and_not_before(monkeypa
     search._polished = lambda best, again: search.found.fits[best]
     search.go()
     assert known == [[], [], ["e1", "f1"], []]
+
+
+def test_where_the_model_is_linearised_does_not_change_the_evidence(world, likelihood, linear):
+    """The takes are linear in the logarithms; about parameters e^0.4 times as large the prior's mean lies elsewhere."""
+    base = world.base()
+    vector = base.vector * np.exp(0.4)
+    away = dataclasses.replace(base, vector=vector, residual=world.residuals(vector[None], world.off)[0])
+    other = Linear(world, likelihood, away, dict(world.rows))
+    among = [(), ("air_drag",), ("air_drag", "hem")]
+    one = log_evidence(linear.reduced, linear.columns, among)
+    assert log_evidence(other.reduced, other.columns, among) == pytest.approx(one, abs=1e-5)
+
+
+def test_an_effect_of_two_components_is_no_twin_of_another_or_of_itself(world, likelihood):
+    """Both components of a draught move the cloth as the drag does; each may be told apart by the other."""
+    rows = dict(world.rows) | {"draught": np.repeat(world.rows["air_drag"], 2, axis=0)}
+    found = Linear(world, likelihood, world.base(), rows).twins()
+    assert found == {frozenset(("filter_lag", "time_offset"))}

@@ -250,3 +250,17 @@ def test_eight_effects_that_promise_most_are_taken_anew_where_all_are_known(monk
     assert asked == [[name for name in names if strengths[name] > 2]]
     for name in names:
         assert again[name].predicted == pytest.approx(strengths[name] ** 2, rel=1e-3)
+
+
+def test_at_the_end_of_an_effects_range_secants_are_taken_on_its_inner_side_alone():
+    """A slack of 30 mm, the most there is: its typical size and both probes below, and none above."""
+    row = drawn(4).normal(size=len(NONE))
+    observer = LinearObserver(0 * row, NONE, {"clip_slack": row})
+    amplitudes = observer.off.copy()
+    amplitudes[observer.columns["clip_slack"]] = 0.03
+    residual = observer.residuals(observer.fitted().vector[None], amplitudes[None])[0]
+    fitted = dataclasses.replace(observer.fitted(), amplitudes=amplitudes, residual=residual)
+    found = secants_of(observer, fitted, ("clip_slack",))["clip_slack"]
+    assert [one.at for one in found] == pytest.approx([0.0, -0.008, -0.003, -0.018])
+    for one in found:
+        assert one.rows[0] == pytest.approx(row)

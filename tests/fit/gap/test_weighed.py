@@ -125,6 +125,9 @@ def test_gates_come_first():
     assert decide_by_mass(coarse, shares).verdict == "effect"
     weaker = dataclasses.replace(coarse, singles=evidence_of({"air_drag": 9.2}).singles)
     assert decide_by_mass(weaker, shares).verdict == "numerics"
+    # The closure of an effect whose size may be nothing does not count against the mesh.
+    unsure = evidence_of({"air_drag": 5.5}, gate_list=[COARSE], sizes=0.01)
+    assert decide_by_mass(unsure, shares).verdict == "numerics"
 
 
 MISSES = "The base model misses by 12.0 mm on motion not used for fitting; the sensor's noise alone is 5.0 mm."

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from fit.cloth.material import DENSITY
 from fit.errors import FitError
 from fit.methods import SI
 from fit.observer.residuals import BLOWN_UP_CHARGE, Observer, trajectories_together
@@ -126,3 +127,14 @@ def test_observers_of_other_pulls_are_not_simulated_side_by_side(still):
     assert (other.frequency, observer.frequency, other.layout) == (2.0, 0.0, observer.layout)
     with pytest.raises(FitError, match=r"pulls of \[0.0, 2.0\] Hz"):
         trajectories_together([(one, SI.initial[None], one.off[None]) for one in (observer, other)])
+
+
+def test_each_take_is_simulated_with_its_own_garments_density(still):
+    """Of two takes the second is of a garment twice as heavy."""
+    heavy = dataclasses.replace(
+        still, garment=msgspec.structs.replace(still.garment, mass_kg=2 * still.garment.mass_kg)
+    )
+    observer = observer_of(still, heavy)
+    simulators, materials, _ = observer.asked(SI.initial[None], observer.off[None])
+    assert [one.recording for one in simulators] == [still, heavy]
+    assert materials[1][0, DENSITY] == pytest.approx(2 * materials[0][0, DENSITY])

@@ -339,3 +339,17 @@ def test_a_recording_of_arrays_alone_has_no_faults_of_a_camera_and_no_gaps():
     assert (bare.held_error, bare.offset_sd, bare.impossible, bare.begin) == (0.0, MARKER_OFFSET, 0.0, 0.0)
     assert (bare.is_calibrated, bare.is_imported, bare.viewpoint) == (True, False, (0.0, 0.0, 0.0))
     np.testing.assert_array_equal(bare.seen_points, bare.points)
+
+
+def test_ends_that_are_far_apart_in_three_frames_leave_the_edge_moved():
+    """Three of 30 frames with an end 10 m away; the median distance is that of the cloth."""
+    seen, path, garment = flat(down=0.004)
+
+    def held(instants):
+        ends = path(instants)
+        ends[np.isin(np.round(30 * instants), (3, 9, 17)), 3] += 10.0
+        return ends
+
+    found = edge_shown(seen, held, garment)
+    assert found is not None
+    assert found.down == pytest.approx(0.004)

@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
 from fit.recordings.robust_line import robust_line
 from fit.recordings.timing import (
     FEWEST_NOISE_FRAMES,
+    INTERVAL_SHARES,
     LEAST_NOISE,
     MEDIAN_TELLS,
     SCAN_STEP,
     STILL,
+    WIDEST_INTERVAL,
     Timing,
     _Scan,
     find_timing,
@@ -257,3 +260,36 @@ def test_frames_that_deviate_alike_in_every_block_are_judged_by_the_noise_alone(
     time = np.arange(20) * HALF_SWING / 2
     found = scan_of(time, lag * np.where(np.arange(20) % 2, 1.0, -1.0), still=500).with_deviation(A_TIMING)
     assert found.deviation == pytest.approx(1e-3 / SPEED * np.sqrt(share * most - 1) if has_one else 0.0, rel=1e-6)
+
+
+def swinging(instants):
+    """Held ends of a swing of 0.1 m across the cloth at 4 rad/s."""
+    ends = path(0 * instants)
+    ends[:, [1, 4]] = 0.1 * np.sin(4 * instants)[:, None]
+    return ends
+
+
+def test_the_scan_for_a_latency_alone_takes_the_stamps_as_they_are():
+    """Every third interval is three times as long, which would shift a scan by shares of the intervals."""
+    time = np.cumsum(np.tile([0.05, 0.05, 0.15], 40))
+    row = swinging(time - 0.1).reshape(-1, 2, 3).mean(1)
+    scan = _Scan(time, row, uneven_intervals(time), swinging, np.ones(len(time), bool))
+    assert scan.best(0.3, np.zeros(1)) == (pytest.approx(0.1), 0.0)
+    assert scan.best(0.3, INTERVAL_SHARES) == (pytest.approx(0.1), 0.0)
+
+
+@pytest.mark.parametrize(("late", "is_known"), [(0.06, True), (0.08, False)])
+def test_a_latency_known_worse_than_five_hundredths_of_a_second_is_none(late, is_known):
+    """A row that is early and late by turns of half a second; half its interval is that of a jackknife over them."""
+    time = np.arange(0, 6, 1 / 20)
+    row = swinging(time - late * np.where(time // HALF_SWING % 2, 1.0, -1.0)).reshape(-1, 2, 3).mean(1)
+    used = (time > LARGEST_SHIFT) & (time < time[-1] - LARGEST_SHIFT)
+    design, off = np.stack([0.4 * np.cos(4 * time), 1 + 0 * time], 1), row[:, 1] - 0.1 * np.sin(4 * time)
+    block = (time // HALF_SWING).astype(int)
+    names = np.unique(block[used])
+    without = [np.linalg.lstsq(design[used & (block != b)], off[used & (block != b)], rcond=None)[0][0] for b in names]
+    half = student.ppf(0.95, len(names) - 1) * np.std(without) * np.sqrt(len(names) - 1)
+    found = find_timing(time, row, swinging, is_per_frame=False)
+    assert (half < WIDEST_INTERVAL) == (found is not None) == is_known
+    if found is not None:
+        assert np.ptp(found.latency_interval) == pytest.approx(2 * half, rel=0.1)  # slopes at another latency

@@ -259,3 +259,13 @@ def test_the_jacobian_of_a_search_by_chords_that_stops_after_a_long_step_is_that
 
 def test_a_descent_ends_after_thirty_iterations_unless_told_otherwise():
     assert LeastSquaresSettings().max_iterations == 30
+
+
+def test_a_difference_that_turns_back_at_the_bound_is_divided_by_the_way_that_is_left():
+    """From 0.05 a tenth on nothing is finite, and 0.05 back is the bound: of r = 3 x the slope is 3."""
+
+    def partly(candidates):
+        return np.where(candidates > 0.1, np.nan, 3.0 * candidates)
+
+    found = minimise(partly, np.array([0.05]), box(0.0, 1.0), settings=LeastSquaresSettings(step=0.1, max_iterations=0))
+    assert found.jacobian == pytest.approx(np.array([[3.0]]))

@@ -61,19 +61,16 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
     for number, one in enumerate(result.trivial):
         if one.name not in TRIVIAL_NAMES:
             refuse(f"trivial[{number}].name: there is no predictor named {one.name!r}")
-    for name in POSITIVE:
-        if not result.material.get(name, 1.0) > 0:
-            refuse(f"no cloth has {name} = {result.material[name]:g}")
-    for name in NOT_BELOW_0:
-        if result.material.get(name, 0.0) < 0:
-            refuse(f"no cloth has {name} = {result.material[name]:g}")
+    for name, value in result.material.items():
+        if _has_no_cloth(name, value):
+            refuse(f"no cloth has {name} = {value:g}")
     for parameter in result.parameters:
         stated = {"effects": result.effects.get(parameter.name)}
         if not result.effects:  # an effect on the cloth changes its material
             stated["material"] = result.material.get(parameter.name)
-        for field, value in stated.items():
-            if value is not None and not _is_same(value, parameter.fitted):
-                refuse(f"{field}.{parameter.name} is {value:g}, and the parameter's value {parameter.fitted:g}")
+        for field, other in stated.items():
+            if other is not None and not _is_same(other, parameter.fitted):
+                refuse(f"{field}.{parameter.name} is {other:g}, and the parameter's value {parameter.fitted:g}")
 
 
 def _check_diagnosis(diagnosis: Diagnosis, refuse: Any) -> None:
@@ -105,8 +102,12 @@ def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any) -
 def _check_least(p: FitParameter, at: str, refuse: Any) -> None:
     """Refuse a bound or an end of an interval that no cloth has."""
     for kind, value in (("minimum", p.minimum), ("interval_low", p.interval_low)):
-        if value is not None and ((p.name in POSITIVE and value <= 0) or (p.name in NOT_BELOW_0 and value < 0)):
+        if value is not None and _has_no_cloth(p.name, value):
             refuse(f"{at}.{kind}: no cloth has {p.name} = {value:g}")
+
+
+def _has_no_cloth(name: str, value: float) -> bool:
+    return (name in POSITIVE and value <= 0) or (name in NOT_BELOW_0 and value < 0)
 
 
 def _check_interval(number: FitParameter | Combination, refuse: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -37,13 +38,13 @@ def reword(error: Any) -> None:
     noun = next((noun for begin, noun in NOUNS.items() if kind.startswith(begin)), None)
     if limits:
         error.message = f"{given} is outside the range: the value must be {' and '.join(limits)}"
-        if given.lower().lstrip("+-") == "nan":
+        if math.isnan(float(given)):
             error.message = f"{given!r} is no number"
     elif noun is not None:
         error.message = f"{given!r} is no {noun}"
         if COMMA_FOR_POINT.fullmatch(given.strip()) and not THOUSANDS.fullmatch(given.strip()):
             error.message += f"; write a decimal point: {given.strip().replace(',', '.')}"
-        elif kind.startswith(("float", "finite")) and (number := number_meant(given, _field_of(error))):
+        elif kind.startswith("float") and (number := number_meant(given, _field_of(error))):
             error.message += f"; was {number} meant?"
     else:
         error.message = str(first["msg"]).removeprefix("Value error, ")
@@ -51,6 +52,5 @@ def reword(error: Any) -> None:
 
 def _field_of(error: Any) -> str:
     """Return the name of a field with the unit of the option that an error names, '' if the option has none."""
-    parameter = getattr(error, "param", None)
-    words = getattr(parameter, "metavar", None), getattr(parameter, "name", None)
+    words = error.param.metavar, error.param.name
     return next((UNIT_FIELDS[word] for word in words if word in UNIT_FIELDS), "")

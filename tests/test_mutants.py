@@ -40,7 +40,9 @@ def zipped(rest):
         ("fit.gap.gates.of", zipped(", strict=True"), "for a, b in zip(own, strict=True):", False),
         ("capture.hanger.pose.of", zipped(", strict=True"), zipped(", strict=False"), True),
         ("capture.recording.session.of", zipped(", strict=True"), zipped(", strict=False"), False),
-        ("formats.blocks.of", zipped(", strict=True"), zipped(", "), False),  # files are what others made
+        ("formats.blocks.of", zipped(", strict=True"), zipped(", "), True),
+        ("firmware_host.camera.of", zipped(", strict=True"), zipped(", "), False),
+        ("formats.blocks.of", "f'{1e3 * apart:.0f} mm'", "f'{1001.0 * apart:.0f} mm'", True),
         ("formats.blocks.of", "rest.astype(float)", "rest.astype(None)", True),
         ("formats.blocks.of", "rest.astype(int)", "rest.astype(None)", False),
         ("formats.blocks.of", "np.array(rest, float)", "np.array(rest, None)", False),

@@ -55,7 +55,7 @@ from formats.take import Take
 
 Progress = Callable[[int, int, float], None]
 
-CHECKPOINT_EVERY = 10.0  # s; our choice: a crash loses ten seconds of a search of minutes, half and double untried
+CHECKPOINT_EVERY = 10.0  # s; our choice: a crash loses ten seconds of a search of minutes; no result depends on it
 TOO_SHORT = (
     "Warning: this search explores one local minimum. So its 90 % intervals are too short, and parameters that it "
     "calls identified may not be identifiable. Where intervals matter, use --search least-squares."

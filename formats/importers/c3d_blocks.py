@@ -7,13 +7,16 @@ is.
 A stale block repeats the bytes of an earlier block. Markers at rest, a periodic motion and a frame written twice also
 repeat bytes, but after a whole number of frames. So a block is surely stale where its bytes repeat once, after another
 number of bytes.
+
+A copy may also write blocks twice, one behind the other. All behind them is shifted, and the file is longer by them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +26,7 @@ from formats.plain_text import counted
 
 BLOCK_BYTES = 512  # bytes; C3D user guide
 BLOCKS_AT_ONCE = 1 << 12  # blocks read at once; our choice: 2 MB, and no result depends on it
+COMPARED_AT_ONCE = 1 << 22  # bytes compared at once; our choice: bounds memory, and no result depends on it
 MOST_RUNS = 3  # of zero blocks; our choice: more are gaps for which a program writes zeros
 
 
@@ -39,6 +43,59 @@ def refuse_lost_bytes(path: Path, size: int, end: int) -> None:
             f"has {size} bytes, which is no multiple of {BLOCK_BYTES}, and its frames end at {end}: bytes are lost",
             where=path, advice="copy or export it again",
         )  # fmt: skip
+
+
+def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int, kind: int) -> None:
+    """Refuse a file that holds some blocks twice, one behind the other, so that all frames behind are shifted.
+
+    The file is longer by these blocks. Positions that rest, and gaps, repeat bytes as well, but a few of them only.
+
+    - `begin`, `end`, `stop` [bytes]: offsets of the frames, behind the last stated frame, and of the file's end or of
+      the section behind the frames
+    - `width`, `kind` [bytes]: of a frame and of a number
+
+    Raises:
+        TakeError: names the bytes.
+    """
+    doubled = (stop - end) // BLOCK_BYTES * BLOCK_BYTES
+    if doubled % width == 0:  # none, or whole frames
+        return
+    with path.open("rb") as file:
+
+        def part(at: int, until: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
+            file.seek(begin + at)
+            return np.frombuffer(file.read(until - at), np.uint8)
+
+        is_filled = part(end - begin, end - begin + max(width, BLOCK_BYTES)).any()
+        at = _first_repeat(part, stop - begin, doubled, 4 * kind) if is_filled else None
+    if at is not None:
+        raise TakeError(
+            f"holds the {doubled} bytes from byte {begin + at} on twice, which shifts all frames behind them",
+            where=path, advice="copy or export it again",
+        )  # fmt: skip
+
+
+def _first_repeat(
+    part: Callable[[int, int], np.ndarray[Any, np.dtype[np.uint8]]], length: int, size: int, point: int
+) -> int | None:
+    """Return the first offset from which `size` bytes come twice, one behind the other; None without one.
+
+    Bytes of which half the points or more are alike are no repeat.
+
+    - `part`: reads the bytes from one offset to another; `length` [bytes]: of all
+    - `point` [bytes]: of a point's numbers
+    """
+    begun = 0  # where the present run of equal bytes begins
+    for at in range(0, length - size, COMPARED_AT_ONCE):
+        stop = min(at + COMPARED_AT_ONCE, length - size)
+        differ = np.flatnonzero(part(at, stop) != part(at + size, stop + size))
+        bounds = np.concatenate([[begun - 1], at + differ, [stop]])
+        for first in (bounds[:-1][np.diff(bounds) > size] + 1).tolist():
+            points = part(first, first + min(size, COMPARED_AT_ONCE) // point * point).reshape(-1, point)
+            if 2 * len(np.unique(points, axis=0)) > len(points):
+                return int(first)
+        begun = int(bounds[-2]) + 1
+    return None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,13 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
-from formats.importers.c3d_blocks import BLOCK_BYTES, find_blocks, refuse_lost_bytes, remove_blocks
+from formats.importers.c3d_blocks import (
+    BLOCK_BYTES,
+    find_blocks,
+    refuse_doubled_bytes,
+    refuse_lost_bytes,
+    remove_blocks,
+)
 from formats.importers.c3d_header import first_of
 from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
@@ -75,8 +81,10 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if not 0 < rate <= FASTEST_RATE:
         states = f"states {rate:g} frames a second; {USABLE_RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
+    end, kind = layout.data_at + frames * layout.width, FLOAT if layout.is_float else SHORT
     if header.end == size:
-        refuse_lost_bytes(path, size, layout.data_at + frames * layout.width)
+        refuse_lost_bytes(path, size, end)
+    refuse_doubled_bytes(path, layout.data_at, end, header.end, layout.width, kind)
     if wanted.names and not any(labels):
         raise TakeError(
             f"has the trajectories of {counted(points, 'point')} and no label", where=path,
@@ -106,7 +114,6 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         remove_missing_value_codes(positions, scale, frame_of),
     ]
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
-    kind = FLOAT if layout.is_float else SHORT
     warnings.append(remove_blocks(positions, blocks, kind, layout.width, others))
     warnings += [
         warning_of_incomplete(gaps.lacking, time, labels, frame_of),

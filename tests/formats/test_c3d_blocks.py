@@ -164,3 +164,32 @@ def test_a_block_that_begins_with_a_points_fourth_number_holds_no_coordinate_of_
     assert touched[37] == [3]
     assert touched[38] == [0, 1, 2, 3]
     assert sorted(touched) == list(range(37, 46))
+
+
+@pytest.mark.parametrize("size", [512, 4096, 19 * 512])
+@pytest.mark.parametrize("share", [0.3, 0.95])
+@pytest.mark.parametrize("off", [0, 77])
+@pytest.mark.parametrize("scale", [-1.0, 0.05])
+def test_blocks_that_a_copy_wrote_twice_are_refused(tmp_path, size, share, off, scale):
+    """All frames behind them would be read from the wrong bytes, most of them as positions of other markers."""
+    places = np.random.default_rng(3).uniform(-900, 900, (200, 13, 3))
+    places[:, 4:7] = np.nan  # gaps repeat bytes, but all of them alike
+    raw = c3d_bytes(places, [f"m{k}" for k in range(13)], scale=scale)
+    begin = 512 * (struct.unpack_from("<H", raw, 16)[0] - 1)
+    at = begin + size + int(share * (len(raw) - begin - size)) // 512 * 512 - off
+    found = read(tmp_path, raw)
+    with pytest.raises(TakeError, match=rf"holds the {size} bytes from byte \d+ on twice, which shifts all frames beh"):
+        read(tmp_path, raw[:at] + raw[at - size : at] + raw[at:])
+    assert (found.warning, len(found.time)) == ("", 200)
+
+
+@pytest.mark.parametrize("count", [1, 7])
+def test_markers_at_rest_and_gaps_are_no_blocks_written_twice(tmp_path, count):
+    """Frames of 208 bytes at rest repeat after 13 blocks, and behind them are as many blocks as no frames fill."""
+    at_rest = np.tile(np.random.default_rng(3).uniform(-900, 900, (1, 13, 3)), (200, 1, 1))
+    gaps = np.full((200, 13, 3), np.nan)
+    gaps[::50] = at_rest[0]
+    for found_places in (at_rest, gaps):
+        raw = c3d_bytes(found_places, [f"m{k}" for k in range(13)])
+        found = read(tmp_path, raw + np.random.default_rng(0).bytes(512 * count))
+        np.testing.assert_allclose(1e3 * found.positions, found_places, atol=1e-3)

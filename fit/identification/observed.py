@@ -41,8 +41,8 @@ from fit.search.steps import Step
 from formats.arrays import Floats
 
 # s. Free for a swing or two. Then caught until a pull of 3 Hz leaves a thousandth of the distance, after 0.49 s
-# (notebook, release windows). One fit to the demo's takes ends at 4.3 mm. It ends at 4.6 and 4.1 mm with 1 and 4 s free,
-# and at 4.6 and 4.4 mm with 0.25 and 1 s caught.
+# (notebook, release windows). One fit to the demo's takes ends at 4.3 mm. It ends at 4.6 and 4.1 mm with 1 and 4 s
+# free, and at 4.6 and 4.4 mm with 0.25 and 1 s caught.
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)
 # Hz of the pull between short windows. Under it cloth is not chaotic (decision 4). Our choice: at half, the pull
 # would need twice as long; double was not tried.

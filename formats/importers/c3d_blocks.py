@@ -58,7 +58,7 @@ def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int
         TakeError: names the bytes.
     """
     doubled = (stop - end) // BLOCK_BYTES * BLOCK_BYTES
-    if doubled % width == 0:  # none, or whole frames
+    if not doubled:
         return
     with path.open("rb") as file:
 
@@ -67,7 +67,8 @@ def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int
             return np.frombuffer(file.read(until - at), np.uint8)
 
         is_filled = part(end - begin, end - begin + max(width, BLOCK_BYTES)).any()
-        at = _first_repeat(part, stop - begin, doubled, 4 * kind) if is_filled else None
+        longest = 2 * doubled if doubled % width == 0 else stop  # whole frames at rest repeat without end
+        at = _first_repeat(part, stop - begin, (doubled, longest), 4 * kind) if is_filled else None
     if at is not None:
         raise TakeError(
             f"holds the {doubled} bytes from byte {begin + at} on twice, which shifts all frames behind them",
@@ -76,21 +77,24 @@ def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int
 
 
 def _first_repeat(
-    part: Callable[[int, int], np.ndarray[Any, np.dtype[np.uint8]]], length: int, size: int, point: int
+    part: Callable[[int, int], np.ndarray[Any, np.dtype[np.uint8]]], length: int, sizes: tuple[int, int], point: int
 ) -> int | None:
-    """Return the first offset from which `size` bytes come twice, one behind the other; None without one.
+    """Return the first offset from which some bytes come twice, one behind the other; None without one.
 
     Bytes of which half the points or more are alike are no repeat.
 
     - `part`: reads the bytes from one offset to another; `length` [bytes]: of all
+    - `sizes` [bytes]: number of these bytes, and one that the bytes alike do not reach
     - `point` [bytes]: of a point's numbers
     """
-    begun = 0  # where the present run of equal bytes begins
+    (size, longest), begun = sizes, 0  # where the present run of equal bytes begins
     for at in range(0, length - size, COMPARED_AT_ONCE):
         stop = min(at + COMPARED_AT_ONCE, length - size)
         differ = np.flatnonzero(part(at, stop) != part(at + size, stop + size))
         bounds = np.concatenate([[begun - 1], at + differ, [stop]])
-        for first in (bounds[:-1][np.diff(bounds) > size] + 1).tolist():
+        ended = slice(None) if stop == length - size else slice(-1)  # a run may go on in the next bytes
+        counts = np.diff(bounds)[ended] - 1
+        for first in (bounds[:-1][ended][(counts >= size) & (counts < longest)] + 1).tolist():
             points = part(first, first + min(size, COMPARED_AT_ONCE) // point * point).reshape(-1, point)
             if 2 * len(np.unique(points, axis=0)) > len(points):
                 return int(first)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers import c3d_blocks
 from formats.importers.c3d_blocks import _spans
 from formats.importers.c3d_file import read_c3d
 from tests.formats.c3d_by_hand import c3d_bytes
@@ -181,6 +182,24 @@ def test_blocks_that_a_copy_wrote_twice_are_refused(tmp_path, size, share, off, 
     with pytest.raises(TakeError, match=rf"holds the {size} bytes from byte \d+ on twice, which shifts all frames beh"):
         read(tmp_path, raw[:at] + raw[at - size : at] + raw[at:])
     assert (found.warning, len(found.time)) == ("", 200)
+
+
+@pytest.mark.parametrize("at_once", [1 << 22, 700, 1 << 12])
+@pytest.mark.parametrize(("count", "size"), [(4, 512), (16, 1024), (32, 512)])
+def test_whole_frames_that_a_copy_wrote_twice_are_refused_and_frames_at_rest_are_not(
+    tmp_path, monkeypatch, count, size, at_once
+):
+    """The frames behind would be read too late by 8, 4 or 1 intervals, and the last ones not at all."""
+    monkeypatch.setattr(c3d_blocks, "COMPARED_AT_ONCE", at_once)
+    moving = np.random.default_rng(3).uniform(-900, 900, (128, count, 3))
+    labels = [f"m{k}" for k in range(count)]
+    raw = c3d_bytes(moving, labels)
+    at = begin_of(raw) + 5 * 512 + 40
+    with pytest.raises(TakeError, match=rf"holds the {size} bytes from byte \d+ on twice"):
+        read(tmp_path, raw[:at] + raw[at - size : at] + raw[at:])
+    at_rest = np.tile(moving[:1], (128, 1, 1))
+    longer = c3d_bytes(np.concatenate([at_rest, at_rest[:8]]), labels, frames_said=128)
+    np.testing.assert_allclose(1e3 * read(tmp_path, longer).positions, at_rest, atol=1e-3)
 
 
 @pytest.mark.parametrize("count", [1, 7])

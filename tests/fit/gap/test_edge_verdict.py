@@ -251,3 +251,16 @@ def test_the_held_edge_identifies_an_effect_unless_the_cloth_is_certainly_worse_
     assert closed.value < 0.0
     assert (closed.interval[1] > 0.0) == is_told
     assert evidence.identified_by_edge == (frozenset({"eroded_outline"}) if is_told else frozenset())
+
+
+@pytest.mark.parametrize(("gates", "verdict"), [([], "several"), ([CHAOTIC], "effect")])
+def test_a_second_effect_that_only_chaotic_cloth_shows_is_not_named_beside_that_of_the_held_edge(gates, verdict):
+    """Slack clips leave 11 mm of 12, with drag 5.5 mm are left: next to nothing of the gap, if it is one."""
+    evidence = evidence_of({"clip_slack": 11.0}, joint=[(("clip_slack", "air_drag"), 5.5)], gate_list=gates)
+    ((both, p_value),) = evidence.joint
+    evidence = dataclasses.replace(
+        evidence, base=with_edge(evidence.base, 900, 100.0), joint=[(with_edge(both, 900, 2.0), p_value)],
+        singles={SLACK: with_edge(evidence.singles[SLACK], 900, 2.0)},
+    )  # fmt: skip
+    found = decide(evidence)
+    assert (found.verdict, found.named) == (verdict, ["clip_slack", "air_drag"][: 1 + (verdict == "several")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from types import SimpleNamespace
 
@@ -202,3 +203,27 @@ def test_bands_share_the_squares_of_all_frames_of_all_takes():
     assert (mixed["0 to 0.3 Hz"], mixed["0.7 to 1.5 Hz"]) == pytest.approx((9 / 17, 8 / 17))
     apart = shares(0.003 + 0.0 * waves[0], 0.004 * waves[1])
     assert (apart["0 to 0.3 Hz"], apart["0.7 to 1.5 Hz"]) == pytest.approx((18 / 26, 8 / 26))
+
+
+def test_points_exactly_on_a_line_between_thirds_belong_to_the_middle_third(scene):
+    """Columns at 0, 1, 1.5, 2 and 3 of three widths, and rows likewise; the top row is not judged."""
+    recording, observer = scene
+    thirds = (0.0, 1.0, 1.5, 2.0, 3.0)
+    points = tuple(
+        msgspec.structs.replace(point, at_m=(thirds[k % 5], -thirds[k // 5]))
+        for k, point in enumerate(recording.garment.points)
+    )
+    garment = msgspec.structs.replace(recording.garment, points=points)
+    divided = copy.copy(observer)
+    divided.recordings = [dataclasses.replace(recording, garment=garment)]
+    named = []
+    for k in range(5, 25):
+        by = np.zeros(recording.points.shape)
+        by[:, k, 0] = 0.005
+        residual = observer.residuals_of([(recording.points - by)[None]])[0]
+        named.append(find_where(divided, residual).space[0].name)
+    assert named == [
+        f"{row} {column}"
+        for row in ("middle", "middle", "middle", "bottom")
+        for column in ("left", "centre", "centre", "centre", "right")
+    ]

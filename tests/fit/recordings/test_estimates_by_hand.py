@@ -15,7 +15,7 @@ from fit.recordings.camera import FEWEST_RESTING_FRAMES, STILL_SPEED, Camera, Se
 from fit.recordings.frame_offsets import FrameOffsets, find_frame_offsets
 from fit.recordings.grids import grid_of
 from fit.recordings.noise import held_noise
-from fit.recordings.outline import find_outline
+from fit.recordings.outline import find_outline, lean_of
 from fit.recordings.robust_line import robust_line
 from fit.recordings.timing import LEAST_TRAVEL, _Scan, find_timing
 from formats.take import FrameState
@@ -181,6 +181,18 @@ def leaning(angles, inwards=0.0):
     )
     half = np.array([0.15, 0.0, 0.0])
     return points, np.tile(np.concatenate([-half, half]), (len(angles), 1)), grid_of(garment)
+
+
+@pytest.mark.parametrize(("columns", "is_known"), [(4, True), (3, False)])
+def test_twelve_segments_down_the_cloth_show_how_it_leans(columns, is_known):
+    """Four points below each other are three segments; they lean by sin 0.2."""
+    points, ends, grid = leaning(np.array([0.2]))
+    shown = np.full_like(points, np.nan)
+    kept = grid.at[:4, :columns].ravel()
+    if not is_known:
+        kept = np.append(kept, grid.at[:3, 3])  # eleven
+    shown[:, kept] = points[:, kept]
+    assert lean_of(shown, ends, grid) == pytest.approx([np.sin(0.2) if is_known else np.nan], nan_ok=True)
 
 
 def test_an_outline_loses_what_length_and_width_lack_about_the_usual_lean():

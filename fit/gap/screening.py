@@ -38,7 +38,7 @@ DETECTION = NORMAL_90 + 0.842  # one-sided 5 % and power 80 %
 # not in the other.
 GROUP_COSINE = 0.9
 # Effects whose signatures are recomputed although signatures about a nearby fit are known: the most promising ones of
-# decision 18. Our choice: a limit on the cost; half and double were not tried.
+# decision 18. Our choice: a limit on the cost. Half and double word the demo's diagnosis alike.
 RENEWED = 8
 AT_TOP = 0.02  # of a base parameter's largest value; our choice: fits end a little short of a bound
 # Of the amplitude of a probe: the range in which its secant is used. Our choice: a factor of about two each way, so

@@ -12,7 +12,7 @@ from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
-from formats.plain_text import plain
+from formats.plain_text import counted, plain
 from formats.telling import know, tell, tell_entry
 from formats.terminal import CLEAR_LINE, is_watched, say
 
@@ -84,7 +84,7 @@ def print_command(
         check_plausible_marker(size, "--size", offers_anyway=True)
     refuse_to_replace(out, overwrite=overwrite)
     sheet = write_sheet(out, dictionary, numbers, size)
-    words = f"{sheet}: {len(numbers)} markers of {1e3 * size:g} mm"
+    words = f"{sheet}: {counted(len(numbers), 'marker')} of {1e3 * size:g} mm"
     tell(words, file=str(sheet), ids=numbers, dictionary=dictionary, size_m=size)
 
 
@@ -316,14 +316,14 @@ def record_command(
         shares = dict(zip(described_garment.point_names, map(float, report.point_share), strict=True))
         tell(
             # Both lines at once: commands side by side may share an output, as in the demo.
-            f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}\n"
+            f"{report.path}: {counted(report.frames, 'frame')}{', stopped early' if report.is_interrupted else ''}\n"
             f"hanger seen in {100 * hanger_share:.0f} %; {points}",
             file=str(report.path), frames=report.frames, is_interrupted=report.is_interrupted,
             hanger_share=hanger_share, point_share=shares, conditions={}, findings=[],
         )  # fmt: skip
         for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
             if condition is not Condition.GOOD:
-                tell(f"in {count} frames {condition.value.words}")
+                tell(f"in {counted(count, 'frame')} {condition.value.words}")
         know(conditions={c.value.words: count for c, count in report.conditions.items()})
         for finding in report.findings:
             if not finding.is_grave:

@@ -136,7 +136,9 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
         about = f"about {nodes:.0f}" if nodes < MOST_STATED_NODES else f"more than {MOST_STATED_NODES:.0f}"
         what += f", and gives it {about} nodes where {most} are the most"
     meant = [
-        f"{spacing * size:g} for {unit}" for unit, size in SPACING_UNITS.items() if finest <= spacing * size <= coarsest
+        f"{spacing * size:g} for {spacing:g} {unit}"
+        for unit, size in SPACING_UNITS.items()
+        if finest <= spacing * size <= coarsest
     ]
     raise FitError(
         what, where=garment.name,

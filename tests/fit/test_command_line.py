@@ -108,7 +108,7 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.0022 m to half of its smaller side"),
         (
             ("diagnose", "a.mcap", "--spacing", "50"),
-            "half of its smaller side; the spacing is in metres: 0.05 for millimetres\n",
+            "half of its smaller side; the spacing is in metres: 0.05 for 50 millimetres\n",
         ),
         (("fit", "a.mcap", "--spacing", "0.001"), " nodes where 40000 are the most; choose a spacing from"),
         (("diagnose", "a.mcap", "--spacing", "-1"), "--spacing: the mesh spacing is -1 m; give metres"),

@@ -197,3 +197,8 @@ def test_the_command_writes_the_rigs_markers(tmp_path):
     rig.write_text(rig.read_text().replace("[hanger]", '[hanger]\nmarker = "dot"'))
     done = hangtime_here(*words, folder=tmp_path)
     assert "its hanger has dots, not markers" in done.stderr
+
+
+@pytest.mark.parametrize(("ids", "words"), [("3", "1 marker of 60 mm"), ("3,4", "2 markers of 60 mm")])
+def test_the_command_counts_the_markers_that_it_prints(tmp_path, ids, words):
+    assert hangtime_here("markers", "print", "--ids", ids, folder=tmp_path).stdout == f"markers.svg: {words}\n"

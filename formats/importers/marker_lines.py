@@ -145,16 +145,17 @@ class Rows(Sequence[list[str]]):
 
 def _joined(cells: list[str], separator: str) -> list[str]:
     """Join the cells that one pair of quotation marks surrounds."""
-    found, begun, marks = list[str](), -1, 0
+    found, begun, marks = list[str](), list[str](), 0
     for cell in cells:
-        if begun < 0:
-            begun, marks = (len(found) if cell.lstrip().startswith('"') else -1), 0
-        found.append(cell)
+        if not begun and not cell.lstrip().startswith('"'):
+            found.append(cell)
+            continue
+        begun.append(cell)
         marks += cell.count('"')
-        if begun >= 0 and marks % 2 == 0 and cell.rstrip().endswith('"'):
-            found[begun:] = [separator.join(found[begun:])]
-            begun = -1
-    return found
+        if marks % 2 == 0 and cell.rstrip().endswith('"'):
+            found.append(separator.join(begun))
+            begun.clear()
+    return found + begun
 
 
 def unquoted(cell: str) -> str:

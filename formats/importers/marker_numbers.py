@@ -127,8 +127,9 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
     writing = writing_of(rows, [first + axis for first in table.markers for axis in range(3)])
     broken = broken_lines(rows, cells, columns, time, positions, table.metres, writing)
     last = _check_the_last(rows, columns, width, writing, time, positions, path, is_broken=bool(broken[-1:].any()))
-    has_last = bool(len(cells)) and columns.max(initial=-1) >= cells[-1] - 1
-    if not last and rows.is_cut and columns.max(initial=0) >= cells[-1]:
+    farthest = int(columns.max(initial=-1))
+    has_last = bool(len(cells)) and farthest >= cells[-1] - 1
+    if not last and rows.is_cut and farthest >= cells[-1]:
         last = (
             f"line {rows.numbers[-1]} has no end and may be cut off after {cells[-1]} of its {width} cells, so the "
             "markers behind count as not seen there"
@@ -140,7 +141,7 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
         )
         _take_out_the_last(positions, len(rows) - 1, cells, columns)
     if last:
-        found.lacking[-1, (columns == min(cells[-1] - 1, columns.max())).any(1)] = False
+        found.lacking[-1, (columns == min(cells[-1] - 1, farthest)).any(1)] = False
     within = np.flatnonzero(broken[:-1]).tolist()
     for at in within:
         _take_out_the_last(positions, at, cells, columns)

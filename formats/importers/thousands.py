@@ -42,7 +42,7 @@ class _Reading:
 
     - `names`: kinds of thousands separators; `shown`: number of lines that show one, `example` the first of them
     - `wrong`: number of lines with a number that has another; `frame`: the last frame number
-    - `digits`: how often whole parts of four digits, and of `MANY` or more, have a separator, and how often not
+    - `digits`: the whole parts that occur, by their digits, four or `MANY` and more, and whether with a separator
     """
 
     decimal: str
@@ -51,7 +51,7 @@ class _Reading:
     wrong: int = 0
     example: str = ""
     frame: float = math.nan
-    digits: Counter[tuple[int, bool]] = field(default_factory=Counter)
+    digits: set[tuple[int, bool]] = field(default_factory=set)
 
     def take(self, cells: list[str]) -> None:
         """Record a whole line's numbers."""
@@ -66,7 +66,7 @@ class _Reading:
             parted = PARTED.match(cell)
             sign = parted[1] if parted and parted[1] != self.decimal else ""
             if k >= OF_THE_CLOCK and (whole := WHOLE_PART.match(plain)):
-                self.digits[min(len(whole[1]), MANY), bool(sign)] += 1
+                self.digits.add((min(len(whole[1]), MANY), bool(sign)))
             is_next = k == 0 and _number(plain) == frame + 1
             if k == 0:
                 self.frame = _number(plain)
@@ -82,7 +82,7 @@ class _Reading:
     @property
     def is_shown(self) -> bool:
         """Whether the file shows this reading, and nothing against it."""
-        is_even = not self.digits[MANY, False] and not (self.digits[4, True] and self.digits[4, False])
+        is_even = (MANY, False) not in self.digits and not {(4, True), (4, False)} <= self.digits
         is_usual = self.shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * self.shown
         return is_usual and len(self.names) == 1 and is_even
 

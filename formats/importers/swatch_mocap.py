@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.arrays import Floats
+from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
@@ -82,6 +83,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
     check_neighbours(positions, garment, (left, right), path)
     _check_up(positions, garment, (left, right), path, up)
+    _check_origin(positions, garment, path)
     seen = np.asarray(np.isfinite(positions).all(2))
     held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
     if not options.anyway:
@@ -224,6 +226,18 @@ def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], zero
         what += taken
         advice += "; where a marker was at 0, 0, 0, move the origin and export again"
     raise TakeError(what, where=path, advice=advice)
+
+
+def _check_origin(positions: Floats, garment: Garment, path: Path) -> None:
+    """Refuse markers farther from the origin than a take can hold; name the marker, and count frames from 1."""
+    away = np.nan_to_num(np.abs(positions), nan=0.0).max(2)
+    if (away > FARTHEST_PLACE).any():
+        frame, marker = (int(at[0]) for at in np.nonzero(away > FARTHEST_PLACE))
+        raise TakeError(
+            f"the marker {garment.points[marker].name!r} lies {away[frame, marker]:g} m from the origin in frame "
+            f"{frame + 1}", where=path,
+            advice=f"check the unit, and move the origin: a take reaches {FARTHEST_PLACE:g} m",
+        )  # fmt: skip
 
 
 def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: Path, up: str) -> None:

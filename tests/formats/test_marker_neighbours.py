@@ -81,3 +81,17 @@ def test_two_points_that_the_garment_has_at_one_place_end_in_a_sentence(tmp_path
 def with_at_one_place(places):
     places[:, 5] = places[:, 4]
     return places
+
+
+def test_a_marker_beyond_the_reach_of_a_take_is_named_with_its_frame(tmp_path):
+    """The archive counts frames and points from 0, and knows no names."""
+
+    def change(places, away=1001.5):
+        places[7:17, 9, 2] = -away
+        return places
+
+    name = NAMES[9]
+    told = f"the marker '{name}' lies 1001.5 m from the origin in frame 8; check the unit, and move the origin: a take "
+    with pytest.raises(TakeError, match=told):
+        imported(tmp_path, change, anyway=True)
+    assert imported(tmp_path, lambda places: change(places, 999.5), anyway=True).points.shape[1] == 16

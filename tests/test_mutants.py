@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.__main__ import SURVIVORS, is_listed, is_wording
+from tests.mutants.__main__ import SURVIVORS, is_listed, is_wording, named
+from tests.mutants.types import Change, refused
 
 
 @pytest.mark.parametrize(
@@ -58,6 +59,55 @@ def zipped(rest):
 )
 def test_a_rule_lists_the_changes_of_its_kind_and_no_other(function, removed, added, may_live):
     assert is_listed(SURVIVORS.read_text())(function, f"- {removed}\n+ {added}") is may_live
+
+
+@pytest.mark.parametrize(
+    ("mutant", "module", "function"),
+    [
+        ("formats.rows.x__max_of__mutmut_12", "formats.rows", "_max_of"),
+        ("fit.gap.a.xǁIndex_ǁx_of__mutmut_1", "fit.gap.a", "Index_.x_of"),
+    ],
+)
+def test_a_mutant_has_the_name_of_its_function(mutant, module, function):
+    assert named(mutant) == (module, function)
+
+
+MODULE = """import functools
+
+
+@functools.cache
+def half(x: float) -> float:
+    return x / 2
+
+
+class Of:
+    @property
+    def one(self) -> float:
+        return half(1.0)
+
+
+def two() -> str:
+    return "a"
+"""
+
+
+def test_the_type_check_refuses_changes_in_the_function_of_its_error(tmp_path):
+    """Two changes of one function need two rounds; the other functions stay as they were."""
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p/__init__.py").touch()
+    (tmp_path / "p/a.py").write_text(MODULE)
+    (tmp_path / "pyproject.toml").write_text("[tool.mypy]\nstrict = true\n")
+    changes = [
+        ("half", "def half(x: float) -> float:\n    return x / None\n"),
+        ("half", "def half(x: float) -> float:\n    return x / 3\n"),
+        ("Of.one", "    @property\n    def one(self) -> float:\n\n        return None\n"),
+        ("Of.one", "    def one(self) -> float:\n        return half(2.0)\n"),
+        ("two", 'def two() -> str:\n    return "b"\n'),
+        ("half", "def half(x: float) -> float:\n    return None\n"),
+    ]
+    found = refused(tmp_path, [Change("p/a.py", function, text) for function, text in changes])
+    assert found == [True, False, True, False, False, True]
+    assert (tmp_path / "p/a.py").read_text() == MODULE
 
 
 def test_an_entry_lists_one_change_of_one_function():

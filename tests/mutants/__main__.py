@@ -4,6 +4,7 @@ The mutation tester mutmut makes the mutants and runs, for each, the tests that 
 tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
 `build/mutants/`, which keeps the results: a second run tests again where code or tests have changed.
 
+The type check of `scripts/check` then looks at the mutants that no test noticed. Those that it refuses count as dead.
 A surviving mutant either needs a test, or is listed in `survivors.toml` with a reason. A rule there accepts all mutants
 of one kind: mutants whose two sides are equal without the parts that the rule's pattern matches outside its group.
 
@@ -27,6 +28,8 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 
+from tests.mutants.types import Change, refused
+
 ROOT = Path(__file__).parents[2]
 COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
@@ -41,10 +44,11 @@ KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 class Tally:
     """The results for one folder: the number of killed mutants, and the survivors' diffs by function.
 
-    Those of the wording of a text do not count.
+    Those of the wording of a text do not count. `refused`: mutants that only the type check noticed.
     """
 
     killed: int = 0
+    refused: int = 0
     listed: int = 0
     wording: int = 0
     alive: list[tuple[str, str]] = field(default_factory=list)
@@ -52,7 +56,7 @@ class Tally:
     @property
     def total(self) -> int:
         """All mutants that were tested."""
-        return self.killed + self.listed + len(self.alive)
+        return self.killed + self.refused + self.listed + len(self.alive)
 
 
 def main() -> int:
@@ -175,6 +179,7 @@ def forget_what_changed(copy: Path, tests: list[str]) -> None:
 def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[[str, str], bool]) -> Tally:
     """Count the stored results of a folder's mutants whose names match."""
     copy, found = copy_of(area), Tally()
+    unnoticed: list[tuple[str, str, Change]] = []
     os.chdir(copy)  # mutmut finds its files from the working directory
     from mutmut.mutation.diff_apply import get_diff_for_mutant
     from mutmut.stats import status_by_exit_code
@@ -185,7 +190,8 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
             if code is None or is_of(name, untested) or not any(fnmatch(name, pattern) for pattern in patterns):
                 continue
             is_killed = status_by_exit_code[code] in KILLED
-            function = name.rsplit("__mutmut_", 1)[0].replace("x_", "").replace("xǁ", "").replace("ǁ", ".")
+            module, own = named(name)
+            function = f"{module}.{own}"
             lines = get_diff_for_mutant(name, path=source).splitlines()[2:]
             if is_wording(lines):
                 found.wording += 1
@@ -197,8 +203,27 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
             if listed(function, change):
                 found.listed += 1
             else:
-                found.alive.append((function, change))
+                unnoticed.append((function, change, Change(source, own, source_of(name, source))))
+    are_refused = refused(copy, [one for *_, one in unnoticed])
+    found.refused = sum(are_refused)
+    found.alive = [(where, what) for (where, what, _), one in zip(unnoticed, are_refused, strict=True) if not one]
     return found
+
+
+def named(mutant: str) -> tuple[str, str]:
+    """Return the module of a mutant and the name of its function, by mutmut's name for it."""
+    module, _, mangled = mutant.rsplit("__mutmut_", 1)[0].rpartition(".")
+    return module, mangled[2:].replace("ǁ", ".")
+
+
+def source_of(name: str, path: str) -> str:
+    """Return a mutant's function, read from mutmut's folder within the working directory."""
+    import libcst
+    from mutmut.mutation import diff_apply
+
+    read = diff_apply.read_functions_from_index(name, path)
+    function = read[1] if read else diff_apply.read_mutant_function(diff_apply.read_mutants_module(path), name)
+    return libcst.Module([function]).code
 
 
 def is_wording(lines: list[str]) -> bool:
@@ -217,8 +242,9 @@ def show(area: str, found: Tally) -> bool:
     """Print a folder's figures and its unlisted survivors; return whether they are acceptable."""
     for function, change in found.alive:
         print(f"\n{function}\n{change}")
-    share = found.killed / found.total if found.total else 0.0
-    died = f"{found.killed} of {found.total} mutants die ({100 * share:.1f} %)"
+    killed = found.killed + found.refused
+    share = killed / found.total if found.total else 0.0
+    died = f"{killed} of {found.total} mutants die ({100 * share:.1f} %), {found.refused} by the type check alone"
     print(
         f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted; "
         f"{found.wording} of wording do not count"

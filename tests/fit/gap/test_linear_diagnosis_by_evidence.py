@@ -1,0 +1,111 @@
+"""Whole diagnoses by evidence of takes whose truth is known, in a linear world without simulation."""
+
+from __future__ import annotations
+
+import functools
+import re
+
+import numpy as np
+import pytest
+
+from fit.gap import diagnosis as steps
+from formats.figures import short
+from tests.fit.gap.linear_cloth import LinearCloth, World, diagnosed, misses_by, points_of, three_takes
+from tests.fit.gap.test_linear_diagnosis import HELD_OUT, HEM, finding, gate
+
+
+@functools.cache
+def of_two():
+    """Air drag and a hem, and strain stiffening that moves the cloth as air drag does but for 0.4 %."""
+    world = World(alike={"strain_stiffening": "air_drag"}, apart=0.004)
+    training, held_out = three_takes(world, {"hem": HEM, "air_drag": 1.5})
+    weighed = []
+    with pytest.MonkeyPatch.context() as patch:
+        weigh = steps.weigh
+        patch.setattr(steps, "weigh", lambda *given: weighed.append((given[0], weigh(*given))) or weighed[-1][1])
+        found = diagnosed(training, held_out, world, by="evidence", added=("time_offset",))
+    return world, held_out[0], found, *weighed[0]
+
+
+def test_two_effects_are_named_with_their_sizes_and_judged_on_the_held_out_take():
+    world, take, found, _, _ = of_two()
+    d = found.diagnosis
+    assert d.verdict == "several"
+    assert "hem" in d.named
+    assert finding(d, "hem").amplitude == pytest.approx(HEM, rel=0.05)
+    sizes = {name: finding(d, name).amplitude for name in d.named}
+    together = misses_by(take, points_of(take, world, found.best.vector, sizes))
+    assert d.gap.with_effect_mm.value == pytest.approx(together, rel=1e-3)
+    assert together == pytest.approx(HELD_OUT, rel=0.05)
+    base = misses_by(take, points_of(take, world, found.base.vector))
+    assert d.gap.base_mm.value == pytest.approx(base, rel=1e-6)
+    for name in d.named:
+        assert short(finding(d, name).amplitude) in d.sentence
+    assert d.notes[2].startswith("Probabilities are masses of the sets of effects")
+
+
+def test_a_probability_is_the_mass_of_every_set_with_the_effect_and_a_twin_stands_beside_the_named_one():
+    _, _, found, _, weighed = of_two()
+    d = found.diagnosis
+    (other,) = set(d.named) - {"hem"}
+    (twin,) = {"air_drag", "strain_stiffening"} - {other}
+    assert d.alternatives == {other: [twin]}
+    shares = weighed.shares()
+    assert sum(known + wide for known, wide in shares.values()) == pytest.approx(1.0)
+    for name in ("hem", other, twin, "draught"):
+        mass = sum(known for subset, (known, _) in shares.items() if name in subset)
+        assert finding(d, name).probability == pytest.approx(mass, abs=1e-9)
+    assert finding(d, other).probability + finding(d, twin).probability > 0.99
+    assert finding(d, other).probability > finding(d, twin).probability > 0.02
+    # Both stand for one cause, and the sentence is as sure as of the cause.
+    assert re.search(r"each with a probability of (at least|more than) 99 %", d.sentence), d.sentence
+    assert all(one.p_value is None for one in d.effects)
+
+
+def test_all_fits_of_the_search_are_judged_on_the_held_out_take_and_one_that_was_asked_for_too():
+    world, take, found, rounds, weighed = of_two()
+    d = found.diagnosis
+    assert rounds.singles.keys() == {one[0] for one in weighed.fits if len(one) == 1} | {"time_offset"}
+    assert finding(d, "time_offset").closure is not None
+    for hypothesis in [rounds.base, *rounds.singles.values(), *(h for h, _ in rounds.joint)]:
+        fitted = hypothesis.fitted
+        sizes = {k: fitted.amplitudes[LinearCloth.columns_of(k)] for k in hypothesis.effects}
+        left = misses_by(take, points_of(take, world, fitted.vector, sizes))
+        assert hypothesis.errors.squared_mm**0.5 == pytest.approx(left, rel=1e-6)
+    starts = len(rounds.fits)
+    assert f"best two of {starts} starts" in gate(d, "base fit").sentence
+
+
+def test_collinear_effects_share_the_mass_and_are_ambiguous():
+    """Strain stiffening moves this cloth as air drag does but for a ten-thousandth."""
+    world = World(alike={"strain_stiffening": "air_drag"}, apart=1e-4)
+    training, held_out = three_takes(world, {"air_drag": 1.5})
+    d = diagnosed(training, held_out, world, by="evidence").diagnosis
+    assert d.verdict == "ambiguous"
+    assert set(d.named) == {"air_drag", "strain_stiffening"}
+    best, other = (finding(d, name) for name in d.named)
+    assert best.probability >= other.probability > 0.2
+    assert best.probability + other.probability == pytest.approx(1.0, abs=0.02)
+    for one in (best, other):
+        assert f"(probability {100 * one.probability:.0f} %)" in d.sentence
+    assert d.next_experiment is None
+    assert d.notes[-1].startswith("No motion of the menu would separate the named effects")
+
+
+def test_a_motion_of_no_effect_is_an_unknown_cause():
+    world = World()
+    training, held_out = three_takes(world, {}, unknown=6e-3)
+    d = diagnosed(training, held_out, world, by="evidence").diagnosis
+    assert (d.verdict, d.named) == ("unknown", [])
+    assert sum(one.probability for one in d.effects) < 0.5
+    assert d.gap.closure is None
+    assert np.isfinite(d.gap.base_mm.value)
+
+
+def test_without_a_gap_the_empty_set_has_the_mass():
+    world = World()
+    training, held_out = three_takes(world, {})
+    d = diagnosed(training, held_out, world, by="evidence").diagnosis
+    assert (d.verdict, d.named) == ("none", [])
+    assert sum(one.probability for one in d.effects) < 0.5
+    assert d.gap.base_mm.value == pytest.approx(HELD_OUT, rel=0.05)

@@ -55,7 +55,7 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
     """
-    corners = np.array(garment.outline_m, float)
+    corners = np.array(garment.outline_m)
     side = float(np.ptp(corners, axis=0).max())
     if not SHORTEST <= side <= LONGEST:
         meant = unit_of(side, SHORTEST, LONGEST)
@@ -81,7 +81,7 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
 
 def _check_places(garment: Garment, where: object, *, offers_anyway: bool) -> None:
     """Refuse two points of a garment at nearly one place."""
-    places = np.array([point.at_m for point in garment.points], float).reshape(-1, 2)
+    places = np.array([point.at_m for point in garment.points]).reshape(-1, 2)
     for one in range(len(places)):
         others = np.flatnonzero(np.linalg.norm(places[one + 1 :] - places[one], axis=1) < POINTS_APART)
         if len(others):

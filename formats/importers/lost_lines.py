@@ -56,7 +56,9 @@ def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Ca
     joined = [at for at in seen if not _goes_on(time, positions, at, holes)]
     positions[joined] = np.nan
     lacks = (
-        _missing(first[at : at + 2]) if are_numbered and is_hole[at] else f"{steps[at] - usual:.3g} s are"
+        _missing(int(first[at]) + 1, int(first[at + 1]) - 1)
+        if are_numbered and is_hole[at]
+        else f"{steps[at] - usual:.3g} s are"
         for at in holes
     )
     return "; ".join(
@@ -74,7 +76,7 @@ def _are_steps_of_two(time: Floats, steps: Floats, usual: float) -> Booleans:
         return found
     most = AROUND_A_STEP[0]
     interval = float(np.median((time[most:] - time[:-most]) / most)) if len(time) > most else usual
-    late = time - time[0] - interval * np.arange(len(time))
+    late = time - interval * np.arange(len(time))
     for at in maybe:
         near = range(max(0, at - POSITIONS_AROUND), min(len(steps), at + POSITIONS_AROUND))
         uneven = max((abs(steps[k] - usual) for k in near if k not in maybe), default=0.0)
@@ -122,7 +124,6 @@ def _goes_on(time: Floats, positions: Floats, at: int, holes: list[int]) -> bool
     return bool(is_led.any() and (off[own, is_led] <= FARTHER * usual).all())
 
 
-def _missing(around: Floats) -> str:
-    """Return the missing frame numbers between two frames in words."""
-    begin, end = int(around[0]) + 1, int(around[1]) - 1
+def _missing(begin: int, end: int) -> str:
+    """Return missing frame numbers in words, from the first to the last."""
     return f"frame {begin} is" if begin == end else f"frames {begin} to {end} are"

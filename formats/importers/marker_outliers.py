@@ -125,7 +125,7 @@ def _jumps_at_ends(time: Floats, positions: Floats, noise: float, step: float) -
         return []
     lead, reach = straight_lines(time, positions)
     ahead = (np.linalg.norm(positions - lead, axis=2) / np.maximum(1.0, reach / (2 * step**2)))[1:]
-    elsewhere = float(max(ahead[0, 4:-2].max(initial=0.0), ahead[1, 2:-4].max(initial=0.0)))
+    elsewhere = float(max(ahead[0, 4:-2].max(), ahead[1, 2:-4].max()))
     bend, found = AT_ENDS * max(BENDS * noise, elsewhere), list[tuple[int, float]]()
     for order in (np.arange(4), len(time) - 1 - np.arange(4)):
         line = order[2:4]

@@ -150,7 +150,7 @@ def remove_missing_value_codes(positions: Floats, metres: Floats, name: Callable
     others = [np.abs(positions[..., axis][~same & np.isfinite(positions[..., axis])]) for axis in range(3)]
     farthest = max(float(one.max(initial=0)) for one in others)
     values, codes = np.unique((positions[..., 0] / metres)[same], return_inverse=True)
-    numbers = np.full(same.shape, -1)
+    numbers = np.zeros(same.shape, int)  # read only where all three are the same
     numbers[same] = codes
     words = [f"{value:.7g}" for value in values.tolist()]  # all of 4 bytes
     out = same & (np.abs(positions[..., 0]) > FARTHER_THAN_OTHERS * farthest) & (farthest > 0)

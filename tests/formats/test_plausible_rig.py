@@ -12,7 +12,14 @@ import pytest
 from firmware_host.synthetic.scene import RIG
 from formats.descriptions import check_rig, dump_description, load_rig
 from formats.errors import DescriptionError, ImplausibleError
-from formats.plausible_rig import DICTIONARIES, check_plausible_hold, check_plausible_rig
+from formats.plausible_rig import (
+    DICTIONARIES,
+    LARGEST_MARKER,
+    SMALLEST_MARKER,
+    check_plausible_hold,
+    check_plausible_marker,
+    check_plausible_rig,
+)
 from formats.rig import RigBody
 from tests.formats.test_plausible import panel
 
@@ -61,6 +68,8 @@ PLAY = "; `hangtime sensor play` tells"
          "or inches meant? Measure it again and give metres"),
         ({"cx": 0.3}, "sensor.cx = 0.3 px is far from the middle of 640 pixels, where sensors have it; is that a share "
          f"of the picture, 192 px? Give the principal point in pixels{PLAY} it"),
+        ({"cx": 1.5}, "sensor.cx = 1.5 px is far from the middle of 640 pixels, where sensors have it; give the "
+         f"principal point in pixels{PLAY} it"),
         ({"cx": 1.0}, "sensor.cx = 1 px is far from the middle of 640 pixels, where sensors have it; is that a share "
          f"of the picture, 640 px? Give the principal point in pixels{PLAY} it"),
         ({"cy": 100.0}, "sensor.cy = 100 px is far from the middle of 480 pixels, where sensors have it; give the "
@@ -100,6 +109,7 @@ PLAY = "; `hangtime sensor play` tells"
          f"degrees; m{MEASURE}"),
         ({"depth_scale_sd": 2.0}, "calibration.depth_scale_sd is 2, a measurement's at most 0.1; was 2 per cent meant, "
          f"0.02? M{MEASURE}"),
+        ({"depth_scale_sd": 20.0}, f"calibration.depth_scale_sd is 20, a measurement's at most 0.1; m{MEASURE}"),
         ({"depth_offset_sd_px": (float("inf"), 1000.0)}, "calibration.depth_offset_sd_px is 1000 px, a measurement's "
          f"at most 30 px; m{MEASURE}"),
     ],
@@ -128,7 +138,8 @@ def test_a_rig_of_no_hanger_or_sensor_says_which_number_and_why_and_is_accepted_
         {"gravity": (0.86, 0.51, 0.0)},
         {"marker_size_m": 0.0105},
         {"marker_size_m": 0.006, "marker": "dot"},
-        near("sphere", (0, 0, 12.9), radius_m=3.0),
+        near("sphere", (0, 0, 13.0), radius_m=3.0),
+        near("plane", (1, 0, 2), normal=(0, -1, 0)),
         near("plane", (0, 0.01, 0), normal=(0, -1, 0)),
         near("plane", (-3000, 1, 4000), normal=(0, -1, 0)),
         {"gravity_sd_degrees": 30.0, "depth_scale_sd": 0.1, "held_sd_m": ((0.05,) * 3,) * 2},
@@ -193,3 +204,31 @@ def test_a_garment_hangs_from_ends_that_are_a_quarter_to_a_little_more_than_its_
         check_plausible_hold(RIG, panel(edge, 0.5, 0.05), "g", offers_anyway=True)
     assert f"hanger.held_m: its ends are 0.4 m apart, the garment's held edge is {edge:g} m long" in str(refused.value)
     check_plausible_hold(msgspec.structs.replace(RIG, hanger=None), panel(edge, 0.5, 0.05), "g")
+
+
+@pytest.mark.parametrize("size", [SMALLEST_MARKER, 0.06, LARGEST_MARKER])
+def test_a_printed_marker_of_a_hangers_size_is_one(size):
+    check_plausible_marker(size, "--size")
+
+
+@pytest.mark.parametrize(
+    ("size", "meant"), [(0.004, ""), (0.51, ""), (6.0, "; were millimetres or centimetres or inches meant?")]
+)
+def test_a_printed_marker_that_no_hanger_has_is_refused_with_the_unit_that_fits(size, meant):
+    with pytest.raises(ImplausibleError) as refused:
+        check_plausible_marker(size, "--size", offers_anyway=True)
+    step = "ive metres, as in --size 0.06, or --anyway to accept it"
+    assert str(refused.value) == f"--size: a hanger's marker has 0.005 to 0.5 m (got {size:g}){meant}" + (
+        f" G{step}" if meant else f"; g{step}"
+    )
+
+
+def test_ends_of_one_place_have_no_left_one():
+    with pytest.raises(ImplausibleError, match=r"its first end, at x = 0.1, is not left of its second, at x = 0.1; "):
+        check_plausible_rig(rig(held_m=ends(0.1, 0.1)), "r")
+
+
+def test_a_body_far_from_an_unknown_camera_is_measured_from_the_origin():
+    bare = msgspec.structs.replace(rig(**near("sphere", (0, 0, 13.1), radius_m=3.0)), sensor=None)
+    with pytest.raises(ImplausibleError, match=r"at_m = \[0, 0, 13\.1\] of body 1 is 13\.1 m from the origin, "):
+        check_plausible_rig(bare, "r")

@@ -84,8 +84,9 @@ def decide(evidence: Evidence) -> Verdict:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
         return no_gap(evidence, has_gap=has_gap)
-    if any(g.name == "base fit" for g in failed) and not identified:
-        return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
+    unsettled = next((g for g in failed if g.name == "base fit"), None)
+    if unsettled is not None and not identified:
+        return Verdict("inconclusive", [], f"No diagnosis: {unsettled.sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
     causes = [evidence.singles[k] for k in passing] + ([several] if several else [])
     closures = [c.value for h in causes if (c := evidence.closure_of(h)) is not None]

@@ -197,13 +197,13 @@ def test_collinear_effects_are_ambiguous_and_a_note_says_that_no_motion_separate
 
 def test_an_effect_that_moves_the_held_edge_alone_is_looked_for_though_the_cloth_shows_no_gap():
     world = World(on_edge=("clock_drift",))
-    training, held_out = three_takes(world, {"clock_drift": 0.01})
+    training, held_out = three_takes(world, {"clock_drift": 0.005})
     d = diagnosed(training, held_out, world).diagnosis
     assert (d.verdict, d.named) == ("effect", ["clock_drift"]), d.sentence
     found = finding(d, "clock_drift")
-    assert found.amplitude == pytest.approx(0.01, rel=0.05)
+    assert found.amplitude == pytest.approx(0.005, rel=0.1)
     assert found.p_value is None  # the edge showed it, and no test of its closure
-    assert d.gap.edge_with_effect_mm < 0.5 * d.gap.edge_mm
+    assert d.gap.edge_with_effect_mm < 0.6 * d.gap.edge_mm
     assert "The held edge shows this effect" in d.sentence
 
 

@@ -57,7 +57,7 @@ def test_of_two_failed_gates_the_one_that_forbids_a_diagnosis_is_told(failed):
 
 
 def test_an_effect_that_closes_four_fifths_as_much_and_often_leaves_less_is_a_rival():
-    """The hem leaves 57 mm^2 where the drag leaves 42, 0.85 of its closure; in every second half-second it is better."""
+    """The hem leaves 57 mm^2 where the drag leaves 42, 0.85 of its closure; every second half-second it is better."""
     evidence = with_blocks(evidence_of({"air_drag": 6.5, "hem": 7.6}), air_drag=(84.0, 0.5), hem=(0.5, 114.5))
     shares = evidence.win_shares()
     assert 0.5 < shares["air_drag"] < 0.8

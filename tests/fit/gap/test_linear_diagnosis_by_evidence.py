@@ -23,7 +23,7 @@ def of_two():
     with pytest.MonkeyPatch.context() as patch:
         weigh = steps.weigh
         patch.setattr(steps, "weigh", lambda *given: weighed.append((given[0], weigh(*given))) or weighed[-1][1])
-        found = diagnosed(training, held_out, world, by="evidence", added=("time_offset",))
+        found = diagnosed(training, held_out, world, by="evidence", added=("anisotropy",))
     return world, held_out[0], found, *weighed[0]
 
 
@@ -65,8 +65,9 @@ def test_a_probability_is_the_mass_of_every_set_with_the_effect_and_a_twin_stand
 def test_all_fits_of_the_search_are_judged_on_the_held_out_take_and_one_that_was_asked_for_too():
     world, take, found, rounds, weighed = of_two()
     d = found.diagnosis
-    assert rounds.singles.keys() == {one[0] for one in weighed.fits if len(one) == 1} | {"time_offset"}
-    assert finding(d, "time_offset").closure is not None
+    assert ("anisotropy",) not in weighed.fits
+    assert rounds.singles.keys() == {one[0] for one in weighed.fits if len(one) == 1} | {"anisotropy"}
+    assert finding(d, "anisotropy").closure is not None
     for hypothesis in [rounds.base, *rounds.singles.values(), *(h for h, _ in rounds.joint)]:
         fitted = hypothesis.fitted
         sizes = {k: fitted.amplitudes[LinearCloth.columns_of(k)] for k in hypothesis.effects}

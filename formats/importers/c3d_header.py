@@ -137,7 +137,7 @@ def counts_of(parameters: Parameters) -> dict[str, int]:
 
 
 def _of_two_words(words: Floats) -> int:
-    low, high = (int(word) % WORD_VALUES for word in np.nan_to_num(words, posinf=0.0, neginf=0.0))
+    low, high = (int(word) % WORD_VALUES for word in np.nan_to_num(words))  # 0 of infinity, the largest number there
     return low + WORD_VALUES * high
 
 

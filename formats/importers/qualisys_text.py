@@ -63,9 +63,7 @@ def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> M
     count_of_frames = whole_number(value("NO_OF_FRAMES"), "number of frames", path, len(rows) - len(head))
     body, width = rows[len(head) :], 3 * len(names)
     titles = body[0] if len(body) else [""]
-    clock_cells = tuple(
-        takewhile(lambda title: title in (NUMBER_TITLE, TIME_TITLE), (cell.strip().lower() for cell in titles))
-    )
+    clock_cells = _clock_named_in(titles, names)
     # FREQUENCY is EXT where another device triggers each frame; frames with times need no rate.
     rate = rate_beside_times(value("FREQUENCY")) if TIME_TITLE in clock_cells else frame_rate(value("FREQUENCY"), path)
     if clock_cells or _are_titles(titles, names):
@@ -99,14 +97,24 @@ def _are_titles(row: list[str], names: list[str]) -> bool:
     return bool(names) and row[0].strip().startswith(names[0]) and not any(map(is_number, row))
 
 
+def _clock_named_in(titles: list[str], names: list[str]) -> tuple[str, ...]:
+    """Return the cells of the clock before the first marker, by the column names; () without any."""
+    named = (cell.strip().lower() for cell in titles)
+    found = tuple(takewhile(lambda title: title in (NUMBER_TITLE, TIME_TITLE), named))
+    if found == (NUMBER_TITLE,) and len(titles) > 1 and not _are_titles(titles[1:], names):
+        return NUMBER_TITLE, TIME_TITLE  # other programs name the time otherwise, as `Time (s)`
+    return found
+
+
 def _begin_with(cells: tuple[str, ...], body: Rows, width: int, rate: float) -> bool:
     """Return whether lines without column names begin with such cells of a clock, at `rate` frames a second.
 
     `width`: number of cells with coordinates
     """
     lines = [row for row in body[: min(LOOKED_AT, len(body) - body.is_cut)] if any(map(str.strip, row))]
-    filled = (len(row) - sum(1 for _ in takewhile(lambda cell: not cell.strip(), reversed(row))) for row in lines)
-    if max(map(len, lines), default=0) < width + len(cells) or max(filled) > width + len(cells):
+    filled = sorted(len(row) - sum(1 for _ in takewhile(lambda cell: not cell.strip(), reversed(row))) for row in lines)
+    # A single line may have a cell too many.
+    if max(map(len, lines), default=0) < width + len(cells) or filled[len(filled) // 2] > width + len(cells):
         return False
     if not all(len(row) >= len(cells) and all(map(is_number, row[: len(cells)])) for row in lines):
         return False

@@ -37,9 +37,10 @@ def clocked(frames, clock=CLOCK):
         ([], FRAMES, 0.0), ([TITLES], FRAMES, 0.0), ([["Frame", "Time", *TITLES]], clocked(FRAMES), 0.12),
         ([], clocked(FRAMES), 0.12),
         ([["Frame", *TITLES]], clocked(FRAMES, NUMBERS), 0.14), ([["Time", *TITLES]], clocked(FRAMES, TIMES), 0.12),
+        ([["Frame", "Time (s)", *TITLES]], clocked(FRAMES), 0.12), ([["Frame", "", *TITLES]], clocked(FRAMES), 0.12),
         ([], clocked(FRAMES, NUMBERS), 0.14), ([], clocked(FRAMES, TIMES), 0.12),
     ],
-    ids=["none", "titles", "both", "clock", "titled numbers", "titled times", "numbers", "times"],
+    ids=["none", "titles", "both", "clock", "titled numbers", "titled times", "unit", "no title", "numbers", "times"],
 )  # fmt: skip
 def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path, titles, lines, begin, end):
     found = read(tmp_path, HEAD + table(*titles, *(line + end for line in lines)), name="a.tsv")
@@ -47,6 +48,12 @@ def test_a_table_of_qualisys_is_read_with_and_without_titles_and_clock(tmp_path,
     assert (found.labels, found.warning, found.has_times) == (NAMES, "", begin == 0.12)  # frame numbers are no times
     assert found.positions[0, 0] == FIRST
     assert found.positions[3, 1] == pytest.approx([3.125e-3, 7.5e-3, 1.10025])
+
+
+def test_a_line_with_a_cell_too_many_hides_no_clock_of_qualisys(tmp_path):
+    lines = clocked(FRAMES)
+    with pytest.raises(TakeError, match="line 7 has 9 cells, the header names 8"):
+        read(tmp_path, HEAD + table(*lines[:2], [*lines[2], "7.5"], lines[3]), name="a.tsv")
 
 
 @pytest.mark.parametrize("titles", [[], [TITLES]], ids=["none", "titles"])

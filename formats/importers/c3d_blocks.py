@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int
     """Refuse a file that holds some blocks twice, one behind the other, so that all frames behind are shifted.
 
     The file is longer by these blocks. Positions that rest, and gaps, repeat bytes as well, but a few of them only.
+    A program that fills lost frames, or doubles the frame rate, repeats whole frames in several places. A copy repeats
+    them in one place.
 
     - `begin`, `end`, `stop` [bytes]: offsets of the frames, behind the last stated frame, and of the file's end or of
       the section behind the frames
@@ -68,18 +71,19 @@ def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int
 
         is_filled = part(end - begin, end - begin + max(width, BLOCK_BYTES)).any()
         longest = 2 * doubled if doubled % width == 0 else stop  # whole frames at rest repeat without end
-        at = _first_repeat(part, stop - begin, (doubled, longest), 4 * kind) if is_filled else None
-    if at is not None:
+        repeats = _repeats(part, stop - begin, (doubled, longest), 4 * kind) if is_filled else iter(())
+        found = list(islice(repeats, 2))
+    if len(found) == 1 or (found and doubled % width):
         raise TakeError(
-            f"holds the {doubled} bytes from byte {begin + at} on twice, which shifts all frames behind them",
+            f"holds the {doubled} bytes from byte {begin + found[0]} on twice, which shifts all frames behind them",
             where=path, advice="copy or export it again",
         )  # fmt: skip
 
 
-def _first_repeat(
+def _repeats(
     part: Callable[[int, int], np.ndarray[Any, np.dtype[np.uint8]]], length: int, sizes: tuple[int, int], point: int
-) -> int | None:
-    """Return the first offset from which some bytes come twice, one behind the other; None without one.
+) -> Iterator[int]:
+    """Yield the offsets from which some bytes come twice, one behind the other.
 
     Bytes of which half the points or more are alike are no repeat.
 
@@ -97,9 +101,8 @@ def _first_repeat(
         for first in (bounds[:-1][ended][(counts >= size) & (counts < longest)] + 1).tolist():
             points = part(first, first + min(size, COMPARED_AT_ONCE) // point * point).reshape(-1, point)
             if 2 * len(np.unique(points, axis=0)) > len(points):
-                return int(first)
+                yield int(first)
         begun = int(bounds[-2]) + 1
-    return None
 
 
 @dataclass(frozen=True)

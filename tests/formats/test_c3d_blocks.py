@@ -202,6 +202,16 @@ def test_whole_frames_that_a_copy_wrote_twice_are_refused_and_frames_at_rest_are
     np.testing.assert_allclose(1e3 * read(tmp_path, longer).positions, at_rest, atol=1e-3)
 
 
+@pytest.mark.parametrize("repeated", [[20, 41, 77], range(1, 128, 2)])
+@pytest.mark.parametrize("said", [127, 128])
+def test_frames_that_a_program_repeats_are_no_blocks_written_twice(tmp_path, repeated, said):
+    """Programs repeat a frame for a lost one, or each for a higher rate, and may state one frame too few."""
+    moving = np.random.default_rng(3).uniform(-900, 900, (128, 32, 3))
+    moving[list(repeated)] = moving[[k - 1 for k in repeated]]
+    found = read(tmp_path, c3d_bytes(moving, [f"m{k}" for k in range(32)], frames_said=said))
+    np.testing.assert_allclose(1e3 * found.positions, moving[:said], atol=1e-3)
+
+
 @pytest.mark.parametrize("count", [1, 7])
 def test_markers_at_rest_and_gaps_are_no_blocks_written_twice(tmp_path, count):
     """Frames of 208 bytes at rest repeat after 13 blocks, and behind them are as many blocks as no frames fill."""

@@ -17,7 +17,8 @@ class MeshReachedError(Exception):
 
 def fit_of(name):
     return SimpleNamespace(
-        errors=SimpleNamespace(edge=None), fitted=SimpleNamespace(vector=f"vector of {name}", amplitudes=name, cost=1.0)
+        errors=SimpleNamespace(edge=None, of=name),
+        fitted=SimpleNamespace(vector=f"vector of {name}", amplitudes=name, cost=1.0),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import re
 
@@ -110,3 +111,31 @@ def test_without_a_gap_the_empty_set_has_the_mass():
     assert (d.verdict, d.named) == ("none", [])
     assert sum(one.probability for one in d.effects) < 0.5
     assert d.gap.base_mm.value == pytest.approx(HELD_OUT, rel=0.05)
+
+
+def test_a_base_fit_that_comes_nearer_beside_an_effect_is_what_all_later_steps_are_about(monkeypatch):
+    """The base fit that is handed in ended a third of every stiffness away."""
+    world, poor = World(), []
+    training, held_out = three_takes(world, {"hem": HEM})
+    fit_base = steps.fit_base
+
+    def ended_early(*given):
+        (best, *_), observer, gate_of_pull = fit_base(*given)
+        vector = 1.3 * best.vector
+        residual = observer.residuals(vector[None], observer.off[None])[0]
+        poor.append(dataclasses.replace(best, vector=vector, residual=residual))
+        return list(poor), observer, gate_of_pull
+
+    monkeypatch.setattr(steps, "fit_base", ended_early)
+    found = diagnosed(training, held_out, world, by="evidence")
+    d = found.diagnosis
+    assert (d.verdict, d.named) == ("effect", ["hem"])
+    assert found.base.cost < 0.99 * poor[0].cost
+    (take,) = held_out
+    assert d.gap.base_mm.value == pytest.approx(misses_by(take, points_of(take, world, found.base.vector)), rel=1e-6)
+    assert "best two of 2 starts" in gate(d, "base fit").sentence
+    limit = 100 * (max(1.15, (found.base.cost / found.best.cost) ** 0.5) - 1)
+    assert gate(d, "base fit").limit == pytest.approx(limit, rel=1e-3)
+    # The finer mesh closes nothing that the new base fit leaves.
+    assert gate(d, "mesh and step").figure < 5.0
+    assert finding(d, "hem").fitted_share == pytest.approx(1 - found.best.cost / found.base.cost, rel=1e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from formats.figures import head_of, short, span_of, with_unit, without_noise
+from formats.figures import head_of, round_step, short, span_of, with_unit, without_noise
 
 
 @pytest.mark.parametrize(
@@ -17,6 +17,10 @@ from formats.figures import head_of, short, span_of, with_unit, without_noise
         (-2500, "-2500"),
         (3.2e7, "3.2e+07"),
         (2e-6, "2e-06"),
+        (999_499.0, "999499"),
+        (1e6, "1e+06"),
+        (999.4, "999"),
+        (-0.012345, "-0.0123"),
     ],
 )
 def test_a_number_below_a_million_has_no_exponent(value, text):
@@ -46,3 +50,35 @@ def test_a_pure_number_has_no_unit_and_a_rate_is_per_second():
     assert with_unit("3", "N/m") == "3 N/m"
     assert head_of("drag", "1") == "drag"
     assert head_of("damping", "1/s") == "damping [1/s]"
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "head"),
+    [
+        ("", "2", "a"),
+        ("1", "2", "a"),
+        ("N/m", "2 N/m", "a [N/m]"),
+        ("1/s", "2 per s", "a [1/s]"),
+        ("11/s", "2 11/s", "a [11/s]"),
+    ],
+)
+def test_units_stand_behind_numbers_and_in_the_brackets_of_heads(unit, text, head):
+    assert (with_unit("2", unit), head_of("a", unit)) == (text, head)
+    assert with_unit("", unit) == ""
+
+
+def test_digits_of_an_interval_are_those_that_are_asked_for():
+    assert span_of((1.23456, 12345.6), 2) == "1.2 to 12346"
+    assert span_of((1.23456, 2.0), 4) == "1.235 to 2"
+    assert short(0.123456, 5) == "0.12346"
+
+
+@pytest.mark.parametrize(
+    ("least", "step"),
+    [
+        (1.0, 1.0), (1.01, 2.0), (2.0, 2.0), (2.01, 2.5), (2.5, 2.5), (2.6, 5.0), (5.0, 5.0), (5.1, 10.0), (9.99, 10.0),
+        (10.0, 10.0), (0.03, 0.05), (0.001, 0.001), (2.0000000001, 2.0), (2.00000001, 2.5), (340.0, 500.0),
+    ],
+)  # fmt: skip
+def test_a_step_of_an_axis_is_the_least_round_one(least, step):
+    assert round_step(least) == step

@@ -168,3 +168,12 @@ def test_a_stated_count_with_decimals_is_read(tmp_path, held):
         path.write_text(stated)
         found = read_marker_tracks(path)
         assert (found.positions.shape, found.warning) == ((30, 2, 3), warning)
+
+
+def test_a_warning_of_thousands_stands_before_that_of_the_stated_count(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(text_of("a.trc", "en").replace("\t30\t2\t", "\t28\t2\t"))
+    assert read_marker_tracks(path).warning == (
+        "commas were read as thousands separators, as in 1,200.00; the file states 28 frames and holds 30; all of them "
+        "were read"
+    )

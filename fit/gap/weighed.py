@@ -5,10 +5,13 @@ closure of this set. An effect's probability is the mass of all subsets that con
 
 | most of the mass | verdict |
 |---|---|
-| no effect, known discrepancy | `none`, or `inconclusive` under a pull that hides typical sizes |
+| no effect, known discrepancy | `none`, or `inconclusive` under a pull that hides typical sizes; `unknown`, see below |
 | any subset, wide discrepancy | `unknown` |
 | subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
 | subsets of two or three | `several`, with the effects that may stand in each one's place |
+
+The masses do not weigh a motion of the whole cloth with its held edge. So `none` becomes `unknown` if the base model's
+held edge is off beyond noise, and its held-out error clearly exceeds noise, mesh and solver.
 
 The verdict names the set of largest mass in which every effect's size certainly differs from zero. Without this set it
 names no effect. An effect that closes less than SMALLEST_CLOSURE of the held-out gap is no cause: `unknown`. Gates and
@@ -28,6 +31,7 @@ from fit.gap.posterior import Found, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
 from fit.gap.verdict import Verdict, describe_held_edge, gap_numbers, lacks, no_gap, share_closed, with_unit
+from fit.observer.edge import is_edge_explained
 from formats.arrays import Floats
 from formats.diagnosis_records import in_percent
 
@@ -97,7 +101,11 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
     unknown = sum(wide for _, wide in shares.values())
     nothing = shares[()][0]
     named = 1.0 - unknown - nothing
+    gap = f"There is a gap that no effect in the library explains. {figures}"
     if nothing >= max(unknown, named):
+        is_off = evidence.exceeds(evidence.floor_mm**2 + evidence.numerics_mm**2)
+        if is_off and not is_edge_explained(evidence.base.errors.edge):
+            return Verdict("unknown", [], gap + describe_held_edge(evidence))
         return no_gap(evidence, has_gap=evidence.exceeds(evidence.floor_mm**2))
     coarse = next((g for g in evidence.gates if g.name == "mesh and step" and not g.passed), None)
     order = sorted((s for s in found.fits if s), key=lambda s: -shares.get(s, (0.0, 0.0))[0])
@@ -107,7 +115,6 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
     closed = evidence.closure_of(hypothesis) if hypothesis else None
     if coarse is not None and 100 * (closed.value if closed else 0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {figures}")
-    gap = f"There is a gap that no effect in the library explains. {figures}"
     if unknown < named and hypothesis is None and likeliest is not None:
         if not evidence.exceeds(evidence.floor_mm**2):
             return no_gap(evidence, has_gap=False)

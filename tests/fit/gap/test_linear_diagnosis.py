@@ -177,6 +177,16 @@ def test_two_effects_are_named_with_the_twin_of_one_of_them():
     assert d.gap.with_effect_mm.value == pytest.approx(together, rel=1e-4)
 
 
+def test_a_small_effect_is_named_beside_one_that_would_suffice_alone():
+    """Beside a hem, whose sound laws would leave as much, a third of typical drag leaves nothing but noise."""
+    world = World()
+    training, held_out = three_takes(world, {"hem": HEM, "air_drag": 0.5})
+    d = diagnosed(training, held_out, world).diagnosis
+    assert (d.verdict, d.named) == ("several", ["hem", "air_drag"]), d.sentence
+    assert finding(d, "air_drag").amplitude == pytest.approx(0.5, abs=0.05)
+    assert finding(d, "hem").amplitude == pytest.approx(HEM, rel=0.05)
+
+
 def test_collinear_effects_are_ambiguous_and_a_note_says_that_no_motion_separates_them():
     """Strain stiffening moves this cloth as air drag does but for a ten-thousandth."""
     world = World(alike={"strain_stiffening": "air_drag"}, apart=1e-4)
@@ -266,11 +276,19 @@ def test_without_held_out_takes_the_closure_is_said_to_flatter():
     assert finding(d, "hem").p_value < 0.05
 
 
-def test_a_parameter_at_its_bound_and_an_incomplete_take_are_told():
+CHAOTIC = Gate(name="predictability", passed=False, figure=9.0, limit=1.0, unit="mm", sentence="chaotic")
+
+
+def test_a_parameter_at_its_bound_and_an_incomplete_or_unpredictable_take_are_told(monkeypatch):
     world = World()
+    fitted = steps.fit_base
+    monkeypatch.setattr(steps, "fit_base", lambda *given: (*fitted(*given)[:2], CHAOTIC))
+    monkeypatch.setattr(steps.Rounds, "predictability", lambda self: CHAOTIC)
     training, (held_out,) = three_takes(world, {}, base=8.0)
     cut = dataclasses.replace(held_out, is_complete=False)
     d = diagnosed(training, [cut], world).diagnosis
+    assert not gate(d, "predictability").passed
+    assert d.notes[0].startswith("Free rollouts, which no pull makes predictable; ")
     assert "velocity damping (0.02 per s)" in d.sentence
     assert "are at their bounds" in d.sentence
     assert [state.is_complete for state in d.take_states] == [True, True, False]
@@ -282,20 +300,16 @@ def test_takes_that_only_the_best_model_predicts_are_predictable_and_raw_points_
     """The base fit's end is said to be unpredictable; the camera's faults would have left 20 mm on raw points."""
     world = World()
     training, held_out = three_takes(world, {"hem": HEM})
-    asked = []
-    chaotic = Gate(name="predictability", passed=False, figure=9.0, limit=1.0, unit="mm", sentence="chaotic")
+    asked, looked_at = [], []
     fitted = steps.fit_base
-
-    def fit_base(*given):
-        fits, observer, _ = fitted(*given)
-        return fits, observer, chaotic
 
     def raw(observer, judge, *takes):
         asked.append((len(observer.recordings), len(judge.recordings), *takes[:3]))
         return 20.0
 
-    monkeypatch.setattr(steps, "fit_base", fit_base)
+    monkeypatch.setattr(steps, "fit_base", lambda *given: (*fitted(*given)[:2], CHAOTIC))
     monkeypatch.setattr(steps.from_raw, "raw_error_mm", raw)
+    monkeypatch.setattr(steps, "describe_camera", lambda recordings: looked_at.extend(recordings) or [])
     found = diagnosed(training, held_out, world)
     d = found.diagnosis
     assert (d.verdict, d.named) == ("effect", ["hem"])
@@ -304,6 +318,7 @@ def test_takes_that_only_the_best_model_predicts_are_predictable_and_raw_points_
     ((fitted_to, judged_on, first, second, base),) = asked
     assert (fitted_to, judged_on, first, second) == (2, 1, training, held_out)
     assert base is found.base
+    assert [one.take_id for one in looked_at] == ["a", "b", "c"]
     floor, left = d.gap.floor_mm.value**2, d.gap.with_effect_mm.value**2
     assert d.gap.closure_from_raw == pytest.approx(min((400 - left) / (400 - floor), 1.0))
     assert "From the points as tracked, which the base model misses by 20.0 mm" in d.sentence

@@ -139,3 +139,14 @@ def test_a_base_fit_that_comes_nearer_beside_an_effect_is_what_all_later_steps_a
     # The finer mesh closes nothing that the new base fit leaves.
     assert gate(d, "mesh and step").figure < 5.0
     assert finding(d, "hem").fitted_share == pytest.approx(1 - found.best.cost / found.base.cost, rel=1e-3)
+
+
+def test_a_cloth_that_moves_with_an_edge_off_the_hangers_path_is_an_unknown_cause():
+    """The whole cloth follows an edge that moves 5 mm beside the hanger's path; no shape of hanging cloth does that."""
+    world = World()
+    training, held_out = three_takes(world, {}, off=5e-3)
+    d = diagnosed(training, held_out, world, by="evidence").diagnosis
+    assert (d.verdict, d.named) == ("unknown", [])
+    assert "The base model puts the held edge" in d.sentence
+    assert "lies between hanger and edge." in d.sentence
+    assert d.gap.held_by_edge_mm.value == pytest.approx(HELD_OUT, rel=0.1)

@@ -1,25 +1,32 @@
 """Let one call compute at a time: the solver has one memory for the whole process, and breaks under two threads.
 
-While a function of progress runs, its call is paused and another one may begin. A paused call goes on once every call
-that began meanwhile has ended. So a progress may wait for a call of another thread. Calls are nested as in one thread,
-so that settings such as the threads of linear algebra come back in their order.
+While a function of progress runs for long, its call is paused and another one may begin. So a progress may wait for a
+call of another thread. A paused call goes on once every call that began meanwhile has ended, and before any other one
+begins. Calls are nested as in one thread, so that settings such as the threads of linear algebra come back in their
+order.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+# s that a progress may take before another call begins. Our choice: a progress that only shows figures is done by then.
+# Half and double change only how late a call begins for which a progress waits.
+LONGEST_SHOWING = 0.1
+
 
 class _Call:
-    """A running call, and whether its progress runs."""
+    """A call, and since when [s] its progress runs; None while it does not."""
 
     def __init__(self) -> None:
         self.thread = threading.get_ident()
-        self.is_paused = False
+        self.paused_at: float | None = None
 
 
 class _Calls:
@@ -29,32 +36,37 @@ class _Calls:
         self.changed = threading.Condition()
         self.running: list[_Call] = []
 
-    def begin(self) -> _Call:
+    def begin(self, own: _Call) -> None:
         with self.changed:
-            own = _Call()
-            self.changed.wait_for(
-                lambda: not self.running or self.running[-1].is_paused or self.running[-1].thread == own.thread
-            )
+            while (wait := self._wait_of(own)) > 0:
+                self.changed.wait(wait if wait < math.inf else None)
             self.running.append(own)
-        return own
 
     def end(self, call: _Call) -> None:
         with self.changed:
-            self.running.remove(call)
-            self.changed.notify_all()
+            if call in self.running:  # Ctrl-C may end a call before it begins
+                self.running.remove(call)
+                self.changed.notify_all()
 
     def pause(self) -> _Call | None:
         with self.changed:
             own = next((call for call in reversed(self.running) if call.thread == threading.get_ident()), None)
             if own is not None:
-                own.is_paused = True
+                own.paused_at = time.monotonic()
                 self.changed.notify_all()
         return own
 
     def go_on(self, call: _Call) -> None:
         with self.changed:
+            call.paused_at = None
             self.changed.wait_for(lambda: self.running[-1] is call)
-            call.is_paused = False
+
+    def _wait_of(self, own: _Call) -> float:
+        """Return how long [s] a call must wait at least, infinity until another call changes; 0 if it may begin."""
+        if not self.running or self.running[-1].thread == own.thread:
+            return 0.0
+        paused_at = self.running[-1].paused_at
+        return math.inf if paused_at is None else max(0.0, paused_at + LONGEST_SHOWING - time.monotonic())
 
 
 _calls = _Calls()
@@ -73,9 +85,9 @@ if hasattr(os, "register_at_fork"):  # Unix
 @contextmanager
 def own_turn() -> Iterator[None]:
     """Context of a call, which begins once no call of another thread computes."""
-    calls = _calls
-    own = calls.begin()
+    calls, own = _calls, _Call()
     try:
+        calls.begin(own)
         yield
     finally:
         if calls is _calls:  # a forked process has no such call
@@ -83,7 +95,7 @@ def own_turn() -> Iterator[None]:
 
 
 def paused(progress: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function of progress during which a call of another thread may begin and end."""
+    """Return a function of progress that pauses its call where it takes long."""
 
     def told(*figures: Any) -> Any:
         calls = _calls

@@ -6,6 +6,7 @@ import contextlib
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -79,6 +80,48 @@ def test_a_call_goes_on_after_the_calls_that_began_during_its_progress():
     call()
     thread.join()
     assert order == ["other begins", "other ends", "goes on"]
+
+
+def test_a_progress_that_only_shows_figures_lets_no_other_call_begin():
+    """The first of several fits would end last, and the memory of all would be needed at once."""
+    order, threads = [], [threading.Thread(target=one_at_a_time(lambda: order.append("other"))) for _ in range(3)]
+
+    @one_at_a_time
+    def call():
+        with watched.diagnosis_shown(lambda stage, share: (time.sleep(1e-3), order.append(share))) as show:
+            for thread in threads:
+                thread.start()
+            for done in range(50):
+                show("stage", done)
+
+    call()
+    for thread in threads:
+        thread.join()
+    assert order == [*range(50), *["other"] * 3]
+
+
+def test_a_call_whose_progress_is_done_goes_on_before_any_other_call_begins():
+    order, inside = [], threading.Event()
+    further = threading.Thread(target=one_at_a_time(lambda: order.append("further")))
+
+    def begin_two():
+        one_at_a_time(lambda: (inside.set(), time.sleep(0.3)))()
+        one_at_a_time(lambda: order.append("second of the other"))()
+
+    other = threading.Thread(target=begin_two)
+
+    @one_at_a_time
+    def call():
+        with watched.diagnosis_shown(lambda stage, share: (other.start(), inside.wait(HANGS), further.start())) as show:
+            show("stage", 0.5)
+            time.sleep(0.3)
+            order.append("goes on")
+
+    call()
+    other.join()
+    further.join()
+    assert order[0] == "goes on"
+    assert len(order) == 3
 
 
 def test_a_call_outside_of_any_progress_is_waited_for():

@@ -1,11 +1,13 @@
 """Count how often a fit ends inside the intervals of twins, whose starts differ by a rounding error.
 
     benchmarks/rounding.py [--sets 3] [--truths 5] [--jitters 3] [--spacing 0.1] [--air-drag 1.2] [--takes FOLDER]
+    benchmarks/rounding.py --seeds --fit-drag [...]
 
 A set is two takes of the demo's synthetic skirt in air, 4 s each, with hands, noise and motions of its own. The fits
-have no drag, so a model-form error is left. A truth is a case of `benchmarks/search.py`: our own solver, known
-parameters, noise alone. Each is fitted once a jitter (`HANGTIME_JITTER`), and fits that differ in the jitter alone are
-twins. Per kind are printed
+have no drag, so a model-form error is left; with `--fit-drag` they have it. A truth is a case of
+`benchmarks/search.py`: our own solver, known parameters, noise alone. Each is fitted once a jitter
+(`HANGTIME_JITTER`), and fits that differ in the jitter alone are twins. With `--seeds` twins differ in the search's
+seed instead. Per kind are printed
 
     held      twins' values inside the 90 % interval: of all parameters, of those called identified
     changes   pairs of twins that disagree whether a parameter is identified
@@ -21,6 +23,7 @@ import os
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
@@ -32,6 +35,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.demo_seeds import hangtime
 from benchmarks.search import make_case
 from fit.cloth.model import Resolution
+from fit.effects import find_effects
 from fit.identification.calibrate import calibrate
 from fit.identification.request import Request
 from fit.methods import SI
@@ -63,10 +67,12 @@ def recorded(folder: Path, number: int) -> list[Take]:
     return found
 
 
-def twins(takes: list[Take], request: Request, jitters: int) -> list[FitResult]:
-    """Return fits that differ by a rounding error of the start."""
+def twins(takes: list[Take], request: Request, count: int, *, by_seed: bool) -> list[FitResult]:
+    """Return fits that differ by a rounding error of the start, or in the search's seed."""
+    if by_seed:
+        return [calibrate(takes, [], replace(request, seed=seed)) for seed in range(count)]
     found = []
-    for jitter in range(jitters):
+    for jitter in range(count):
         os.environ[JITTER_VARIABLE] = str(jitter)
         found.append(calibrate(takes, [], request))
     del os.environ[JITTER_VARIABLE]
@@ -117,18 +123,24 @@ class Count:
             print(f"{name}: truth held by {np.nanmean(inside):.1%} of the {np.isfinite(inside).sum()} identified ones")
 
 
-def main(sets: int, truths: int, jitters: int, spacing: float, air_drag: float, folder: Path) -> None:
+def main(
+    sets: int, truths: int, jitters: int, spacing: float, air_drag: float, folder: Path, *, by_seed: bool,
+    fits_drag: bool,
+) -> None:  # fmt: skip
     """Fit all twins and print what was counted."""
     skirts, known, begun = Count(), Count(), time.process_time()
     for number in range(SETS_FROM, SETS_FROM + sets):
         print(f"set {number}: {' and '.join(MOTIONS[number % len(MOTIONS)])}", flush=True)
-        request = Request(method=SI, search="least-squares", resolution=Resolution(spacing=spacing))
-        skirts.add(twins(recorded(folder, number), request, jitters))
+        request = Request(
+            method=SI, effects=find_effects(["air_drag"]) if fits_drag else (), search="least-squares",
+            resolution=Resolution(spacing=spacing),
+        )  # fmt: skip
+        skirts.add(twins(recorded(folder, number), request, jitters, by_seed=by_seed))
     for number in range(TRUTHS_FROM, TRUTHS_FROM + truths):
         case = make_case(number, spacing, air_drag)
         print(f"truth {number}: {', '.join(f'{value:.3g}' for value in case.truth)}", flush=True)
-        known.add(twins(case.takes, case.request(search="least-squares"), jitters), case.truth)
-    skirts.show("skirts in air, fitted without drag")
+        known.add(twins(case.takes, case.request(search="least-squares"), jitters, by_seed=by_seed), case.truth)
+    skirts.show(f"skirts in air, fitted {'with' if fits_drag else 'without'} drag")
     known.show("known truths")
     print(f"{time.process_time() - begun:.0f} s of the processor")
 
@@ -140,7 +152,12 @@ if __name__ == "__main__":
     parser.add_argument("--jitters", type=int, default=3)
     parser.add_argument("--spacing", type=float, default=0.1, help="mesh of all fits [m]")
     parser.add_argument("--air-drag", type=float, default=1.2, help="drag coefficient of the truths, fitted too")
+    parser.add_argument("--seeds", action="store_true", help="twins differ in the search's seed")
+    parser.add_argument("--fit-drag", action="store_true", help="fit the skirts' drag, too")
     parser.add_argument("--takes", type=Path, help="folder of the sets' takes")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as kept:
-        main(given.sets, given.truths, given.jitters, given.spacing, given.air_drag, given.takes or Path(kept))
+        main(
+            given.sets, given.truths, given.jitters, given.spacing, given.air_drag, given.takes or Path(kept),
+            by_seed=given.seeds, fits_drag=given.fit_drag,
+        )  # fmt: skip

@@ -4,8 +4,8 @@ Takes come from our own solver with known parameters. So the figures concern sea
 along its edge and moved twice for six seconds, ending at rest. Every coordinate of its five points has 2 mm of white
 noise. Truths are drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its
 iterations, as if it evaluated one at a time. With --air-drag the truths hang in air of this drag coefficient, which is
-a sixth parameter of the fits. With --trials 1 least squares make one trial only, even if they miss by more than the
-noise. Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares ...] [--spacing 0.08]
+a sixth parameter of the fits. With --trials 1 least squares make one trial only, which no second one confirms.
+Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares ...] [--spacing 0.08]
 [--air-drag 1.2] [--trials 3]
 """
 

@@ -5,10 +5,11 @@ A trial simulates many candidates: the start, scattered candidates, then the pro
 Its differences are wide enough to step over the ripples that folds make. More descents begin at the best candidates
 across the valleys about the end (`fit.search.valleys`).
 
-If the best end misses by more than the stated noise, another trial begins from other scattered candidates. Trials stop
-when two of them agree in their cost, or at their largest number. The first emulator may have chosen a wrong local
-minimum, and two independent trials seldom choose the same wrong one. The best end then descends with finer differences
-to its local minimum, because wide differences stop on the slope above it.
+Another trial then begins from other scattered candidates. Trials stop when two of them agree in their cost, or at
+their largest number. The first emulator may have chosen a wrong local minimum, and two independent trials seldom choose
+the same wrong one. A cost that noise explains is no sign of the right minimum. Chi square of n numbers varies by
+sqrt(2 n), and one deviation of a parameter changes it by 1 (decision 38). The best end then descends with finer
+differences to its local minimum, because wide differences stop on the slope above it.
 
 Without samples there is one trial, without a finer last descent. Its descents begin at the start and at scattered
 candidates.
@@ -54,7 +55,7 @@ class ObservedSettings:
     """The settings of a search.
 
     - `samples`: candidates before one descent from the best of them, 0 or at least SCATTERED
-    - `trials`: largest number of trials, while the residual exceeds the noise and no two ends agree
+    - `trials`: largest number of trials, while no two ends agree
     - `pulls`: [Hz] of each descent in turn
     - `iterations`: under each pull
     - `width`: of a batch
@@ -97,13 +98,10 @@ class Observed:
 Progress = Callable[[Step], None]
 
 
-def is_settled(costs: Sequence[float], noise: float) -> bool:
-    """Return whether no further trial is needed: noise explains the least cost, or the two least costs agree.
-
-    `noise` is the largest cost that noise alone may leave.
-    """
+def is_settled(costs: Sequence[float]) -> bool:
+    """Return whether no further trial is needed: the two least costs agree."""
     best, *others = sorted(costs)
-    return best <= noise or (bool(others) and others[0] <= (1 + WORTH) * best)
+    return bool(others) and others[0] <= (1 + WORTH) * best
 
 
 def scatter_of(costs: Sequence[float]) -> float:
@@ -146,7 +144,7 @@ class Run:
     def run(self) -> Observed:
         """Run trials until they agree, descend from the best end, and return its final parameters with intervals."""
         ends = self._try()
-        while len(self.least) < self.settings.trials and not is_settled(self.least, self._noise()):
+        while len(self.least) < self.settings.trials and not is_settled(self.least):
             self.first = len(self.units)
             ends += self._try()
         end, best = min(ends, key=lambda pair: pair[0].cost)
@@ -159,11 +157,6 @@ class Run:
             vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
             ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
         )  # fmt: skip
-
-    def _noise(self) -> float:
-        """Return the largest cost that noise alone may leave of n numbers: chi square's mean n plus sqrt(2 n)."""
-        count = self.residuals.shape[1] if self.residuals is not None else np.inf
-        return float(count + np.sqrt(2 * count))
 
     def _try(self) -> list[tuple[Step, LeastSquaresResult | None]]:
         """Run one trial: samples, descents from the best candidate and across valleys; return the ends."""

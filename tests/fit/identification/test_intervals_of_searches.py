@@ -61,12 +61,6 @@ def test_intervals_of_free_rollouts_are_those_of_the_residuals_in_their_own_devi
     assert found.is_identified.tolist() == known.is_identified.tolist()
 
 
-def test_noise_leaves_its_mean_and_one_deviation_of_chi_square():
-    """Of 200 numbers 200 + sqrt(400); before anything was simulated there is no limit."""
-    assert Run._noise(SimpleNamespace(residuals=np.zeros((3, 200)))) == pytest.approx(220.0)
-    assert Run._noise(SimpleNamespace(residuals=None)) == np.inf
-
-
 def an_end(cost, at):
     return Step(
         is_sampling=False, vector=np.array(at), cost=cost, vectors=np.zeros((0, 2)), simulations=0, distances=(),

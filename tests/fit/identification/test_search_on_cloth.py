@@ -51,7 +51,7 @@ def test_least_squares_find_a_damping_of_3_within_5_percent_and_say_so(swung):
     assert result.search == "least-squares"
     assert result.history == sorted(result.history, reverse=True)
     assert result.error.train_after.mean_m < 0.0036  # 3.2 mm is the mean length of such noise
-    assert result.simulations < 200
+    assert result.simulations < 400  # of two trials
 
 
 @pytest.mark.slow
@@ -210,35 +210,36 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
 
 
 @pytest.mark.slow
-def test_a_fit_that_misses_by_more_than_the_noise_begins_again_from_other_samples_until_two_agree(swung):
+def test_a_fit_begins_again_from_other_samples_until_two_agree(swung):
     """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)
     settings = ObservedSettings(samples=40, trials=6)
-    trials = {}
-    for name, take in (("noise", swung), ("more", surer)):
+    scattered = []
+    for take in (swung, surer):
         search = ObservedSearch([prepare(take)], SI, (), request.space, request.resolution)
         found = search.run(SI.initial, settings)
         firsts = [k for k, step in enumerate(found.path) if len(step.vectors) == 16]
         parts = [found.path[a:b] for a, b in zip(firsts, [*firsts[1:], -1], strict=True)]
-        trials[name] = [(part[0].vectors, min(s.cost for s in part if not s.is_sampling)) for part in parts]
+        trials = [(part[0].vectors, min(s.cost for s in part if not s.is_sampling)) for part in parts]
         assert found.vector[4] == pytest.approx(3.0, rel=0.05)
         assert len(found.path) <= settings.steps
-    assert len(trials["noise"]) == 1
-    assert 2 <= len(trials["more"]) < 6
-    (first, _), (second, _), *_ = trials["more"]
-    assert first == pytest.approx(trials["noise"][0][0])
-    apart = np.abs(request.space.to_unit(first)[:, None] - request.space.to_unit(second)).max(2)
-    assert apart.min() > 1e-3
-    best, runner_up, *_ = sorted(cost for _, cost in trials["more"])
-    assert runner_up < 1.005 * best
+        assert 2 <= len(trials) < 6
+        (first, _), (second, _), *_ = trials
+        scattered.append(first)
+        apart = np.abs(request.space.to_unit(first)[:, None] - request.space.to_unit(second)).max(2)
+        assert apart.min() > 1e-3
+        best, runner_up, *_ = sorted(cost for _, cost in trials)
+        assert runner_up < 1.005 * best
+    assert scattered[0] == pytest.approx(scattered[1])
 
 
-def test_trials_end_with_noise_or_with_two_that_agree():
-    assert is_settled([1020.0], 1045.0)
-    assert not is_settled([1050.0], 1045.0)
-    assert not is_settled([2000.0, 1500.0, 1990.0], 1045.0)  # the two that agree are not the best
-    assert is_settled([2000.0, 1500.0, 1507.0], 1045.0)
+def test_trials_end_with_two_that_agree():
+    assert not is_settled([1020.0])
+    assert not is_settled([2000.0, 1500.0, 1990.0])  # the two that agree are not the best
+    assert is_settled([2000.0, 1500.0, 1507.0])
+    assert not is_settled([2000.0, 1500.0, 1508.0])
+    assert not is_settled([1500.0, np.inf])
 
 
 @pytest.mark.slow

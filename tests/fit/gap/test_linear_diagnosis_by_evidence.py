@@ -12,7 +12,7 @@ import pytest
 from fit.gap import diagnosis as steps
 from formats.figures import short
 from tests.fit.gap.linear_cloth import LinearCloth, World, diagnosed, misses_by, points_of, three_takes
-from tests.fit.gap.test_linear_diagnosis import HELD_OUT, HEM, finding, gate
+from tests.fit.gap.test_linear_diagnosis import FITTED, HELD_OUT, HEM, finding, gate
 
 
 @functools.cache
@@ -104,13 +104,14 @@ def test_a_motion_of_no_effect_is_an_unknown_cause():
     assert np.isfinite(d.gap.base_mm.value)
 
 
-def test_without_a_gap_the_empty_set_has_the_mass():
+def test_without_a_gap_the_empty_set_has_the_mass_and_without_other_takes_the_sentence_says_so():
     world = World()
-    training, held_out = three_takes(world, {})
-    d = diagnosed(training, held_out, world, by="evidence").diagnosis
-    assert (d.verdict, d.named) == ("none", [])
+    training, _ = three_takes(world, {})
+    d = diagnosed(training, [], world, by="evidence").diagnosis
+    assert (d.verdict, d.named, d.gap.is_held_out) == ("none", [], False)
     assert sum(one.probability for one in d.effects) < 0.5
-    assert d.gap.base_mm.value == pytest.approx(HELD_OUT, rel=0.05)
+    assert d.gap.base_mm.value == pytest.approx(FITTED, rel=0.1)
+    assert "on the motion it was fitted to (no held-out take)" in d.sentence
 
 
 def test_a_base_fit_that_comes_nearer_beside_an_effect_is_what_all_later_steps_are_about(monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from fit.gap.closure import BlockErrors, Resampling, gain_p_value
 from fit.gap.edge_driven import sentence
 from fit.gap.evidence import closes_enough, is_shown_by_edge
+from fit.gap.probabilities import probabilities
 from fit.gap.verdict import decide, may_be_added, passing_effects
 from fit.gap.weighed import decide_by_mass
 from tests.fit.gap.test_weighed import found_of
@@ -64,6 +66,11 @@ def test_an_effect_that_closes_four_fifths_as_much_and_often_leaves_less_is_a_ri
     assert evidence.closure_of(evidence.singles["hem"]).value == pytest.approx(0.85 * 101.75 / 119, abs=0.001)
     found = decide(evidence)
     assert (found.verdict, found.named) == ("ambiguous", ["air_drag", "hem"])
+    # Each is as probable as draws in which it leaves no more than a cause may; the best in a draw may leave more.
+    likely = probabilities(evidence, None)
+    assert all(abs(likely[name] - shares[name]) > 0.03 for name in found.named)
+    said = [f"(probability {100 * likely[name]:.0f} %)" for name in found.named]
+    assert re.findall(r"\(probability \d+ %\)", found.sentence) == said
 
 
 @pytest.mark.parametrize(("cosine", "left", "verdict"), [

@@ -263,3 +263,18 @@ def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypa
     assert [name for name, _ in about] == ["base", "base", "base", "better base"]
     assert about[-1][1] == {"hem": "better base", "draught": "base"}
     assert about[0][1] == {"hem": "base", "draught": "base"}
+
+
+def test_what_the_held_edge_shows_is_no_error_of_mesh_and_solver():
+    """An offset that moves the cloth as little as they may, and the held edge by three deviations of every number."""
+    world = LinearTakes(3)
+    on_edge = world.layout.is_edge
+    swings = 3.0 * np.sin(np.arange(len(on_edge)) / 7.0)
+    world.rows["time_offset"] = np.where(on_edge, swings, 0.05 * world.rows["time_offset"])
+    world.missed = world.noisy() - world.rows["time_offset"][0]
+    noise = [np.full(r.points.shape[1], NOISE) for r in world.recordings]
+    likelihood = Likelihood(world, noise, world.base().residual, SCALES)
+    linear = Linear(world, likelihood, world.base(), dict(world.rows))
+    nothing, offset, drag = linear.masses([(), ("time_offset",), ("air_drag",)], MESH).known
+    assert offset - nothing > 100.0
+    assert drag < nothing

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fit.effects import LIBRARY
 from fit.gap import detectable, edge_driven, fitting, from_raw, gates, hypotheses, weighed
 from fit.gap.closure import block_errors, gain_p_value
 from fit.gap.correlation import correlation_of
-from fit.gap.findings import notes
+from fit.gap.findings import describe_effects, notes
 from fit.gap.fitting import Pinned, Task, fit
 from fit.gap.floor import NOISE_REPLICAS, Floor, measured_noise, noise_floor
 from fit.gap.screening import screen
@@ -22,7 +23,7 @@ from tests.fit.gap.linear_cloth import BASE, LinearCloth, World, a_take, observe
 from tests.fit.gap.linear_takes import LinearTakes
 from tests.fit.gap.named_fits import Named
 from tests.fit.gap.test_gates import Chaotic, recorded
-from tests.fit.gap.verdict_scene import evidence_of
+from tests.fit.gap.verdict_scene import evidence_of, hypothesis
 
 
 @pytest.fixture
@@ -227,3 +228,16 @@ def test_subsets_are_weighed_by_raw_signatures_about_each_fit(world, monkeypatch
     assert set(renewed) == set(world.library) - {"air_drag"}
     for name, row in renewed.items():
         np.testing.assert_allclose(row, whole[name].raw)
+
+
+def test_the_components_of_an_effect_that_is_named_with_another_are_of_their_joint_fit(monkeypatch):
+    """A draught alone is fitted at typical sizes of both components, beside a hem at half of them."""
+    smallest = {e.name: np.full(len(e.components), 0.1) for e in LIBRARY}
+    monkeypatch.setattr("fit.gap.findings.smallest_detectable", lambda evidence: smallest)
+    evidence = evidence_of({**{e.name: 11.9 for e in LIBRARY if not e.in_base}, "draught": 9.0})
+    base = dataclasses.replace(evidence.base, fitted=dataclasses.replace(evidence.base.fitted, residual=np.ones(3)))
+    evidence = dataclasses.replace(evidence, base=base)
+    together = hypothesis(("draught", "hem"), 5.5, sizes=0.5)
+    for best, size in ((None, 0.3), (together, 0.15)):
+        (found,) = [one for one in describe_effects(evidence, best, LIBRARY, SI) if one.id == "draught"]
+        assert list(found.components.values()) == pytest.approx([size, size])

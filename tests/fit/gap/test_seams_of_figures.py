@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
-from fit.gap import detectable, edge_driven, fitting, from_raw, gates, hypotheses, weighed
+from fit.gap import detectable, edge_driven, fitting, from_raw, gates, hypotheses, screening, weighed
+from fit.gap.base_fit import middle
 from fit.gap.closure import block_errors, gain_p_value
 from fit.gap.correlation import correlation_of
 from fit.gap.findings import describe_effects, notes
 from fit.gap.fitting import Pinned, Task, fit
 from fit.gap.floor import NOISE_REPLICAS, Floor, measured_noise, noise_floor
-from fit.gap.screening import screen
+from fit.gap.screening import Secant, screen
 from fit.methods import SI
 from fit.observer import residuals
 from formats.diagnosis_records import Figure, Gap
@@ -241,3 +242,26 @@ def test_the_components_of_an_effect_that_is_named_with_another_are_of_their_joi
     for best, size in ((None, 0.3), (together, 0.15)):
         (found,) = [one for one in describe_effects(evidence, best, LIBRARY, SI) if one.id == "draught"]
         assert list(found.components.values()) == pytest.approx([size, size])
+
+
+@pytest.mark.parametrize(("at", "is_taken"), [(1.5, True), (4.0, False)])
+def test_a_probe_that_finds_another_amplitude_than_its_own_is_not_taken(world, monkeypatch, at, is_taken):
+    """The takes hold one and a half typical sizes of the probe's signature, and nothing of the first secant's."""
+    row, typical = world.rows["air_drag"], world.library["air_drag"].typical
+    world.missed = world.noisy() - 1.5 * row[0]
+    secants = [Secant(world.rows["hem"] / typical), Secant(row / typical, at=at * typical)]
+    monkeypatch.setattr(screening, "secants_of", lambda observer, fitted, chosen: {"air_drag": secants})
+    found = screen(world, world.base(), ("air_drag",))["air_drag"]
+    assert (found.explained > 0.5) == is_taken
+    assert (found.amplitude[0] == pytest.approx(1.5 * typical, rel=0.1)) == is_taken
+
+
+def test_a_further_start_lies_between_the_two_fits_of_least_cost(world):
+    """The middle is geometric for logarithms; fits come in the order of their starts."""
+    base, factors, costs = world.base(), (1.5, 0.8, 1.0, 1.2), (9.0, 1.0, 5.0, 2.0)
+    fits = [
+        dataclasses.replace(base, vector=factor * SI.initial, residual=np.array([cost**0.5]))
+        for factor, cost in zip(factors, costs, strict=True)
+    ]
+    assert SI.is_log.all()
+    assert middle(world, fits) == pytest.approx(np.sqrt(0.8 * 1.2) * SI.initial)

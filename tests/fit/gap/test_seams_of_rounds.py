@@ -58,6 +58,22 @@ def test_a_better_base_fit_is_judged_on_other_takes_and_screened_against():
     again = screen(world, base, search.tested)
     for name, one in search.screened.items():
         assert one.amplitude == pytest.approx(again[name].amplitude), name
+        assert one.correlation == pytest.approx(again[name].correlation, rel=1e-3), name
+
+
+def test_an_effect_that_the_edge_leads_to_is_refitted_beside_the_shortlist(monkeypatch):
+    world, asked = world_of(air_drag=1.5), []
+    search = Rounds(world, world, [world.base()], lambda *said: None, Named())
+    base = search.base.fitted
+
+    def leads(observer, screened, residual):
+        asked.append(residual)
+        return ["draught"]
+
+    monkeypatch.setattr(rounds, "leads", leads)
+    search.first_round((), has_gap=True)
+    assert list(search.singles)[-1] == "draught"
+    assert asked[0] is base.residual
 
 
 def test_a_size_that_the_edge_disputes_is_fitted_again_from_the_edges_size(monkeypatch):

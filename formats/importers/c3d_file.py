@@ -85,14 +85,15 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
     if header.end == size:
         refuse_lost_bytes(path, size, end)
     refuse_doubled_bytes(path, layout.data_at, end, header.end, layout.width, kind)
-    if wanted.names and not any(labels):
+    has_labels = any(labels)
+    # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
+    without_path = tuple(filter(None, labels[points:]))
+    labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
+    if wanted.names and not has_labels and not set(wanted.names) & set(labels):  # `takes labels` lists those made up
         raise TakeError(
             f"has the trajectories of {counted(points, 'point')} and no label", where=path,
             advice="label the markers, and export it again",
         )  # fmt: skip
-    # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
-    without_path = tuple(filter(None, labels[points:]))
-    labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     others = np.setdiff1d(np.arange(points), wanted.markers(labels))
     scale, doubt = _scale(units, points, unit, path, others)
     time = np.asarray(np.arange(frames)[: wanted.frames] / rate, float)

@@ -182,6 +182,13 @@ def test_a_file_has_one_unit_for_all_points_or_one_for_each(units, unit, metres)
     assert _scale(units, 3, unit, "a.c3d")[0].tolist() == metres
 
 
+def test_a_garment_whose_points_have_the_names_that_takes_labels_lists_is_read(tmp_path):
+    """`takes labels` names the points of a file without labels, and a garment file may use these names."""
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(np.ones((30, 3, 3)), []))
+    listed = read_c3d(tmp_path / "a.c3d", None).labels
+    assert read_c3d(tmp_path / "a.c3d", None, Wanted(names=listed)).labels == listed
+
+
 @pytest.mark.parametrize("labels", [[], ["", " ", ""]])
 def test_a_file_without_labels_is_refused_where_markers_are_needed(tmp_path, labels):
     """A label that the reader makes up, `unlabelled_0`, stands nowhere in the file."""

@@ -75,6 +75,13 @@ def test_a_hem_is_named_with_its_size_and_judged_on_the_held_out_take_alone():
     assert (d.verdict, d.named, d.alternatives) == ("effect", ["hem"], {})
     assert (d.take_ids, d.held_out_ids) == (["a", "b"], ["c"])
     assert [state.take_id for state in d.take_states] == ["a", "b", "c"]
+    assert d.take_contents == found.takes.contents
+    assert len(d.take_contents) == 2
+    assert [one.name for one in d.gates] == [
+        "calibration", "length", "motion", "cloth motion", "repeated frames", "impossible points", "clocks",
+        "kind of points", "predictability", "base fit", "mesh and step",
+    ]  # fmt: skip
+    assert "Not looked for, as asked: shear stiffness, " in d.sentence
     assert d.gap.is_held_out
     hem = finding(d, "hem")
     assert hem.amplitude == pytest.approx(HEM, rel=0.05)

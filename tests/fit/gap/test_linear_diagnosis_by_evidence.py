@@ -132,6 +132,7 @@ def test_a_base_fit_that_comes_nearer_beside_an_effect_is_what_all_later_steps_a
     d = found.diagnosis
     assert (d.verdict, d.named) == ("effect", ["hem"])
     assert found.base.cost < 0.99 * poor[0].cost
+    assert [one.fitted for one in d.base_parameters] == found.base.vector.tolist()
     (take,) = held_out
     assert d.gap.base_mm.value == pytest.approx(misses_by(take, points_of(take, world, found.base.vector)), rel=1e-6)
     assert "best two of 2 starts" in gate(d, "base fit").sentence

@@ -10,6 +10,7 @@ import pytest
 from scipy.special import logsumexp
 
 from fit.gap import next_experiment, rounds
+from fit.gap.edge_fit import disputed
 from fit.gap.fitting import Pinned
 from fit.gap.likelihood import Likelihood
 from fit.gap.next_experiment import MENU, MOST_ALIVE, propose
@@ -92,7 +93,7 @@ def test_a_size_that_the_edge_disputes_is_fitted_again_from_the_edges_size(monke
 
 
 def test_a_pair_and_what_is_dropped_of_three_know_the_edge_and_the_mesh(monkeypatch):
-    search, by_edge, dropped = scene("time_offset"), [], []
+    search, by_edge, dropped, alone = scene("time_offset"), [], [], []
     search.observer.recordings = []
     pair = hypothesis(("time_offset", "hem"), 6.0)
     three = hypothesis(("time_offset", "hem", "air_lift"), 5.5)
@@ -104,13 +105,14 @@ def test_a_pair_and_what_is_dropped_of_three_know_the_edge_and_the_mesh(monkeypa
         ("_by_edge", lambda self, found, numerics: by_edge.append((found[0], numerics)) or found),
         ("_p_value", lambda self, before, found, count, floor: 0.002),
         ("_drop_idle", lambda self, found, p_value, numerics: dropped.append((found, p_value, numerics))),
-        ("_each_alone", lambda self, found, numerics: None),
+        ("_each_alone", lambda self, found, numerics: alone.append((found, numerics))),
         ("_is_needed", lambda self, *given: True),
     ):
         monkeypatch.setattr(Rounds, name, value)
     search.further_rounds(5.0, 0.7)
     assert by_edge == [(pair, 0.7), (three, 0.7)]
     assert dropped == [(three, 0.002, 0.7)]
+    assert alone == [(pair, 0.7)]
     assert search.joint == [(pair, 0.002), (three, 0.002)]
 
 
@@ -251,9 +253,9 @@ def test_an_effect_of_one_exact_law_may_leave_a_twentieth_of_its_own_motion_too(
 
 def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypatch):
     """e0 and then e1 are refuted about the base fit; e2 holds, but the base model is refitted from its end and wins."""
-    costs, known, about = {"e0": 80.0, "e1": 70.0, "e2": 60.0}, [], []
+    costs, known, about, metrics = {"e0": 80.0, "e1": 70.0, "e2": 60.0}, [], [], []
     linear = SimpleNamespace(masses=lambda among, known_mm: None, twins=set)
-    monkeypatch.setattr("fit.gap.posterior.Likelihood", lambda *given: None)
+    monkeypatch.setattr("fit.gap.posterior.Likelihood", lambda *given: metrics.append(given[2]))
     monkeypatch.setattr("fit.gap.posterior.Linear", lambda observer, likelihood, fitted, rows: (
         about.append((fitted.name, dict(rows))) or linear))  # fmt: skip
     monkeypatch.setattr("fit.gap.posterior._wanted", lambda found, turn: [(f"e{turn}",)])
@@ -263,8 +265,8 @@ def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypa
 
     search = search_of(noise=[], rows={"hem": "base", "draught": "base"}, known_mm=0.5, refit=refit,
                        renew=lambda fitted: {"hem": fitted.name})  # fmt: skip
-    search.about.residual, search.about.name = None, "base"
-    better = SimpleNamespace(cost=55.0, name="better base", residual=None)
+    search.about.residual, search.about.name = "of base", "base"
+    better = SimpleNamespace(cost=55.0, name="better base", residual="of better base")
     search._allowed, search._tasks = (lambda one: []), lambda *given: []
     search._possible = lambda mass: known.append([name for (name,) in search.refuted])
     search._refutes = lambda linear, fitted: fitted.name in {"e0", "e1"}
@@ -277,6 +279,7 @@ def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypa
     search.go()
     assert known == [[], ["e0"], ["e0", "e1"], []]
     assert [name for name, _ in about] == ["base", "base", "base", "better base"]
+    assert metrics == ["of base"] * 3 + ["of better base"]
     assert about[-1][1] == {"hem": "better base", "draught": "base"}
     assert about[0][1] == {"hem": "base", "draught": "base"}
 
@@ -294,3 +297,32 @@ def test_what_the_held_edge_shows_is_no_error_of_mesh_and_solver():
     nothing, offset, drag = linear.masses([(), ("time_offset",), ("air_drag",)], MESH).known
     assert offset - nothing > 100.0
     assert drag < nothing
+
+
+@pytest.mark.parametrize(("truth", "kept"), [(-0.5, 0.0), (0.5, 0.5), (12.0, 10.0)])
+def test_the_edges_size_is_kept_within_the_effects_range(truth, kept):
+    """A lag is not negative and at most ten typical sizes, whatever the held edge alone would say."""
+    world = LinearTakes(3)
+    on_edge = world.layout.is_edge
+    row = np.where(on_edge, 10.0 * np.sin(np.arange(len(on_edge)) / 7.0), world.rows["filter_lag"][0])
+    world.rows["filter_lag"] = row[None]
+    world.missed = world.noisy() - truth * row
+    amplitudes = world.off
+    columns, typical = world.columns["filter_lag"], world.library["filter_lag"].typical
+    amplitudes[columns] = 5.0 * typical
+    base = world.base()
+    fitted = dataclasses.replace(
+        base, active=("filter_lag",), amplitudes=amplitudes, jacobian=np.column_stack([base.jacobian, row]),
+        residual=world.residuals(base.vector[None], amplitudes[None])[0],
+    )  # fmt: skip
+    pinned = disputed(world, base.residual, fitted, 1.0)
+    assert pinned.amplitudes[columns] / typical == pytest.approx(kept, abs=0.02)
+
+
+@pytest.mark.parametrize(("cost", "is_refuted"), [(80.0, True), (50.0, True), (40.0, False)])
+def test_a_refit_must_save_cost_against_the_fit_that_predicted_it(cost, is_refuted):
+    """The base fit costs 100, the fit about which the model is linear 50."""
+    search = search_of(about=SimpleNamespace(cost=50.0))
+    refit = SimpleNamespace(cost=cost, active=("a",), amplitudes=np.ones(3))
+    linear = SimpleNamespace(sizes=lambda active: {"a": 1.0})
+    assert search._refutes(linear, refit) == is_refuted

@@ -21,7 +21,7 @@ def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a p
 
     The text is plain ASCII, which terminals show and people copy; `fit.report.text.number` sets numbers for a page.
     """
-    if 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6:
+    if 10**digits <= abs(float(f"{value:.{digits}g}")) and abs(value) < 999_999.5:
         return f"{value:.0f}"
     return f"{value:.{digits}g}"
 

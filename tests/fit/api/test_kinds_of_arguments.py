@@ -33,8 +33,9 @@ def test_a_progress_that_is_no_function_is_answered_with_what_is_possible(call, 
         ("overwrite", lambda value: hangtime.FitOutcome(result=fit_result()).to_csv("f.csv", overwrite=value)),
     ],
 )
-def test_a_switch_takes_true_and_false_alone(name, call, value):
+def test_a_switch_takes_true_and_false_alone(name, call, value, tmp_path, monkeypatch):
     """The text "no" counts as True in Python, and would replace a file."""
+    monkeypatch.chdir(tmp_path)  # where a call that takes it writes its file
     kind = "None" if value is None else f"of the kind {type(value).__name__}"
     with pytest.raises(hangtime.HangtimeError, match=f"^{name}: is {kind}; give True or False$"):
         call(value)

@@ -251,8 +251,9 @@ def test_an_effect_of_one_exact_law_may_leave_a_twentieth_of_its_own_motion_too(
     assert linear.masses([("time_offset",)], MESH).known[0] == pytest.approx(expected)
 
 
-def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypatch):
-    """e0 and then e1 are refuted about the base fit; e2 holds, but the base model is refitted from its end and wins."""
+@pytest.mark.parametrize(("cost", "then"), [(55.0, "better base"), (65.0, "e2")])
+def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypatch, cost, then):
+    """e0 and then e1 are refuted about the base fit; e2 holds, and the base model is refitted from its end."""
     costs, known, about, metrics = {"e0": 80.0, "e1": 70.0, "e2": 60.0}, [], [], []
     linear = SimpleNamespace(masses=lambda among, known_mm: None, twins=set)
     monkeypatch.setattr("fit.gap.posterior.Likelihood", lambda *given: metrics.append(given[2]))
@@ -261,12 +262,12 @@ def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypa
     monkeypatch.setattr("fit.gap.posterior._wanted", lambda found, turn: [(f"e{turn}",)])
 
     def refit(wanted, tasks):
-        return [SimpleNamespace(cost=costs[one], name=one, residual=None) for (one,) in wanted]
+        return [SimpleNamespace(cost=costs[one], name=one, residual=f"of {one}") for (one,) in wanted]
 
     search = search_of(noise=[], rows={"hem": "base", "draught": "base"}, known_mm=0.5, refit=refit,
                        renew=lambda fitted: {"hem": fitted.name})  # fmt: skip
     search.about.residual, search.about.name = "of base", "base"
-    better = SimpleNamespace(cost=55.0, name="better base", residual="of better base")
+    better = SimpleNamespace(cost=cost, name="better base", residual="of better base")
     search._allowed, search._tasks = (lambda one: []), lambda *given: []
     search._possible = lambda mass: known.append([name for (name,) in search.refuted])
     search._refutes = lambda linear, fitted: fitted.name in {"e0", "e1"}
@@ -278,9 +279,9 @@ def test_refuted_sets_add_up_and_a_better_fit_brings_its_own_signatures(monkeypa
     search._polished = polished
     search.go()
     assert known == [[], ["e0"], ["e0", "e1"], []]
-    assert [name for name, _ in about] == ["base", "base", "base", "better base"]
-    assert metrics == ["of base"] * 3 + ["of better base"]
-    assert about[-1][1] == {"hem": "better base", "draught": "base"}
+    assert [name for name, _ in about] == ["base", "base", "base", then]
+    assert metrics == ["of base"] * 3 + [f"of {then}"]
+    assert about[-1][1] == {"hem": then, "draught": "base"}
     assert about[0][1] == {"hem": "base", "draught": "base"}
 
 

@@ -15,12 +15,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formats.arrays import Floats, Singles
 
 INTEL, DEC, SGI = 84, 85, 86  # numbers of the processors, C3D user guide, parameter section
 SECTION_HEAD = 4  # bytes; C3D user guide
 TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds; C3D user guide: kinds of a parameter
+SIGN, LEAST_NORMAL = np.uint32(1 << 31), np.uint32(1 << 23)  # bits of a float: IEEE 754, 32 bits
+QUARTER = 2  # steps of the exponent in a quarter
 USED = {"POINT", "TRIAL"}  # groups whose parameters must be well-formed; errors in others are ignored
 
 
@@ -32,16 +35,31 @@ def numbers_of(raw: bytes, kind: int, processor: int) -> Singles:
     """Return the numbers in `raw`; incomplete numbers at its end are ignored.
 
     A DEC float is four times the IEEE float, and its 16-bit halves are exchanged.
+    A subnormal float, which only bytes in another order show, becomes the least normal one. Some libraries, among them
+    Taichi, let the processor take subnormal numbers for zero, and a zero would mean that the file states no number.
     """
     order = ">" if processor == SGI else "<"
     whole = raw[: len(raw) // abs(kind) * abs(kind)]
     if kind == FLOAT and processor == DEC:
         halves = np.frombuffer(whole, "<u2").reshape(-1, 2)[:, ::-1]
-        quadrupled: Singles = np.ascontiguousarray(halves).view("<f4").ravel()
+        quadrupled = _without_subnormals(np.ascontiguousarray(halves).view("<u4").ravel(), QUARTER)
         with np.errstate(invalid="ignore"):  # a damaged number is no number, and needs no warning
             return quadrupled * np.float32(0.25)
-    dtype = {FLOAT: f"{order}f4", SHORT: f"{order}i2", BYTE: "u1"}[kind]
+    if kind == FLOAT:
+        return _without_subnormals(np.frombuffer(whole, f"{order}u4"))
+    dtype = {SHORT: f"{order}i2", BYTE: "u1"}[kind]
     return np.frombuffer(whole, dtype).astype(np.float32)
+
+
+def _without_subnormals(bits: NDArray[np.uint32], spare: int = 0) -> Singles:
+    """Return the floats of these bits, (numbers,); subnormal ones become the least normal float of their sign.
+
+    spare: steps of the exponent by which the floats stay above that, so that they can be divided
+    """
+    size = bits & ~SIGN
+    is_below = (size < (spare + 1) * LEAST_NORMAL) & (size != 0)
+    kept = np.where(is_below, (bits & SIGN) | ((spare + 1) * LEAST_NORMAL), bits)
+    return kept.astype(np.uint32).view(np.float32)
 
 
 def text_of(raw: bytes) -> str:

@@ -166,6 +166,26 @@ def test_numbers_of_each_kind_and_byte_order_are_whole(raw, kind, processor, num
     assert numbers_of(raw, kind, processor).tolist() == numbers
 
 
+@pytest.mark.parametrize(
+    ("bits", "processor", "kept"),
+    [
+        ("01000000", INTEL, 0x00800000),
+        ("ffff7f80", INTEL, 0x80800000),
+        ("00000001", SGI, 0x00800000),
+        ("00000080", INTEL, 0x80000000),
+        ("00008000", INTEL, 0x00800000),
+        ("01008000", INTEL, 0x00800001),
+        ("00000100", DEC, 0x00800000),
+        ("7f010000", DEC, 0x00800000),
+        ("80010000", DEC, 0x00800000),
+        ("80010100", DEC, 0x00800001),
+    ],
+)
+def test_no_float_of_a_file_is_one_that_a_library_can_have_the_processor_take_for_zero(bits, processor, kept):
+    """Compared by bits, as the comparison with a subnormal number is in doubt: the least normal one takes its place."""
+    assert numbers_of(bytes.fromhex(bits), FLOAT, processor).view("<u4").tolist() == [kept]
+
+
 def test_a_damaged_number_in_dec_order_is_no_number():
     """A signalling NaN, of which every product warns."""
     assert np.isnan(numbers_of(bytes.fromhex("807f0100"), FLOAT, DEC)).tolist() == [True]

@@ -222,7 +222,6 @@ class Run:
     def _across(self, step: Step, found: LeastSquaresResult | None) -> list[tuple[Step, LeastSquaresResult | None]]:
         """Simulate candidates across the valleys about an end, and descend from the best of them."""
         space, pull = self.search.space, self.settings.pulls[-1]
-        known = self.waiting.pop(0) if self.waiting else None
         found = found or self._again(step, FIRST_SETTINGS)
         judged: list[Floats] = []
 
@@ -235,7 +234,7 @@ class Run:
         units = valleys.across(end, slopes, precision, found.cost, self.search.count, judge)
         if not judged:
             return []
-        self._record_samples(judged[0], known)
+        self._record_samples(judged[0], self.waiting.pop(0) if self.waiting else None)
         ends = [self._descend(pull, start) for start in space.from_unit(units)]
         return [end for end in ends if np.isfinite(end[0].cost)]
 

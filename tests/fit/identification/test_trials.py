@@ -150,6 +150,20 @@ def test_an_interrupted_search_goes_on_after_every_step_to_the_same_end(rippled)
         assert again.intervals.covariance == pytest.approx(whole.intervals.covariance, rel=1e-6)
 
 
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+def test_a_search_goes_on_to_the_same_end_whether_or_not_a_scan_had_candidates(noise):
+    """At the level of the noise both parameters are known too closely for a scan, which then leaves no step."""
+    whole = Formula(noise=noise).run()
+    assert kinds(whole) == {1.0: "SsdSsdd", 3.0: "SsdsddSsdsddd"}[noise]
+    for stop in range(1, len(whole.path) + 1):
+        told = []
+        again = Formula(noise=noise).run(known=whole.path[:stop], told=told)
+        assert_same(again.path, whole.path)
+        assert_same(told, whole.path[stop:])
+        assert again.simulations == whole.simulations
+        assert again.intervals.ends == pytest.approx(whole.intervals.ends, rel=1e-6)
+
+
 def test_without_samples_every_start_descends_under_each_pull_in_turn():
     """From the start itself and from three scattered candidates, and the end under the last pull alone counts."""
     settings = ObservedSettings(pulls=(1.0, 0.0), iterations=1, seed=2)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
@@ -116,11 +116,29 @@ def held() -> Iterator[None]:
 
 
 @contextmanager
+def handled(signals: Iterable[signal.Signals], handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Within the block, call a handler on these signals; at the end, their former handlers come back.
+
+    A signal that is already ignored, as SIGHUP under `nohup`, stays ignored. Only the main thread receives signals; in
+    other threads the context does nothing.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {one: signal.getsignal(one) for one in signals if is_main}
+    before = {one: former for one, former in before.items() if former not in (signal.SIG_IGN, None)}
+    for one in before:
+        signal.signal(one, handler)
+    try:
+        yield
+    finally:
+        for one, former in before.items():
+            signal.signal(one, former)
+
+
+@contextmanager
 def ended_like_ctrl_c() -> Iterator[None]:
     """Within the block, the first SIGTERM or SIGHUP has the effect of Ctrl-C; the next ones do nothing.
 
-    The end of a login sends both. A signal that is already ignored, as SIGHUP under `nohup`, stays ignored. Only the
-    main thread receives signals; in other threads the context does nothing.
+    The end of a login sends both. `handled` tells which signals it leaves alone.
     """
     is_asked = False
 
@@ -134,16 +152,8 @@ def ended_like_ctrl_c() -> Iterator[None]:
         else:  # a shell ignores Ctrl-C for a command in the background
             raise KeyboardInterrupt
 
-    is_main = threading.current_thread() is threading.main_thread()
-    before = {one: signal.getsignal(one) for one in ENDING if is_main}
-    before = {one: handler for one, handler in before.items() if handler not in (signal.SIG_IGN, None)}
-    for one in before:
-        signal.signal(one, stop)
-    try:
+    with handled(ENDING, stop):
         yield
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
 
 
 def hold_while_importing() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+from formats.interrupts import ENDING, handled
+
+STOPPING = (signal.SIGINT, *ENDING)
 
 
 class StopRequest:
@@ -53,22 +54,13 @@ class StopRequest:
 def stopped_like_ctrl_c() -> Iterator[StopRequest]:
     """Turn SIGINT, SIGTERM and SIGHUP into a request to end; signals after the first do nothing.
 
-    A user presses Ctrl-C twice, and the end of a login sends two signals. A signal that is already ignored, as SIGHUP
-    under `nohup`, stays ignored. Only the main thread receives signals; in other threads the context does nothing.
+    A user presses Ctrl-C twice, and the end of a login sends two signals. `formats.interrupts.handled` tells which
+    signals it leaves alone.
     """
     request = StopRequest()
 
     def stop(number: int, frame: FrameType | None) -> None:
         request.ask()
 
-    before = {one: signal.getsignal(one) for one in STOPPING}
-    before = {one: handler for one, handler in before.items() if handler not in (signal.SIG_IGN, None)}
-    if threading.current_thread() is not threading.main_thread():
-        before = {}
-    for one in before:
-        signal.signal(one, stop)
-    try:
+    with handled(STOPPING, stop):
         yield request
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)

@@ -169,9 +169,14 @@ def check_kind(
         FitError: names the argument, its type and the expected type.
     """
     if isinstance(value, bool) or not isinstance(value, kinds):
-        kind = "None" if value is None else f"of the kind {type(value).__name__}"
+        kind = kind_of(value)
         what = f"holds {'a value ' * (value is not None)}{kind}" if is_in_list else f"is {kind}"
         raise FitError(what, where=name, advice=f"give {wanted}")
+
+
+def kind_of(value: object) -> str:
+    """Return the type of a value in words, for a sentence on an argument that cannot be used."""
+    return "None" if value is None else f"of the kind {type(value).__name__}"
 
 
 def check_switches(**values: object) -> None:
@@ -182,8 +187,7 @@ def check_switches(**values: object) -> None:
     """
     for name, value in values.items():
         if not isinstance(value, bool | np.bool_):
-            kind = "None" if value is None else f"of the kind {type(value).__name__}"
-            raise FitError(f"is {kind}", where=name, advice="give True or False")
+            raise FitError(f"is {kind_of(value)}", where=name, advice="give True or False")
 
 
 @contextlib.contextmanager

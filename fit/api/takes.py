@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fit.api.arguments import check_kind, names_of, path_of
+from fit.api.arguments import check_kind, kind_of, names_of, path_of
 from fit.errors import FitError
 from formats.archive import read_take
 from formats.errors import TakeError
@@ -101,7 +101,7 @@ def _each(takes: Takes, name: str) -> list[OneTake]:
     wanted = "a take, the path of one, or a list of them"
     check_kind(takes, name, Iterable, wanted)
     if isinstance(takes, Mapping | bytes | bytearray):  # their items are no takes
-        raise FitError(f"is of the kind {type(takes).__name__}", where=name, advice=f"give {wanted}")
+        raise FitError(f"is {kind_of(takes)}", where=name, advice=f"give {wanted}")
     return list(takes)
 
 

@@ -73,9 +73,16 @@ def camera_table(result: FitResult | Diagnosis, reported: str = "") -> list[Tabl
     return [Table(remarks=tuple(left))] if left else []
 
 
-def camera_words(result: FitResult | Diagnosis, reported: str = "") -> list[str]:
-    """Return the camera's faults as sentences, except those in `reported`."""
-    return [f"Camera: {found.sentence}" for found in result.camera if found.sentence not in reported]
+def camera_words(result: FitResult | Diagnosis, reported: str = "", *, only_faults: bool = False) -> list[str]:
+    """Return the camera's findings as sentences, except those in `reported`.
+
+    only_faults: only those for which the takes or the garment file must be corrected
+    """
+    return [
+        f"Camera: {found.sentence}"
+        for found in result.camera
+        if found.sentence not in reported and (found.is_fault or not only_faults)
+    ]
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:

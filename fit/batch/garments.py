@@ -91,10 +91,6 @@ class Wardrobe:
     missing: str = ""
     copies: tuple[Seen, ...] = ()
 
-    def why_left_out(self, take: str) -> str:
-        """Return the reason why the diagnosis leaves out a take of this name; '' if it does not."""
-        return next((seen.why_left_out for seen in (*self.takes, *self.copies) if seen.name == take), "")
-
 
 def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
     """Return a garment's takes, split into fitted and held-out ones if there are enough."""

@@ -23,7 +23,7 @@ from fit.report.text import MISSING, interval, millimetres, number, unit_of, wor
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.figures import without_noise
-from formats.fit_records import AT_BOUND, WARNING, FitParameter, FitResult, warnings_in
+from formats.fit_records import AT_BOUND, FitParameter, FitResult, warnings_in
 from formats.results import fit_result_from
 from formats.rows import csv_text
 
@@ -74,11 +74,11 @@ class Row:
 
     @property
     def needs(self) -> list[str]:
-        """The remarks that need a person: no result, a warning, or a fault that the camera's correction leaves."""
+        """The remarks that need a person: no result, a warning, or a camera's fault in takes or garment file."""
         if self.result is None:
             return [self.sentence] if self.state in UNDONE else []
-        faults = {f"Camera: {found.sentence}" for found in self.result.camera if found.is_fault}
-        return [one for one in self.own_remarks if one in faults or one.startswith(WARNING)]
+        warnings = [note for note in warnings_in(self.result.notes) if note != TOO_SHORT]
+        return [*camera_words(self.result, only_faults=True), *warnings]
 
 
 def rows_of(found: Survey, results: Store) -> list[Row]:

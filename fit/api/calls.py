@@ -93,7 +93,7 @@ def fit(
       search there; without a file, nothing is kept
     - `progress`: False hides the line of progress, which a terminal or notebook shows. A function receives the steps
       done, the steps in all and the least error so far. It may wait for calls of other threads; this call goes on
-      after them
+      after them. It must not take a lock that a thread holds during its own call: both would wait for ever
     - `method`: the parameters to fit, as `--method`
     - `effects`: names of effects of which the size is fitted too, as `--effect`
     - `bounds`: NAME=LOW:HIGH, one text a parameter

@@ -4,6 +4,9 @@ While a function of progress runs for long, its call is paused and another one m
 call of another thread. A paused call goes on once every call that began meanwhile has ended, and before any other one
 begins. Calls are nested as in one thread, so that settings such as the threads of linear algebra come back in their
 order.
+
+A pause can end in a deadlock, which nothing here prevents. The paused thread holds a lock of its own during its call.
+The progress of the call that began meanwhile takes that lock. Then each waits for the other.
 """
 
 from __future__ import annotations

@@ -70,13 +70,15 @@ def check_neighbours(positions: Floats, garment: Garment, held: tuple[int, int],
 
 
 def _exchanged(positions: Floats, flat: Floats, near: Booleans, far: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the only two markers whose exchange makes all neighbours fit, in the frame in which most are seen.
+    """Return the only two markers whose exchange makes all neighbours fit, in one frame.
+
+    Of the frames in which both far ones are seen, the frame is the one with the most markers.
 
     - `flat` [m], `near`: distances on the flat garment, and whether two markers are neighbours, (points, points)
     - `far`: two neighbours that are too far apart: one of them is exchanged
     """
-    seen = np.isfinite(positions).all(2)
-    place = positions[int(seen.sum(1).argmax())]
+    seen = np.asarray(np.isfinite(positions).all(2))
+    place = positions[int((seen.sum(1) * seen[:, far[0]] * seen[:, far[1]]).argmax())]
     found = set[tuple[int, int]]()
     for one in far:
         for other in range(len(place)):

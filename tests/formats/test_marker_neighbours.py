@@ -65,6 +65,29 @@ def test_a_single_marker_elsewhere_brings_no_question_of_a_unit(tmp_path):
         imported(tmp_path, change)
 
 
+def test_a_marker_elsewhere_that_the_fullest_frame_lacks_is_not_exchanged_with_its_diagonal_neighbour(tmp_path):
+    """In frame 1 alone the wrong corner is not seen; elsewhere two markers are not, so that frame 1 has the most."""
+
+    def change(places):
+        places[:, 15, 1] += 1.0
+        places[0, 15] = places[1:, [4, 8]] = np.nan
+        return places
+
+    with pytest.raises(TakeError, match=r"check the unit, the garment's size and the names of the markers$"):
+        imported(tmp_path, change)
+
+
+@pytest.mark.parametrize("lacking", [15, 10])
+def test_exchanged_names_are_told_from_a_frame_that_has_both(tmp_path, lacking):
+    def change(places):
+        places = with_exchanged(10, 15)(places)
+        places[0, lacking] = places[1:, [4, 8]] = np.nan
+        return places
+
+    with pytest.raises(TakeError, match=f"; are the names of '{NAMES[10]}' and '{NAMES[15]}' exchanged"):
+        imported(tmp_path, change)
+
+
 def test_two_points_that_the_garment_has_at_one_place_end_in_a_sentence(tmp_path):
     """`--anyway` accepts them, and they are no neighbours of each other."""
     points = [

@@ -2,12 +2,13 @@
 
     benchmarks/rounding.py [--sets 3] [--truths 5] [--jitters 3] [--spacing 0.1] [--air-drag 1.2] [--takes FOLDER]
     benchmarks/rounding.py --seeds --fit-drag [...]
+    benchmarks/rounding.py --seeds --fit-drag --of demo/gentle.mcap demo/mixed.mcap --jitters 8
 
 A set is two takes of the demo's synthetic skirt in air, 4 s each, with hands, noise and motions of its own. The fits
 have no drag, so a model-form error is left; with `--fit-drag` they have it. A truth is a case of
 `benchmarks/search.py`: our own solver, known parameters, noise alone. Each is fitted once a jitter
 (`HANGTIME_JITTER`), and fits that differ in the jitter alone are twins. With `--seeds` twins differ in the search's
-seed instead. Per kind are printed
+seed instead. With `--of` these takes are fitted, in place of sets and truths. Per kind are printed
 
     held      twins' values inside the 90 % interval: of all parameters, of those called identified
     changes   pairs of twins that disagree whether a parameter is identified
@@ -124,17 +125,21 @@ class Count:
 
 
 def main(
-    sets: int, truths: int, jitters: int, spacing: float, air_drag: float, folder: Path, *, by_seed: bool,
-    fits_drag: bool,
+    sets: int, truths: int, jitters: int, spacing: float, air_drag: float, folder: Path, given: list[Path], *,
+    by_seed: bool, fits_drag: bool,
 ) -> None:  # fmt: skip
     """Fit all twins and print what was counted."""
     skirts, known, begun = Count(), Count(), time.process_time()
+    request = Request(
+        method=SI, effects=find_effects(["air_drag"]) if fits_drag else (), search="least-squares",
+        resolution=Resolution(spacing=spacing),
+    )  # fmt: skip
+    if given:
+        sets, truths = 0, 0
+        print(" and ".join(path.name for path in given), flush=True)
+        skirts.add(twins([read_take(path) for path in given], request, jitters, by_seed=by_seed))
     for number in range(SETS_FROM, SETS_FROM + sets):
         print(f"set {number}: {' and '.join(MOTIONS[number % len(MOTIONS)])}", flush=True)
-        request = Request(
-            method=SI, effects=find_effects(["air_drag"]) if fits_drag else (), search="least-squares",
-            resolution=Resolution(spacing=spacing),
-        )  # fmt: skip
         skirts.add(twins(recorded(folder, number), request, jitters, by_seed=by_seed))
     for number in range(TRUTHS_FROM, TRUTHS_FROM + truths):
         case = make_case(number, spacing, air_drag)
@@ -154,10 +159,11 @@ if __name__ == "__main__":
     parser.add_argument("--air-drag", type=float, default=1.2, help="drag coefficient of the truths, fitted too")
     parser.add_argument("--seeds", action="store_true", help="twins differ in the search's seed")
     parser.add_argument("--fit-drag", action="store_true", help="fit the skirts' drag, too")
+    parser.add_argument("--of", type=Path, nargs="+", default=[], metavar="TAKE", help="fit these takes")
     parser.add_argument("--takes", type=Path, help="folder of the sets' takes")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as kept:
         main(
             given.sets, given.truths, given.jitters, given.spacing, given.air_drag, given.takes or Path(kept),
-            by_seed=given.seeds, fits_drag=given.fit_drag,
+            given.of, by_seed=given.seeds, fits_drag=given.fit_drag,
         )  # fmt: skip

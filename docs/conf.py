@@ -14,7 +14,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from docs.generator import appliance_states, commands, effects, equations
-from docs.generator.shown import with_shown_files
+from docs.generator.shown import MARKER, with_shown_files
 
 project = "Hangtime"
 author = "the authors of Hangtime"
@@ -49,6 +49,12 @@ def fill_in(app: Any, docname: str, source: list[str]) -> None:
     source[0] = whole_page(source[0], f"docs/{docname}.md")
 
 
+def pages_of_other_files(app: Any, env: Any, *changes: set[str]) -> list[str]:
+    """Name the pages that are read at every build: Sphinx sees no change of what `fill_in` puts into them."""
+    pages = {name: Path(env.doc2path(name)).read_text() for name in env.found_docs}
+    return [name for name, text in pages.items() if any(marker in text for marker in GENERATED) or MARKER.search(text)]
+
+
 def whole_page(text: str, page: str) -> str:
     """Return the text of a page, given by its file from the root, with all that is put into it."""
     for marker, make in GENERATED.items():
@@ -60,5 +66,6 @@ def whole_page(text: str, page: str) -> str:
 def setup(app: Any) -> dict[str, bool]:
     """Connect the generated pages and the equations."""
     app.connect("source-read", fill_in)
+    app.connect("env-get-outdated", pages_of_other_files)
     app.add_html_math_renderer("mathml", (equations.visit_math, None), (equations.visit_math_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -75,6 +75,17 @@ def test_a_link_from_a_shown_file_holds_where_the_page_is() -> None:
     assert "(../decisions/0032-compensated-summation.md)" in shown
 
 
+def test_a_page_is_read_again_when_the_file_that_it_shows_has_changed(tmp_path: Path) -> None:
+    pages, built, shown = tmp_path / "pages", tmp_path / "built", tmp_path / "CHANGES.md"
+    pages.mkdir()
+    (pages / "index.md").write_text(f"<!-- shown: {shown} -->\n")
+    for word in ("sooner", "later"):
+        shown.write_text(f"# Changes\n\nThe lamp lights {word}.\n")
+        sphinx = [sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning", "--quiet"]
+        subprocess.run([*sphinx, "--conf-dir", DOCS, pages, built], check=True)
+        assert f"The lamp lights {word}." in (built / "index.html").read_text()
+
+
 def test_every_page_that_code_names_exists() -> None:
     """Error messages and docstrings send readers to pages."""
     found = []

@@ -13,9 +13,11 @@ from formats.interrupts import ended_like_ctrl_c, held, raise_swallowed, remembe
 
 @pytest.fixture(autouse=True)
 def handler():
-    """Python's own, and afterwards the one that was there."""
+    """Python's own, also where `nohup` runs the tests with SIGHUP ignored, and afterwards the one that was there."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hung_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
+    signal.signal(signal.SIGHUP, hung_up)
     signal.signal(signal.SIGINT, before)
     remember_interruptions()
     signal.signal(signal.SIGINT, before)

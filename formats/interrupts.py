@@ -90,29 +90,30 @@ class _Imports(MetaPathFinder):
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Within the block, only note Ctrl-C; at the end, call its former handler. For the main thread.
+    """Within the block, only note Ctrl-C, SIGTERM and SIGHUP; at the end, call their former handlers.
+
+    A signal that is ignored or left to the system stays so. For the main thread.
 
     Raises:
         KeyboardInterrupt: there was an interruption, and no other handler.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if not callable(before):  # ignored, or left to the system
-        yield
-        return
-    noted = False
+    before = {one: handler for one in (*ENDING, signal.SIGINT) if callable(handler := signal.getsignal(one))}
+    noted: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:
-        nonlocal noted
-        noted = True
+        if number not in noted:
+            noted.append(number)
 
-    signal.signal(signal.SIGINT, note)
+    for one in before:
+        signal.signal(one, note)
     try:
         yield
     finally:
-        if signal.getsignal(signal.SIGINT) is note:  # a library may have its own by now
-            signal.signal(signal.SIGINT, before)
-        if noted:
-            before(signal.SIGINT, None)
+        for one, handler in before.items():
+            if signal.getsignal(one) is note:  # a library may have its own by now
+                signal.signal(one, handler)
+        for number in noted:
+            before[signal.Signals(number)](number, None)
 
 
 @contextmanager
@@ -147,7 +148,7 @@ def ended_like_ctrl_c() -> Iterator[None]:
         if is_asked:
             return
         is_asked = True
-        if callable(signal.getsignal(signal.SIGINT)):  # also where `held` delays it
+        if callable(signal.getsignal(signal.SIGINT)):
             signal.raise_signal(signal.SIGINT)
         else:  # a shell ignores Ctrl-C for a command in the background
             raise KeyboardInterrupt

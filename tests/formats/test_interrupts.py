@@ -99,7 +99,11 @@ def test_the_first_signal_that_ends_a_command_is_a_ctrl_c_and_the_second_nothing
     assert signal.getsignal(number) is before
 
 
-def test_a_signal_that_ends_a_command_waits_where_ctrl_c_waits():
+@pytest.mark.parametrize("is_ignored", [False, True])
+def test_a_signal_that_ends_a_command_waits_where_ctrl_c_waits(is_ignored):
+    """Also where a shell ignores Ctrl-C."""
+    if is_ignored:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     done = []
 
     def work():

@@ -105,15 +105,17 @@ class ReportMotion:
 
     @property
     def worst_frame(self) -> int:
-        """Return the frame with the largest error of the first run, or 0 without any error.
+        """Return the frame with the largest error of the first run, or 0 without any error; see `judged`."""
+        judged = self.judged(self.shown[0]) if self.shown else np.full(1, np.nan)
+        return int(np.nanargmax(judged)) if np.isfinite(judged).any() else 0
+
+    def judged(self, name: str) -> Floats:
+        """Return a run's error in each frame that may be its worst [m], (frames,), NaN in all others.
 
         Frames with less than half of the largest number of seen free points do not count.
         """
-        if not self.shown or not self.counted.any():
-            return 0
         count = self.counted.sum(1)
-        first = np.where(2 * count >= count.max(), self.rms(self.shown[0]), np.nan)
-        return int(np.nanargmax(first))
+        return np.where(2 * count >= count.max(), self.rms(name), np.nan)
 
 
 def rms_of(motions: list[ReportMotion], name: str) -> float | None:

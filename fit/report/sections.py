@@ -83,7 +83,8 @@ def errors(
                 apart = motion.errors(run)
                 largest = np.max(apart, axis=1, initial=-1.0, where=np.isfinite(apart))
                 largest = np.where(largest < 0, np.nan, largest)
-                curves.append(Curve(run, motion.rms(run), largest, names[run], ("rms", whole)))
+                worst = ("worst frame", float(np.nanmax(motion.judged(run))))
+                curves.append(Curve(run, motion.rms(run), largest, names[run], ("rms", whole), worst))
         kind = "held out: not used to fit" if motion.is_held_out else "used to fit"
         tied = index if index < shown else None
         charts.append(error_chart(f"{motion.take_id} ({kind})", motion.time, curves, motion=tied))
@@ -98,7 +99,7 @@ def errors(
     else:
         intro = (
             f"{MEASURE}, in each frame; thin, the worst point; dashed, all frames. A curve breaks where no free point "
-            "is seen."
+            "is seen. A worst frame shows half or more of the most free points seen at once."
         )
         intro += " Dotted, the fit." if any("fit" in motion.shown for motion in motions) else ""
     if not any(charts):
@@ -122,7 +123,8 @@ def _by_point(motion: ReportMotion, index: int, names: dict[str, str]) -> Markup
         for run in motion.shown:
             apart = motion.errors(run)[:, k]
             whole = float(np.sqrt(np.nanmean(apart**2)))
-            curves.append(Curve(run, apart[::every], None, names[run], ("rms", whole)))
+            largest = ("largest", float(np.nanmax(apart)))
+            curves.append(Curve(run, apart[::every], None, names[run], ("rms", whole), largest))
         caption = f"{motion.point_names[k].replace('_', ' ')}, distance of this point"
         charts.append(error_chart(caption, motion.time[::every], curves, motion=index))
     shown = f"the {len(worst)} worst of " if len(worst) < int(motion.counted.any(0).sum()) else ""

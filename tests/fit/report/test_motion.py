@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import zipfile
 from dataclasses import replace
 
@@ -83,6 +84,31 @@ def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
     assert motion(real=real, **given).worst_frame == 1
     assert motion(real=still, **given).worst_frame == 2
     assert motion(real=np.full_like(still, np.nan), **given).worst_frame == 0
+
+
+def test_the_worst_frame_of_the_legend_is_the_one_that_the_player_shows():
+    """Frame 1 is 30 mm off, and frame 2 is 90 mm off, but shows one point of three."""
+    still = np.zeros((3, 5, 3))
+    off = still.copy()
+    off[1, :, 0], off[2, :, 0] = 0.03, 0.09
+    real = still.copy()
+    real[2, 3:] = np.nan
+    runs = {"base": Run(points=off), "fit": Run(points=off / 2)}
+    made = motion(time=np.arange(3.0), real=real, runs=runs, held=None, triangles=None)
+    assert made.rms("base")[made.worst_frame] == pytest.approx(0.03)
+    page = re.sub("<[^>]*>", " ", str(sections.errors(None, [made], 1)))
+    assert re.findall(r"worst frame ([\d.]+) mm", page)[:2] == ["30.0", "15.0"]
+    assert "A worst frame shows half or more of the most free points seen at once." in page
+
+
+def test_the_largest_error_of_a_point_is_that_of_all_frames_also_where_the_curve_leaves_frames_out():
+    """Of 1001 frames every third is drawn. Frame 100, which is not, is 20 mm off, and all others are 10 mm off."""
+    still = np.zeros((1001, 5, 3))
+    off = still + np.array([0.01, 0.0, 0.0])
+    off[100, :, 0] = 0.02
+    given = {"real": still, "runs": {"base": Run(points=off)}, "held": None, "triangles": None}
+    page = re.sub("<[^>]*>", " ", str(sections.errors(None, [motion(time=np.arange(1001.0), **given)], 1)))
+    assert re.findall(r"largest ([\d.]+) mm", page)[0] == "20.0"
 
 
 def test_a_curve_breaks_where_no_free_point_is_seen():

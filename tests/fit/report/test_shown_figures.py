@@ -234,7 +234,7 @@ def test_single_points_are_the_worst_ones_with_their_root_mean_square():
     page = words_on(sections.errors(None, [made], 1))
     names = re.findall(r"(bottom right|bottom left|centre), distance of this point", page)
     assert list(dict.fromkeys(names)) == ["bottom right", "centre", "bottom left"]
-    assert "rms 5.0 mm, worst frame 7.0 mm" in page
+    assert "rms 5.0 mm, largest 7.0 mm" in page
     assert "rms 30.0 mm" in page
 
 

@@ -157,7 +157,7 @@ def batch_command(
     from fit.batch.ending import ending_of
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store, try_writing
-    from fit.batch.summary import as_facts, rows_of, sentence_of, short_name, write_summary
+    from fit.batch.summary import as_facts, lines_of, rows_of, sentence_of, write_summary
     from fit.folders import make_folder
     from fit.identification.calibrate import TOO_SHORT
     from fit.identification.request import Plan
@@ -215,10 +215,9 @@ def batch_command(
         if diagnose and not is_interrupted:
             morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
     needs = morning.needs if morning is not None else ()
-    for row in rows:
-        if left := [one for one in row.own_remarks if (short_name(row.take), one) not in needs]:  # needs are said below
-            say(f"{plain(row.take)}: {plain(' '.join(left))}")
-    if any(TOO_SHORT in row.remarks for row in rows):
+    for line in lines_of(rows, needs):  # needs are said below
+        say(line)
+    if any(TOO_SHORT in row.remarks for row in rows if row.state != "known"):
         say(TOO_SHORT)
     place = results.path("summary.html") or f"{results.url}/summary.html"
     shown = str(place)

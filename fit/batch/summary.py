@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -24,6 +24,7 @@ from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.figures import without_noise
 from formats.fit_records import AT_BOUND, FitParameter, FitResult, warnings_in
+from formats.plain_text import counted, plain
 from formats.results import fit_result_from
 from formats.rows import csv_text
 
@@ -44,6 +45,7 @@ STATE_TONES = {
     "newer": "warn",
     "waiting": "warn",
 }  # of `STATE_WORDS`
+MOST_NAMED = 4  # takes; our choice: the line stays short, and the page names every take
 UNDONE = ("failed", "refused", "newer")  # states without a result that another run alone does not mend
 
 
@@ -119,6 +121,33 @@ def sentence_of(rows: Sequence[Row]) -> str:
 def short_name(take: str) -> str:
     """Return a take's name without the digest that its key on a server ends with."""
     return DIGEST.sub("", take)
+
+
+def lines_of(rows: Sequence[Row], needs: Collection[tuple[str, str]] = ()) -> list[str]:
+    """Return the remarks of a run as lines: each sentence once, behind the takes that it is about.
+
+    The remarks on takes that were fitted before have been said then, so one line counts these takes.
+
+    needs: takes and sentences that the run says elsewhere
+    """
+    takes: dict[str, list[str]] = {}
+    before = 0
+    for row in rows:
+        left = [remark for remark in row.own_remarks if (short_name(row.take), remark) not in needs]
+        if row.state == "known":
+            before += bool(left)
+            continue
+        for remark in left:
+            takes.setdefault(remark, []).append(row.take)
+    lines = [f"{plain(_few(names))}: {plain(remark)}" for remark, names in takes.items()]
+    if before:
+        lines.append(f"{counted(before, 'take')} fitted before: the summary has the remarks again.")
+    return lines
+
+
+def _few(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:MOST_NAMED])
+    return f"{shown} and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else shown
 
 
 def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:

@@ -12,6 +12,7 @@ import pytest
 
 from fit.api.shown import fit_tables
 from fit.api.tables import as_text
+from fit.batch import runner
 from fit.batch.garments import Wardrobe, wardrobe_of, wardrobes
 from fit.batch.jobs import Outcome, diagnosis_name, result_name
 from fit.batch.kept import keep
@@ -19,7 +20,7 @@ from fit.batch.morning import as_html, morning_of
 from fit.batch.morning import as_text as as_mail
 from fit.batch.runner import Survey, survey
 from fit.batch.store import open_store
-from fit.batch.summary import Row
+from fit.batch.summary import Row, lines_of
 from fit.identification.calibrate import TOO_SHORT
 from formats.fit_records import CameraFinding
 from formats.results import result_bytes
@@ -61,8 +62,15 @@ def weak_night(tmp_path):
 
 
 @pytest.mark.parametrize("words", [(), ("--diagnose",)])
-def test_a_batch_says_of_a_weak_fit_what_a_single_fit_says(weak_night, words):
-    night, key = weak_night
+def test_a_batch_says_of_a_weak_fit_what_a_single_fit_says(tmp_path, monkeypatch, words):
+    night = Night(tmp_path, to_fit=["front"])
+
+    def fits(found, *others, **more):
+        for job in found.jobs:
+            keep(night.results, result_name(job.key), result_bytes(weak_fit(), tmp_path / "k"))
+            found.outcomes[job.key] = Outcome(key=job.key, state="fitted")
+
+    monkeypatch.setattr(runner, "run", fits)
     single = as_text(fit_tables(weak_fit()))
     done = night.run("--json", *words)
     (told,) = json.loads(done.stdout)["takes"]
@@ -80,8 +88,34 @@ def test_a_batch_says_of_a_weak_fit_what_a_single_fit_says(weak_night, words):
     assert told["warnings"] == [TOO_SHORT, HARDLY]
     first, second, *_ = weak_fit().parameters
     assert (told["at_bound"], told["not_identified"]) == ([first.name], [second.name])
-    assert told["file"] == result_name(key)
+    assert told["file"] == result_name(*survey(night.takes, night.results, PLAN).keys.values())
     assert 'class="verdict is-warn"' in summary
+
+
+def test_a_night_that_fits_nothing_new_says_no_finding_again_and_keeps_all_in_its_files(weak_night):
+    night, _ = weak_night
+    done = night.run("--json")
+    (told,) = json.loads(done.stdout)["takes"]
+    summary = (night.folder / "out/summary.html").read_text()
+    for said in (f"Camera: {CLOCK}", f"Camera: {LATE}", HARDLY):
+        assert said not in done.stderr
+        assert said in told["sentence"]
+        assert said.replace("'", "&#39;") in summary
+    assert TOO_SHORT not in done.stderr
+    assert done.stderr.count("1 take fitted before: the summary has the remarks again.\n") == 1
+
+
+def test_a_finding_on_several_takes_is_said_once_with_the_takes():
+    rows = [replace(one_row(state="fitted"), take=f"{name}.mcap") for name in "abcdef"]
+    other = replace(one_row(state="fitted"), take="b.mcap")
+    needs = {("f.mcap", HARDLY)}
+    assert lines_of(rows, needs) == [
+        f"a.mcap, b.mcap, c.mcap, d.mcap and 2 more: Camera: {CLOCK}",
+        f"a.mcap, b.mcap, c.mcap, d.mcap and 2 more: Camera: {LATE}",
+        f"a.mcap, b.mcap, c.mcap, d.mcap and 1 more: {HARDLY}",
+    ]
+    assert lines_of([other])[0] == f"b.mcap: Camera: {CLOCK}"
+    assert lines_of([replace(one_row(fit_result()), take="a")]) == []
 
 
 def test_a_fit_without_doubts_is_told_by_its_figures_alone(tmp_path):

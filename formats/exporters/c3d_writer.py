@@ -28,7 +28,7 @@ POINT, ANALOG, FORCE_PLATFORM = 1, 2, 3  # numbers of the groups
 def c3d_pieces(labels: Sequence[str], positions: Floats, rate: float) -> Iterable[bytes]:
     """Return the bytes of a C3D file, in pieces.
 
-    - `positions` [m], (frames, points, 3), NaN where not seen; 65535 frames at most
+    - `positions` [m], (frames, points, 3), NaN where not seen; 65534 frames at most
     - `rate` [1/s]
 
     Raises:

@@ -31,7 +31,8 @@ LATE = 0.25  # of an interval: largest move of a frame in a file with one rate
 LEAST_MOVED = 1e-4  # s: smaller moves of frames are not reported
 FROM_ORIGIN = 1e-6  # m, the last digit of a coordinate in CSV
 LONGEST_LABEL = 127  # bytes of UTF-8: readers that take the length for a signed byte lose a longer label
-MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
+# Frames. A header of 65535 says that a file may hold more, so ezc3d reads the rest of the last block as a frame.
+MOST_C3D_FRAMES = 65534
 
 
 def marker_tracks(take: Take) -> MarkerTracks:

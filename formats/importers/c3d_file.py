@@ -26,11 +26,13 @@ from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_o
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.missing_values import (
+    are_at_bound,
     are_incomplete,
     are_lowest,
     are_zeros,
     as_seen,
     remove_missing_value_codes,
+    warning_of_bound,
     warning_of_incomplete,
     warning_of_lowest,
     warning_of_zeros,
@@ -112,6 +114,7 @@ def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks
         warnings.append(_warning_of_names(points, without_path))
     warnings += [
         warning_of_lowest(gaps.lowest, frame_of),
+        warning_of_bound(gaps.bound, labels, frame_of),
         remove_missing_value_codes(positions, scale, frame_of),
     ]
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
@@ -182,16 +185,18 @@ class _Gaps:
 
     - `lacking`: one or two coordinates are missing; `zeros`: all three are zero
     - `lowest`: all three are the lowest integer; `infinite`: one is infinite
+    - `bound`: one of three, which are not all the lowest, is at a bound of the integers
     """
 
     lacking: Booleans
     zeros: Booleans
     lowest: Booleans
     infinite: Booleans
+    bound: Booleans
 
     def forget(self, points: Integers) -> None:
         """Forget the gaps of unused points."""
-        for found in (self.lacking, self.zeros, self.lowest, self.infinite):
+        for found in (self.lacking, self.zeros, self.lowest, self.infinite, self.bound):
             found[:, points] = False
 
 
@@ -204,7 +209,7 @@ def _places(path: Path, header: Header, frames: int, scale: Floats) -> tuple[Flo
     """
     layout = header.layout
     positions = np.empty((frames, layout.points, 3))
-    gaps = _Gaps(*np.zeros((4, frames, layout.points), bool))
+    gaps = _Gaps(*np.zeros((5, frames, layout.points), bool))
     at_once = max(CONVERTED_AT_ONCE // layout.width, 1)
     kind = FLOAT if layout.is_float else SHORT
     unit = scale if layout.is_float else scale * abs(header.scale)
@@ -218,9 +223,10 @@ def _places(path: Path, header: Header, frames: int, scale: Floats) -> tuple[Flo
             flagged = rows[..., 3] < 0
             if not layout.is_float:
                 gaps.lowest[some] = are_lowest(rows[..., :3]) & ~flagged
+                gaps.bound[some] = are_at_bound(rows[..., :3]) & ~flagged & ~gaps.lowest[some]
             with np.errstate(invalid="ignore", over="ignore"):  # a damaged number is a gap
                 where = rows[..., :3] * unit[:, None]
-                positions[some] = as_seen(where, flagged | gaps.lowest[some])
+                positions[some] = as_seen(where, flagged | gaps.lowest[some] | gaps.bound[some])
             gaps.lacking[some] = are_incomplete(where) & ~flagged
             gaps.zeros[some] = are_zeros(where, flagged)
             gaps.infinite[some] = np.isinf(rows[..., :3]).any(2) & ~flagged

@@ -58,12 +58,13 @@ class HeaderWords:
 
     @property
     def frames(self) -> int:
-        """Number of frames, 0 or less where the last lies before the first."""
+        """Number of frames, 0 or less where the last lies before the first, as beyond the frame 65535."""
         return self.last - self.first + 1
 
     def cannot_count(self, frames: int) -> bool:
         """Return whether the header's 16 bits are clipped or have wrapped round, and so many frames are the count."""
-        has_wrapped = frames > MOST_STATED_FRAMES and (frames - self.frames) % WORD_VALUES == 0
+        may_have_wrapped = frames > MOST_STATED_FRAMES or self.frames < 0
+        has_wrapped = may_have_wrapped and (frames - self.frames) % WORD_VALUES == 0
         return has_wrapped or (self.last == MOST_STATED_FRAMES and frames > self.frames)
 
 
@@ -144,6 +145,12 @@ def _of_two_words(words: Floats) -> int:
 def is_word_of(word: int, frames: int) -> bool:
     """Return whether a word of 16 bits, which may be clipped or have wrapped round, states a number of frames."""
     return word == MOST_STATED_FRAMES or (word - frames) % WORD_VALUES == 0
+
+
+def points_of(parameters: Parameters) -> int | None:
+    """Return the number of points by POINT:USED, a word without sign; None where the file lacks it."""
+    used = parameters.numbers("POINT", "USED")
+    return int(first_of(used)) % WORD_VALUES if len(used) else None
 
 
 def analogue_of(words: HeaderWords, parameters: Parameters) -> int:

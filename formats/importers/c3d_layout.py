@@ -33,6 +33,7 @@ from formats.importers.c3d_header import (
     counts_of,
     first_of,
     is_word_of,
+    points_of,
 )
 from formats.importers.c3d_parameters import FLOAT, Parameters, numbers_of
 from formats.importers.c3d_sections import find_parameters
@@ -139,7 +140,8 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     if layout.width and layout.frames > 0 and layout.start > 1:
         copied = counts.get(COUNTED, 0)
         if held < layout.frames:
-            who = "its header states" if layout.frames == words.frames else "its parameters state"
+            is_header = layout.frames == words.frames or layout.frames not in counts.values()
+            who = "its header states" if is_header else "its parameters state"
             raise cut_off(max(held, 0), layout.frames, who, path)
         if held < copied and not agrees and not is_word_of(copied, layout.frames):
             raise cut_off(held, copied, f"its parameter {COUNTED} states", path)
@@ -180,11 +182,13 @@ def _layouts(
 
     `scales`: by the header and by POINT:SCALE, 0 where it is not stated; negative for floats
     """
-    used, begin = (int(first_of(parameters.numbers("POINT", name))) for name in ("USED", "DATA_START"))
+    begin = int(first_of(parameters.numbers("POINT", "DATA_START")))
     analogue = analogue_of(words, parameters)
     beyond = max((count for count in counts.values() if words.cannot_count(count)), default=0)
     frames = [beyond] if beyond else [*([words.frames] if words.frames > 0 else []), *counts.values()]
-    points = _distinct(words.points, max(used, 0) or words.points)
+    if words.frames < 0:
+        frames = [*frames, words.frames % WORD_VALUES]  # the last frame's number wraps round
+    points = _distinct(words.points, points_of(parameters) or words.points)
     starts = _distinct(*[start for start in (words.start, begin) if start > 1]) or [words.start]
     kinds = list(dict.fromkeys(scale < 0 for scale in scales if scale))
     values = _distinct(words.analogue, analogue or words.analogue)
@@ -274,9 +278,8 @@ def _doubts(
             f"its header states block {words.start} as the first of its frames; the frames fill the file from block "
             f"{layout.start} on, and were read from there"
         )
-    used = parameters.numbers("POINT", "USED")
-    if len(used) and (count := int(first_of(used))) != words.points:
-        told = f"its header states {words.points} points, and its parameter POINT:USED {count}"
+    if (used := points_of(parameters)) not in (None, words.points):
+        told = f"its header states {words.points} points, and its parameter POINT:USED {used}"
         if not agrees:
             raise TakeError(f"{told}, and its size agrees with neither", where=path, advice="export it again")
         yield f"{told}; {layout.points} were read"

@@ -30,6 +30,7 @@ from formats.importers.number_cells import CELL_SHOWN
 from formats.plain_text import MOST_LISTED, counted, first_few
 
 LOWEST_INTEGER = -(1 << 15)  # of 16 bits
+HIGHEST_INTEGER = (1 << 15) - 1  # of 16 bits
 # a code that lies far out: times the largest other coordinate. Our choice: half and double change no case of
 # `tests/formats/test_missing_value_codes.py` but that of this bound.
 FARTHER_THAN_OTHERS = 2.0
@@ -105,6 +106,31 @@ def warning_of_lowest(lowest: Booleans, where: Callable[[int], str]) -> str:
     if not lowest.any():
         return ""
     return _told(str(LOWEST_INTEGER), int(lowest.sum()), where(int(np.argmax(lowest.any(1)))))
+
+
+def are_at_bound(integers: NDArray[Any]) -> Booleans:
+    """Return whether a coordinate is at a bound of 16-bit integers, (frames, markers); as they were read.
+
+    The C3D user guide has programs scale the farthest coordinate to 32000 at most.
+    """
+    return np.asarray((np.abs(integers) >= HIGHEST_INTEGER).any(2))
+
+
+def warning_of_bound(bound: Booleans, labels: Sequence[str], where: Callable[[int], str]) -> str:
+    """Return a warning of coordinates at a bound of the integers, which count as not seen, '' without any.
+
+    - `bound`: whether a coordinate is, (frames, markers); `labels`: the markers' names
+    - `where`: returns the name of a frame's number in the file
+    """
+    if not bound.any():
+        return ""
+    count, some = int(bound.sum()), np.argwhere(bound)[:MOST_LISTED].tolist()
+    each = [f"{labels[marker].strip()[:CELL_SHOWN]} in {where(frame)}" for frame, marker in some]
+    told = "1 position counts" if count == 1 else f"{count} positions count"
+    return (
+        f"{told} as not seen, with a coordinate at a bound of 16-bit integers: {first_few(each, count)}; export "
+        "floats, or a larger scale"
+    )
 
 
 def _told(code: str, count: int, first: str) -> str:

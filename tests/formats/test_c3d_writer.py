@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formats.exporters.c3d_writer import c3d_pieces
-from formats.exporters.marker_files import write_c3d, write_csv
+from formats.exporters.marker_files import MOST_C3D_FRAMES, write_c3d, write_csv
 from formats.importers.marker_files import read_marker_tracks
 from tests.formats.test_archive import a_take
 from tests.formats.test_export_oddities import named
@@ -48,6 +48,14 @@ def test_another_library_reads_the_same(tmp_path):
     assert point["RATE"]["value"][0] == pytest.approx(69.99)
     seen = np.moveaxis(found["data"]["points"][:3], (0, 1, 2), (2, 1, 0))
     np.testing.assert_allclose(seen, 1e3 * places, rtol=2e-7)
+
+
+@pytest.mark.parametrize("frames", [32768, MOST_C3D_FRAMES])
+def test_another_library_reads_as_many_frames_as_the_longest_take_has(tmp_path, frames):
+    """The last block is not full: ezc3d reads 65535 frames of 3 points as 65536, of which one is zeros."""
+    ezc3d = pytest.importorskip("ezc3d")
+    found = ezc3d.c3d(str(written(tmp_path, ["a", "b", "c"], np.ones((frames, 3, 3)))))
+    assert found["data"]["points"].shape == (4, 3, frames)
 
 
 @pytest.mark.parametrize("write", [write_c3d, write_csv])

@@ -192,11 +192,11 @@ def test_a_c3d_file_of_more_frames_than_its_header_counts_is_not_read_in_part(tm
 
 
 def test_a_take_of_more_frames_than_c3d_counts_is_not_exported_in_part():
-    tracks = MarkerTracks(("a",), np.arange(65536) / 100, np.ones((65536, 1, 3)))
-    with pytest.raises(TakeError, match="has 65536 frames, a C3D file 65535 at most; export it as CSV"):
+    tracks = MarkerTracks(("a",), np.arange(65535) / 100, np.ones((65535, 1, 3)))
+    with pytest.raises(TakeError, match="has 65535 frames, a C3D file 65534 at most; export it as CSV"):
         at_one_rate(tracks, "t")
     shorter = replace(tracks, time=tracks.time[1:], positions=tracks.positions[1:])
-    assert len(at_one_rate(replace(shorter, time=shorter.time - 0.01), "t")[1]) == 65535
+    assert len(at_one_rate(replace(shorter, time=shorter.time - 0.01), "t")[1]) == 65534
 
 
 def exchanged(tracks, one, other):

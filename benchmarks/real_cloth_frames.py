@@ -70,7 +70,7 @@ def curves(recording: Recording) -> tuple[Floats, Floats, Floats]:
 
 
 def main(folder: Path) -> None:
-    """Print a line for each take and the mean of all."""
+    """Print a line for each take, the mean of all, and in how many takes moved frames are better."""
     print(f"{'':16s} {'path':>14s} {'moved':>14s} {'row':>14s}   mm, log density")
     every = []
     for path in sorted(folder.glob("*.npz")):
@@ -82,6 +82,9 @@ def main(folder: Path) -> None:
         print(f"{path.stem:16s} " + " ".join(f"{1e3 * error:6.1f} {density:7.2f}" for error, density in seen))
     middle = np.mean(every, axis=0)
     print(f"{'mean':16s} " + " ".join(f"{1e3 * error:6.1f} {density:7.2f}" for error, density in middle))
+    path, moved, _ = np.moveaxis(np.array(every), 1, 0)
+    print(f"moved: smaller error in {(moved[:, 0] < path[:, 0]).sum()} of {len(path)} takes, ", end="")
+    print(f"larger density in {(moved[:, 1] > path[:, 1]).sum()} takes")
 
 
 if __name__ == "__main__":

@@ -67,6 +67,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
 
     Raises:
         BatchError: there is no take, or the results cannot be listed.
+        FitError: no garment of these takes has a mesh of the plan's spacing.
         UnreachableError: takes or results cannot be reached now.
     """
     names = takes.names("", ".mcap")
@@ -78,6 +79,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     failed = set(results.names("failed", ".json"))
     physics = physics_version()
     found, sizes = Survey(), {}
+    no_meshes: dict[str, FitError] = {}
     for name in names:
         try:
             content = takes.read(name)
@@ -98,19 +100,25 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         if known is not None:
             found.outcomes[key] = known
         elif is_new and (no_mesh := _refused_mesh(content, name, plan, anyway=anyway)):
-            found.outcomes[key] = Outcome(key=key, state="refused", sentence=no_mesh)
+            found.outcomes[key] = Outcome(key=key, state="refused", sentence=words_of(no_mesh))
+            if isinstance(no_mesh, FitError):
+                no_meshes[key] = no_mesh
         elif is_new:
             found.jobs.append(
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
                     physics=physics, anyway=anyway)
             )  # fmt: skip
+    if no_meshes and no_meshes.keys() == {*found.keys.values()}:
+        first = next(iter(no_meshes.values()))
+        what = first.what if len(names) == 1 else f"suits none of the {len(names)} takes: {first.what}"
+        raise FitError(what, where="--spacing", advice=first.advice)
     # The smallest first, so that a huge take delays no other.
     found.jobs.sort(key=lambda job: sizes[job.take] if isinstance(job, Job) else 0)
     return found
 
 
-def _refused_mesh(content: bytes, name: str, plan: Plan, *, anyway: bool) -> str:
-    """Return why `fit` refuses a take whose garment has no mesh of this spacing; '' if a worker decides.
+def _refused_mesh(content: bytes, name: str, plan: Plan, *, anyway: bool) -> FitError | ImplausibleError | None:
+    """Return why `fit` refuses a take whose garment has no mesh of this spacing; None if a worker decides.
 
     An implausible take, which `anyway` accepts, is refused for this reason, as its size may be in another unit.
     """
@@ -119,18 +127,18 @@ def _refused_mesh(content: bytes, name: str, plan: Plan, *, anyway: bool) -> str
     from formats.plausible import check_plausible_take
 
     if plan.spacing is None:
-        return ""
+        return None
     try:
         take = take_of(content, name)
     except TakeError:
-        return ""
+        return None
     try:
         if not anyway:
             check_plausible_take(take, name, offers_anyway=True)
         check_mesh(take.garment, plan.spacing)
     except (FitError, ImplausibleError) as error:
-        return words_of(error)
-    return ""
+        return error
+    return None
 
 
 def run(

@@ -16,7 +16,7 @@ from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
 from fit.batch.runner import survey
 from fit.batch.summary import as_csv, as_facts, as_html, rows_of
 from fit.batch.worker import Errand, run_errand
-from fit.errors import UnreachableError
+from fit.errors import FitError, UnreachableError
 from fit.identification.request import Plan
 from fit.recordings.intact import describe_flaws
 from formats.archive import write_take
@@ -51,6 +51,17 @@ def test_a_spacing_that_gives_a_take_no_mesh_is_reported_before_the_night(night,
     assert all(o.state == "refused" and re.search(sentence, o.sentence) for o in found.outcomes.values())
 
 
+def test_a_spacing_that_suits_no_take_is_refused_before_the_night(night):
+    """50 mm as 50 m, for one take and for two."""
+    for count in (1, 2):
+        with pytest.raises(FitError) as refused:
+            survey(*night, replace(PLAN, spacing=50.0))
+        assert ("suits none of the 2 takes: " in str(refused.value)) == (count == 2)
+        assert str(refused.value).startswith("--spacing: ")
+        assert str(refused.value).endswith("the spacing is in metres: 0.05 for 50 millimetres")
+        write_take(night[0].path("") / "b.mcap", replace(a_take(30), take_id="b"))
+
+
 @pytest.mark.parametrize(
     ("anyway", "sentence"),
     [
@@ -62,6 +73,7 @@ def test_a_take_in_millimetres_is_refused_as_such_and_its_spacing_only_where_it_
     take = a_take(30)
     large = msgspec.structs.replace(take.garment, outline_m=[[1000 * x for x in row] for row in take.garment.outline_m])
     write_take(night[0].path("") / "a.mcap", replace(take, garment=large), overwrite=True)
+    (night[0].path("") / "torn.mcap").write_bytes(b"torn")
     found = survey(*night, replace(PLAN, spacing=0.05), anyway=anyway)
     (outcome,) = found.outcomes.values()
     assert re.search(sentence, outcome.sentence), outcome.sentence

@@ -64,7 +64,7 @@ def import_recordings(
     unit: Annotated[
         str | None,
         typer.Option("--unit", help="Unit of lengths where the file states none: m, dm, cm, mm, um, in, ft (motion "
-                     "capture).")
+                     "capture). With --anyway it counts where the file states another.")
     ] = None,
     decimal: Annotated[
         DecimalSign | None,

@@ -38,7 +38,7 @@ from formats.importers.missing_values import (
     warning_of_zeros,
 )
 from formats.importers.number_cells import CELL_SHOWN
-from formats.importers.units import metres_of
+from formats.importers.units import GivenUnit, metres_of
 from formats.plain_text import counted, first_few, sized
 from formats.plausible import USABLE_RATES
 
@@ -50,7 +50,7 @@ TEXTS = ("LABELS", "UNITS")  # of each point
 CONTINUED_BY = ("", *map(str, range(2, 10)))  # behind the name of a parameter that would be longer than 255 texts
 
 
-def read_c3d(path: Path, unit: str | None, wanted: Wanted = ALL) -> MarkerTracks:
+def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> MarkerTracks:
     """Read the marker trajectories of a C3D file.
 
     - `unit`: unit of lengths, needed where the file states none
@@ -244,7 +244,7 @@ def _rate(parameters: Parameters, header: Header) -> float:
 
 
 def _scale(
-    units: list[str], points: int, unit: str | None, path: Path, others: Integers | None = None
+    units: list[str], points: int, unit: GivenUnit | str | None, path: Path, others: Integers | None = None
 ) -> tuple[Floats, str]:
     """Return the metres of each point's unit, (points,), and a warning of units that contradict, '' without them.
 

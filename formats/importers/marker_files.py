@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from formats.importers.folders import refuse_folder
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import DECIMALS
+from formats.importers.units import GivenUnit
 from formats.plain_text import counted
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
@@ -24,10 +26,13 @@ COMMANDS_FOR = {
 }
 
 
-def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
+def read_marker_tracks(
+    path: Path, unit: str | None = None, decimal: str = "", wanted: Wanted = ALL, *, anyway: bool | None = None
+) -> MarkerTracks:
     """Read the marker trajectories of one file.
 
     - `unit`: unit of the file's lengths, needed where the file states none
+    - `anyway`: whether `unit` counts where the file states another; None: refuse it, and offer no --anyway
     - `decimal`: decimal separator of a text file, `comma` or `point`; '' to detect it
     - `wanted`: markers and frames to check and convert; the other markers keep their names only
 
@@ -53,10 +58,11 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
             f"is for text, and {path.name} is none", where="--decimal",
             advice="leave out --decimal, or import that file by itself",
         )  # fmt: skip
+    given = None if unit is None else GivenUnit(unit, anyway)
     if kind == ".c3d":
-        tracks = read_c3d(path, unit, wanted)
+        tracks = read_c3d(path, given, wanted)
     else:
-        tracks = read_marker_text(path, unit, DECIMALS.get(decimal, ""), wanted)
+        tracks = read_marker_text(path, given, DECIMALS.get(decimal, ""), wanted)
     if not np.isfinite(tracks.positions).any():
         whose = "none of the garment's markers" if wanted.names else "no marker"
         when = "ever seen" if wanted.frames is None else f"seen in the first {counted(len(tracks.time), 'frame')}"
@@ -66,4 +72,8 @@ def read_marker_tracks(path: Path, unit: str | None = None, decimal: str = "", w
             f"{whose} was {when}{because}", where=path,
             advice="export all their coordinates" if tracks.warning else paths,
         )  # fmt: skip
+    if given is not None and given.overridden:
+        box = np.nanmax(tracks.positions, (0, 1)) - np.nanmin(tracks.positions, (0, 1))
+        told = given.warning_of(float(box.max()))
+        return replace(tracks, warning="; ".join(filter(None, [told, tracks.warning])))
     return tracks

@@ -13,18 +13,21 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.garment import Garment
-from formats.importers.units import other_unit
+from formats.importers.units import other_unit, step_of_unit
 from formats.judged_cloth import MOST_STRETCHED
 
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
 
 
-def check_neighbours(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
+def check_neighbours(
+    positions: Floats, garment: Garment, held: tuple[int, int], path: Path, *, offers_anyway: bool = False
+) -> None:
     """Refuse neighbours or corners farther apart than cloth can stretch, and neighbours that are all too near.
 
     - `positions` [m], (frames, points, 3), NaN where not seen
     - `held`: indices of the markers on the two top corners
+    - `offers_anyway`: whether the command has the options --unit and --anyway, which the error then names
 
     Raises:
         TakeError: names the distance, and the unit or the exchange of markers that would explain it.
@@ -57,15 +60,18 @@ def check_neighbours(positions: Floats, garment: Garment, held: tuple[int, int],
             raise TakeError(
                 f"{told}; are the names of {names} exchanged?", where=path, advice="check the names of the markers"
             )
+        off = widths[far] if usual > MOST_STRETCHED else 1.0
+        step = step_of_unit(off) if offers_anyway else ""
         raise TakeError(
-            f"{told}{other_unit(widths[far]) if usual > MOST_STRETCHED else ''}", where=path,
-            advice="check the unit, the garment's size and the names of the markers",
+            f"{told}{other_unit(off)}", where=path,
+            advice=f"check the unit, the garment's size and the names of the markers{step}",
         )  # fmt: skip
     if usual < LEAST_WIDTH:
+        step = step_of_unit(usual) if offers_anyway else ""
         raise TakeError(
             f"neighbouring markers are {usual:.2g} of their distance on the flat garment apart in the "
             f"median{other_unit(usual)}",
-            where=path, advice="check the unit and the garment's size",
+            where=path, advice=f"check the unit and the garment's size{step}",
         )  # fmt: skip
 
 

@@ -29,15 +29,15 @@ from formats.importers.stated_values import (
     whole_number,
 )
 from formats.importers.thousands import find_thousands
-from formats.importers.units import metres_of
+from formats.importers.units import GivenUnit, metres_of
 from formats.plain_text import counted
 
-Reader = Callable[[Rows, str | None, Path, Wanted], MarkerTracks]
+Reader = Callable[[Rows, GivenUnit | str | None, Path, Wanted], MarkerTracks]
 
 EXPECTED_TYPES = ("rigid body marker", "bone marker")  # types of Motive's columns
 
 
-def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
+def read_marker_text(path: Path, unit: GivenUnit | str | None, decimal: str = "", wanted: Wanted = ALL) -> MarkerTracks:
     """Read the marker trajectories of a text file.
 
     - `unit`: unit of its lengths, needed where it states none
@@ -66,7 +66,7 @@ def read_marker_text(path: Path, unit: str | None, decimal: str = "", wanted: Wa
     return replace(tracks, warning="; ".join(filter(None, [warning, tracks.warning])))
 
 
-def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
+def _trc(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read a TRC file of OpenSim.
 
     A line of names and a line of values come first, then `Frame#`, `Time` and a marker's name every three cells.
@@ -88,7 +88,7 @@ def _trc(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTrac
     return frames.tracks(names_of(names, path), rate=rate, warning=warning)
 
 
-def _vicon(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
+def _vicon(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read a CSV file of Vicon Nexus.
 
     After `Trajectories` come the frame rate, the names above X, Y and Z, their units, and the numbered frames. Without
@@ -153,7 +153,7 @@ def _second_trajectories(rows: Rows) -> int | None:
     return next(begins, None)
 
 
-def _motive(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
+def _motive(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read a CSV file of OptiTrack Motive.
 
     The first line holds names and values. Rows named `Type`, `Name` and so on stand above `Frame`, `Time`.

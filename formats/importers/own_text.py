@@ -20,7 +20,7 @@ from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import CELL_SHOWN, is_number, number_of
 from formats.importers.stated_values import names_of
-from formats.importers.units import metres_of
+from formats.importers.units import GivenUnit, metres_of
 from formats.rows import named_in_cell
 
 EXPECTED_COLUMNS = (
@@ -37,7 +37,7 @@ WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE 
 FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
 
 
-def read_own(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
+def read_own(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read Hangtime's own CSV.
 
     - `rows`: from the header on; `unit`: of lengths, needed where the columns name none

@@ -22,7 +22,7 @@ from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import CELL_SHOWN, GAP_WORDS, is_number, number_of
 from formats.importers.stated_values import frame_rate, names_of, rate_beside_times, warning_of_count, whole_number
-from formats.importers.units import metres_of
+from formats.importers.units import GivenUnit, metres_of
 
 LONGEST_HEAD = 1000  # lines above the first frame: one for each event
 STATED = re.compile(r"[A-Z_]+")  # the name of a value
@@ -35,7 +35,7 @@ KINDS_OF_CLOCK = (
 WITHIN_A_STEP = 0.5  # frame intervals that a rounded time may be off
 
 
-def read_qualisys(rows: Rows, unit: str | None, path: Path, wanted: Wanted) -> MarkerTracks:
+def read_qualisys(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -> MarkerTracks:
     """Read a Qualisys table, in millimetres.
 
     - `rows`: from the header on; `unit`: the user's unit of lengths

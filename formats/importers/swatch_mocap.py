@@ -48,8 +48,8 @@ class MarkerOptions:
     - `unit`: unit of lengths, needed where the file states none
     - `decimal`: decimal separator of a text file, `comma` or `point`; '' to detect it
     - `subject`: subject whose markers are used, where several subjects have the same marker names
-    - `anyway`: accept implausible times, and corners that jump; None: refuse them, and do not offer --anyway in the
-      error
+    - `anyway`: accept implausible times, corners that jump, and `unit` where the file states another; None: refuse
+      them, and do not offer --anyway in the error
     """
 
     up: str = "z"
@@ -77,11 +77,11 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     if up not in DOWNWARD:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWNWARD)}")
     wanted = Wanted(garment.point_names, options.subject, frames)
-    tracks = read_marker_tracks(path, options.unit, options.decimal, wanted)
+    tracks = read_marker_tracks(path, options.unit, options.decimal, wanted, anyway=options.anyway)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
     _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
-    check_neighbours(positions, garment, (left, right), path)
+    check_neighbours(positions, garment, (left, right), path, offers_anyway=options.anyway is not None)
     _check_up(positions, garment, (left, right), path, up)
     _check_origin(positions, garment, path)
     seen = np.asarray(np.isfinite(positions).all(2))

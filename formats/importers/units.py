@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
+from dataclasses import dataclass, field
 
 from formats.errors import TakeError
 
@@ -27,31 +28,77 @@ SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket 
 LONGEST_UNIT = 20  # characters of an unknown unit that an error quotes: a damaged file may hold thousands
 
 
+@dataclass
+class GivenUnit:
+    """The unit that the user gave for the lengths of a file.
+
+    - `word`: the unit as it was given
+    - `anyway`: whether it counts where the file states another unit; None: it does not, and no error offers --anyway
+    - `overridden`: the units that the file stated and that did not count, by their symbols
+    """
+
+    word: str
+    anyway: bool | None = None
+    overridden: list[str] = field(default_factory=list)
+
+    def warning_of(self, longest: float) -> str:
+        """Return a warning of the units that did not count, '' without any.
+
+        longest: the longest side of the box around all positions, as they were read [m]
+        """
+        if not self.overridden:
+            return ""
+        stated, given = self.overridden[0], _short(self.word)
+        as_stated = longest / METRES[given] * METRES[stated]
+        return (
+            f"the file states its lengths in {' and '.join(self.overridden)}, and --unit {given} counts; its markers "
+            f"span {longest:.3g} m, which {stated} would make {as_stated:.3g} m"
+        )
+
+
 def axes_of(unit: str) -> list[str]:
     """Return the endings of a marker's three column names, such as `_x_mm`, `_y_mm`, `_z_mm`."""
     return [f"_{axis}_{unit}" for axis in "xyz"]
 
 
-def metres_of(stated: str, given: str | None, where: object) -> float:
+def metres_of(stated: str, given: GivenUnit | str | None, where: object) -> float:
     """Return the length of a unit [m]; `given`, the user's unit, counts where the file states none that is known.
 
     Raises:
         TakeError: the unit is unknown, none is stated or given, or the two differ.
     """
+    asked = GivenUnit(given) if isinstance(given, str) else given
     word = _short(stated)
-    if given is not None and _short(given) not in METRES:
-        raise TakeError(f"there is no unit {given!r}", where="--unit", advice=f"give one of {', '.join(METRES)}")
-    if word not in METRES and given is not None:
-        return METRES[_short(given)]
+    if asked is not None and _short(asked.word) not in METRES:
+        raise TakeError(f"there is no unit {asked.word!r}", where="--unit", advice=f"give one of {', '.join(METRES)}")
+    if word not in METRES and asked is not None:
+        return METRES[_short(asked.word)]
     if word not in METRES:
         told = f"the unit of its points is {stated.strip()[:LONGEST_UNIT]!r}" if word else "states no unit of length"
         raise TakeError(told, where=where, advice=f"give --unit, one of {', '.join(METRES)}")
-    if given is not None and _short(given) != word:
-        raise TakeError(
-            f"states its lengths in {word}, not {given}", where=where,
-            advice="leave out --unit, or mend the unit that the file states",
-        )  # fmt: skip
+    if asked is not None and _short(asked.word) != word:
+        return _of_two(word, asked, where)
     return METRES[word]
+
+
+def _of_two(stated: str, asked: GivenUnit, where: object) -> float:
+    """Return the length of the given unit [m], and note the stated one that it overrides.
+
+    Raises:
+        TakeError: the given unit may not override the one that the file states.
+    """
+    given = _short(asked.word)
+    if asked.anyway:
+        asked.overridden += [stated] * (stated not in asked.overridden)
+        return METRES[given]
+    step = "mend the unit that the file states"
+    if asked.anyway is not None:
+        step = f"give --anyway too, and {given} counts"
+    raise TakeError(
+        f"states its lengths in {stated}, not {asked.word}: its 1000 is {1e3 * METRES[stated]:g} m, and would be "
+        f"{1e3 * METRES[given]:g} m", where=where,
+        advice=f"leave out --unit, or {step}",
+    )  # fmt: skip
 
 
 def other_unit(ratio: float) -> str:
@@ -59,11 +106,25 @@ def other_unit(ratio: float) -> str:
 
     `ratio`: measured lengths over true lengths
     """
-    for taken, its_name in USUAL.items():
-        for meant, name in USUAL.items():
+    if (found := _taken_and_meant(ratio)) is None:
+        return ""
+    taken, meant = found
+    return f"; are these {USUAL[meant]} that were taken for {USUAL[taken]}?"
+
+
+def step_of_unit(ratio: float) -> str:
+    """Return the options with which the probable unit counts, '' where none fits; `ratio` as in `other_unit`."""
+    found = _taken_and_meant(ratio)
+    return f"; if so, give --unit {found[1]} --anyway" if found else ""
+
+
+def _taken_and_meant(ratio: float) -> tuple[str, str] | None:
+    """Return the symbols of the unit taken and of the one meant, None where none fit; `ratio` as in `other_unit`."""
+    for taken in USUAL:
+        for meant in USUAL:
             if meant != taken and ratio > 0 and abs(math.log(ratio * METRES[meant] / METRES[taken])) < RATIO_WITHIN:
-                return f"; are these {name} that were taken for {its_name}?"
-    return ""
+                return taken, meant
+    return None
 
 
 def _short(unit: str) -> str:

@@ -149,7 +149,9 @@ def test_the_names_of_the_columns_state_the_unit(tmp_path, unit, times):
 
 def test_a_unit_that_contradicts_the_names_of_the_columns_is_refused(tmp_path):
     path = write_marker_csv(tmp_path / "a.csv", hanging())
-    with pytest.raises(TakeError, match="states its lengths in m, not mm; leave out --unit"):
+    with pytest.raises(
+        TakeError, match="states its lengths in m, not mm: its 1000 is 1000 m, and would be 1 m; leave out --unit"
+    ):
         import_marker_take(path, GARMENT, MarkerOptions(unit="mm"))
     assert len(import_marker_take(path, GARMENT, MarkerOptions(unit="m")).time) > 20
 

@@ -47,7 +47,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
          "are decimal separators too, export decimal points, or semicolons between cells"),
         (OWN + '0,1,"2,3",4,5,6\n', None,
          "line 2 has 6 cells, not 7: quotation marks join some of them; take the quotation marks out of that line"),
-        (OWN + FIRST, "mm", f"states its lengths in m, not mm; leave out --unit, or {MEND_UNIT}"),
+        (OWN + FIRST, "mm", "states its lengths in m, not mm: its 1000 is 1000 m, and would be 1 m; leave out --unit, "
+         f"or {MEND_UNIT}"),
         ("", None, f"is empty; {AGAIN}; {CAN_BE_READ}"),
         (TRC.replace("\t2\t2\tmm", "\t3\t2\tmm"), None, f"holds 2 of the 3 frames that it states; {FEWER}"),
         (TRC.replace("\t2\t2\tmm", "\t2\t3\tmm"), None, f"names 2 markers and states 3; {AGAIN}"),
@@ -73,7 +74,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
          "its DATA_INCLUDED is '6D', and it names no markers; export the 3D data, with the trajectories of markers"),
         (TRC.replace("\t", "  "), None, "line 1 is that of a TRC file, whose cells must be between tabs; export it "
          "again, or write a tab in place of the spaces between cells"),
-        (QTM, "cm", f"states its lengths in mm, not cm; leave out --unit, or {MEND_UNIT}"),
+        (QTM, "cm", "states its lengths in mm, not cm: its 1000 is 1 m, and would be 10 m; leave out --unit, or "
+         f"{MEND_UNIT}"),
         (VICON.replace(",,mm,mm", ",,m,mm"), None, "states several units: m, mm; export in one"),
         (VICON.replace("Trajectories\n100", "Trajectories\n0"), None, f"its frame rate is '0'; {RATE}"),
         (VICON[: VICON.index("Trajectories") + 16], None, f"ends within the header of its trajectories; {AGAIN}"),

@@ -186,9 +186,10 @@ class Disk:
                     self._pending -= 1
 
     def _do_look(self) -> None:
+        self._spool.check_in_place()
         usage = shutil.disk_usage(self._folder)
         if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
-            raise OutputError("the disk is read-only", where=self._folder, advice="replace the card, which is worn out")
+            raise OutputError("the disk is read-only", where=self._folder, advice=_advice_if_read_only(self._folder))
         if usage.free < self._least_free and self._take is None:
             with self._reading():
                 room = self._spool.make_room(
@@ -208,6 +209,7 @@ class Disk:
         self._news.put(DiskNews(counts=(len(takes), sum(take.receipt is None for take in takes))))
 
     def _do_salvage(self) -> None:
+        self._spool.check_in_place()
         make_writable(self._folder)
         with self._reading():
             salvaged = self._spool.salvage()
@@ -282,10 +284,21 @@ def _named(error: Exception, folder: Path) -> HangtimeError:
         )  # fmt: skip
     advice = {
         errno.ENOSPC: "make room, or let `hangtime sync` send takes away", errno.EFBIG: "make room on the disk",
-        errno.EDQUOT: "make room in the quota", errno.EROFS: "replace the card, which is worn out",
+        errno.EDQUOT: "make room in the quota", errno.EROFS: _advice_if_read_only(folder),
         errno.EIO: "replace the card, which fails", errno.EACCES: "give it to the account of the recorder",
         errno.EISDIR: "remove what bears this name", errno.ENOTDIR: "remove what bears this name",
         errno.EEXIST: "remove what bears this name",
     }.get(error.errno or 0, "check the disk")  # fmt: skip
     where = error.filename or folder
     return OutputError(f"the disk cannot be written ({error.strerror or error})", where=where, advice=advice)
+
+
+def _advice_if_read_only(folder: Path) -> str:
+    """Return the next action where nothing can be written: systemd lets the unit write to its own folders alone."""
+    own = os.environ.get("STATE_DIRECTORY", "")
+    if not own or any(folder.is_relative_to(one) for one in own.split(":")):
+        return "replace the card, which is worn out"
+    return (
+        f"if the card is sound, the unit may not write here: give spool.folder a place below {own}, or allow this one "
+        f"with ReadWritePaths={folder} (`sudo systemctl edit hangtime-capture`)"
+    )

@@ -27,7 +27,6 @@ and its folder after it, before the next begins. Hence after any prefix of them:
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import re
 import shutil
@@ -41,6 +40,7 @@ from typing import Any, Self
 import msgspec
 
 from capture.appliance.receipts import Receipt, read_receipt
+from capture.appliance.recorder_lock import RecorderLock
 from capture.appliance.retention import Retention, Room, takes_to_leave
 from capture.errors import SpoolError
 from formats.archive import read_take, verify_take, write_take
@@ -109,7 +109,7 @@ class Spool:
         The first `begin`, `keep` or `salvage` makes this process the one that records here, until `close`.
         """
         self.folder = folder
-        self._lock: int | None = None
+        self._lock = RecorderLock(folder)
 
     # --- recording ----------------------------------------------------------------------------------
 
@@ -117,10 +117,11 @@ class Spool:
         """Give a number to a take that is about to be recorded. The number is on the disk when this returns.
 
         Raises:
-            SpoolError: another process records here, or a spoilt file says that the numbers are used up.
+            SpoolError: another process records here, the folder was replaced, or a spoilt file says that the numbers
+                are used up.
             OSError: the folder cannot be written.
         """
-        self._become_recorder()
+        self._lock.take()
         number = self._next_number()
         write_whole(self.folder / "sequence", f"{number}\n".encode())
         return RunningTake(sequence=number, partial=self._file(number, "recording.mcap"))
@@ -135,7 +136,7 @@ class Spool:
             SpoolError: nothing can be read from what was written.
             OSError: the disk fails; `salvage` tries again what is left.
         """
-        self._become_recorder()
+        self._lock.take()
         finished = running.partial
         if not finished.exists():
             if (kept := self._salvage_partial(running.sequence, facts)) is None:
@@ -152,7 +153,7 @@ class Spool:
             SpoolError: another process records here, or no number is left, after what was found is kept.
             OSError: the disk fails or is full; nothing is lost, and the next call goes on.
         """
-        self._become_recorder()
+        self._lock.take()
         kept = []
         for number in sorted(self._numbers("recording.mcap.partial") | self._numbers("recording.mcap")):
             found = None
@@ -221,26 +222,17 @@ class Spool:
 
     # --- the one that records -----------------------------------------------------------------------
 
-    def _become_recorder(self) -> None:
-        if self._lock is not None:
-            return
-        make_folders(self.folder)
-        handle = os.open(self.folder / "recorder.lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            os.close(handle)
-            raise SpoolError(
-                "another process records here", where=self.folder,
-                advice="stop it first: `systemctl stop hangtime-capture`",
-            ) from error  # fmt: skip
-        self._lock = handle
+    def check_in_place(self) -> None:
+        """Check that the folder in which this process records is still the one at its path.
+
+        Raises:
+            SpoolError: it is gone or replaced, as where its disk was unmounted.
+        """
+        self._lock.check_in_place()
 
     def close(self) -> None:
         """Let another process record here."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        self._lock.let_go()
 
     def __enter__(self) -> Self:
         return self

@@ -71,8 +71,6 @@ def run(path: Path) -> None:
         control, in_force = _listen(in_force, path)
         opened.callback(control.close)
         config = in_force.config
-        if in_force.refused is not None:
-            LOG.error("%s; the last valid configuration stays in force", in_force.refused)
         disk = Disk(
             config.spool.folder,
             least_free=config.spool.least_free_mb * 1_000_000,

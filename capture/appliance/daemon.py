@@ -69,7 +69,7 @@ class Appliance:
         self._last_look = self._last_hanger = self._last_house = self._last_try = self._kept_at = -float("inf")
         self._was: tuple[Any, ...] = ()
         if in_force.refused is not None:
-            self.faults.set("config", in_force.refused, clock())
+            self.faults.set("config", _of_old_settings(in_force.refused), clock())
 
     def step(self) -> None:
         """Run one iteration, with at most one frame."""
@@ -238,13 +238,11 @@ class Appliance:
                 f"the sensor has sent no frame for {silent:.1f} s", where=info.uri,
                 advice="check the sensor's cable; the recorder tries the sensor again",
             )  # fmt: skip
-            if self.faults.set("sensor_silent", self._blamed(error, now), now):
-                LOG.warning("%s", error)
+            self.faults.set("sensor_silent", self._blamed(error, now), now)
         if self._keeper.error is None:
             return
         self._has_frames = False
-        if self.faults.set("sensor", self._blamed(self._keeper.error, now), now, blocks=True):
-            LOG.error("%s", self._keeper.error)
+        self.faults.set("sensor", self._blamed(self._keeper.error, now), now, blocks=True)
 
     def _blamed(self, error: HangtimeError, now: float) -> HangtimeError:
         """Attribute a sensor's fault to the power supply if the board's voltage was low."""
@@ -270,8 +268,7 @@ class Appliance:
 
     def _set_disk_fault(self, name: str, error: HangtimeError, now: float) -> None:
         self._is_spool_sound = False
-        if self.faults.set(name, error, now, blocks=True):
-            LOG.error("%s", error)
+        self.faults.set(name, error, now, blocks=True)
 
     def _on_news(self, news: DiskNews, now: float) -> None:
         if news.failure is not None:
@@ -310,8 +307,7 @@ class Appliance:
             f"only {room / 1e6:.0f} MB are left on the disk", where=self._config.spool.folder,
             advice=f"make room for {self._config.spool.least_free_mb} MB, or let `hangtime sync` send takes away",
         )  # fmt: skip
-        if self.faults.set("disk_full", error, now, blocks=True):
-            LOG.error("%s", error)
+        self.faults.set("disk_full", error, now, blocks=True)
 
     def _keep_house(self, now: float) -> None:
         if self._disk.is_idle:
@@ -322,8 +318,7 @@ class Appliance:
                 where="power supply",
                 advice="use a stronger power supply and a shorter cable",
             )
-            if self.faults.set("power", error, now):
-                LOG.warning("%s", error)
+            self.faults.set("power", error, now)
         else:
             self.faults.clear("power")
         self._sync.look()
@@ -395,3 +390,11 @@ class Appliance:
 def _no(what: str, advice: str) -> dict[str, Any]:
     """Return the answer to a command that cannot be carried out."""
     return {"ok": False, "what": what, "advice": advice}
+
+
+def _of_old_settings(refused: HangtimeError) -> HangtimeError:
+    """Return the fault of a settings file that was refused; a file that is mended counts from the next start on."""
+    return type(refused)(
+        f"{refused.what} (the last valid settings are in force)", where=refused.where,
+        advice=f"{refused.advice or 'mend it'}; then `systemctl restart hangtime-capture`",
+    )  # fmt: skip

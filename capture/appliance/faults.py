@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
+from capture.appliance.log import LOG
 from formats.errors import HangtimeError
 
 
@@ -24,7 +26,10 @@ class Fault:
 
 
 class FaultBook:
-    """The present faults: the blocking ones first, otherwise in order of appearance."""
+    """The present faults: the blocking ones first, otherwise in order of appearance.
+
+    The log gets each fault once when it begins, and a line when it is over.
+    """
 
     def __init__(self) -> None:
         self._faults: dict[str, Fault] = {}
@@ -37,11 +42,16 @@ class FaultBook:
             name=name, sentence=where + error.what, advice=error.advice, blocks=blocks,
             since_s=now if before is None else before.since_s,
         )  # fmt: skip
+        if before is None:
+            LOG.log(logging.ERROR if blocks else logging.WARNING, "%s", error)
         return before is None
 
     def clear(self, name: str) -> bool:
         """Remove a fault; return whether it was present."""
-        return self._faults.pop(name, None) is not None
+        before = self._faults.pop(name, None)
+        if before is not None:
+            LOG.info("over: %s", before.sentence)
+        return before is not None
 
     @property
     def all(self) -> list[Fault]:

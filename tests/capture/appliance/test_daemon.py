@@ -206,6 +206,8 @@ def test_a_socket_that_cannot_be_made_leaves_the_last_good_configuration_in_forc
         (fault,) = told["faults"]
         assert (fault["name"], fault["blocks"]) == ("config", False)
         assert said in fault["sentence"]
+        assert fault["sentence"].endswith(" (the last valid settings are in force)")
+        assert fault["advice"].endswith("; then `systemctl restart hangtime-capture`")
         appliance.kill(signal.SIGTERM)
 
 

@@ -208,6 +208,7 @@ def _named(name: str) -> Path:
             there[file.read_text().strip()] = DEVICES / file.parts[-3]
     if name not in there:
         known = f"choose one of {', '.join(sorted(there))}" if there else "this machine shows none; check its overlay"
+        known += "; a path begins with /"
         raise ButtonError(f"there is no input device {name!r}", where=DEVICES, advice=known)
     return there[name]
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from capture.appliance.config_tables import Config, wrong_in_tables
+from capture.appliance.config_tables import Config, read_tables, wrong_in_tables
 from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.plausible_rig import check_plausible_hold
 from formats.rig import Rig
-from formats.toml_files import place_in, read_toml
+from formats.toml_files import place_in
 from formats.whole_files import loop_words
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
@@ -36,7 +36,7 @@ def load(path: Path) -> InForce:
     Raises:
         DescriptionError: one of the three files is missing or invalid, or the spool's path is no folder.
     """
-    plain = read_toml(path)
+    plain = read_tables(path)
     try:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:

@@ -10,7 +10,9 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from formats.errors import DescriptionError, HangtimeError
 from formats.meant_units import meant
+from formats.toml_files import read_toml
 from formats.wrong_fields import wrong_field
 
 OUT_OF_RANGE = re.compile(r"(\w+)\.(\w+) must be a (?:whole )?number (?:at most|at least) \S+$")
@@ -125,6 +127,21 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     spool: SpoolPart = SpoolPart()
     power: PowerPart = PowerPart()
     sync: dict[str, Any] = {}
+
+
+def read_tables(file: Path, failure: type[HangtimeError] = DescriptionError) -> Any:
+    """Return the tables of a configuration file as they are; failure: class of the error to raise.
+
+    Raises:
+        HangtimeError: of the class `failure`; the file is absent, cannot be read, or is not TOML.
+    """
+    try:
+        return read_toml(file, failure)
+    except failure as error:
+        if not isinstance(error.__cause__, FileNotFoundError):
+            raise
+        advice = "install the appliance (docs/how-to/appliance.md), or give another file with --config"
+        raise failure("is absent", where=file, advice=advice) from error.__cause__
 
 
 def wrong_in_tables(error: msgspec.ValidationError, plain: Any) -> str:

@@ -12,14 +12,14 @@ from typing import Any
 
 import msgspec
 
-from capture.appliance.config_tables import Config, SpoolPart, wrong_in_tables
+from capture.appliance.config_tables import Config, SpoolPart, read_tables, wrong_in_tables
 from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
 from formats.errors import AddressError
 from formats.meant_units import meant
 from formats.store_address import folder_of
-from formats.toml_files import place_in, read_toml
+from formats.toml_files import place_in
 from formats.wrong_fields import wrong_field
 
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
@@ -134,13 +134,7 @@ def load_settings(file: Path, spool: Path | None = None) -> SyncSetup:
     Raises:
         SyncError: the file or the table is invalid.
     """
-    try:
-        plain = read_toml(file, SyncError)
-    except SyncError as error:
-        if not isinstance(error.__cause__, FileNotFoundError):
-            raise
-        advice = "install the appliance (docs/how-to/appliance.md), or give another file with --config"
-        raise SyncError("is absent", where=file, advice=advice) from error.__cause__
+    plain = read_tables(file, SyncError)
     _refuse_another_file(plain, file)
     settings = settings_of(plain.get("sync", {}), where=file, plain=plain)
     folder = plain.get("spool", {}).get("folder", str(DEFAULT_SPOOL))

@@ -156,7 +156,7 @@ def test_a_last_good_copy_that_was_spoilt_is_not_taken(file):
         ('[spool]\nfolder = "loop"\n', "loop is a link that leads to itself"),
         ("", "appliance.toml: the field `sensor` is missing"),
         ("\0{{{", "is not valid TOML"),
-        (None, "cannot be read (No such file or directory)"),
+        (None, "is absent; install the appliance (docs/how-to/appliance.md), or give another file with --config"),
     ],
     ids=["number", "empty", "other-and-typo", "file", "below-a-file", "loop", "nothing", "garbage", "gone"],
 )  # fmt: skip

@@ -86,7 +86,7 @@ def test_a_button_that_is_not_there_is_refused_with_those_that_are(tmp_path, mon
     (named / "name").write_text("gpio-keys\n")
     monkeypatch.setattr(button, "INPUTS", tmp_path)
     monkeypatch.setattr(button, "DEVICES", tmp_path / "dev")
-    with pytest.raises(ButtonError, match="no input device 'front'; choose one of gpio-keys; a path begins with /$"):
+    with pytest.raises(ButtonError, match=r"no input device 'front'; choose one of gpio-keys; a path begins with /$"):
         open_contact("front")
     with pytest.raises(ButtonError, match=r"dev/event3: the button cannot be read \(no such file"):
         open_contact("gpio-keys")

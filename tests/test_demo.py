@@ -80,13 +80,22 @@ def test_the_demo_of_felt_has_a_folder_and_a_fabric_of_its_own(demo: Path) -> No
 def test_the_appliances_demo_shows_three_strengths_of_one_motion_wherever_its_takes_begin() -> None:
     """A busy machine starts a take up to 5 s later; the night then found two strengths and nothing to judge on."""
     script = (ROOT / "scripts/demo-appliance").read_text()
-    (given,) = re.findall(r"--seconds ([0-9]+) --seed", script)
-    seconds = float(given)
-    time = np.arange(0.0, seconds, 1 / 30)
+    recordings = re.findall(r"^synthesise (gentle|swing|mixed) (\w+) (\d+) (\d+)$", script, re.MULTILINE)
     reaches = {}
-    for motion, seed in re.findall(r"^synthesise (\w+) (\d+)$", script, re.MULTILINE):
+    for name, motion, length, seed in recordings:
+        seconds = float(length)
+        time = np.arange(0.0, seconds, 1 / 30)
         moved = hanger_pose(motion, time, int(seed), seconds).displacement
         shown = [moved[(time >= begin) & (time <= begin + 10.0)] for begin in np.arange(0.0, 5.0, 0.25)]
-        reaches[motion] = [math.hypot(*part.std(axis=0)) for part in shown]
+        reaches[name] = [math.hypot(*part.std(axis=0)) for part in shown]
     for weaker, stronger in (("gentle", "swing"), ("swing", "mixed")):
         assert min(reaches[stronger]) > STRONGER * max(reaches[weaker])
+
+
+def test_each_take_of_the_appliances_demo_has_a_recording_of_its_own() -> None:
+    """A sensor that shows a recording twice makes two takes with the same frames, which no diagnosis accepts."""
+    script = (ROOT / "scripts/demo-appliance").read_text()
+    made = re.findall(r"^synthesise (\w+) (\w+) \d+ (\d+)$", script, re.MULTILINE)
+    shown = re.findall(r"^start_daemon (\w+)$", script, re.MULTILINE)
+    assert sorted(name for name, _, _ in made) == sorted(shown)
+    assert len({(motion, seed) for _, motion, seed in made}) == len(shown) == 4

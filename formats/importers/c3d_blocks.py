@@ -7,17 +7,13 @@ is.
 A stale block repeats the bytes of an earlier block. Markers at rest, a periodic motion and a frame written twice also
 repeat bytes, but after a whole number of frames. So a block is surely stale where its bytes repeat once, after another
 number of bytes.
-
-A copy may also write blocks twice, one behind the other. All behind them is shifted, and the file is longer by them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +23,6 @@ from formats.plain_text import counted
 
 BLOCK_BYTES = 512  # bytes; C3D user guide
 BLOCKS_AT_ONCE = 1 << 12  # blocks read at once; our choice: 2 MB, and no result depends on it
-COMPARED_AT_ONCE = 1 << 22  # bytes compared at once; our choice: bounds memory, and no result depends on it
 MOST_RUNS = 3  # of zero blocks; our choice: more are gaps for which a program writes zeros
 
 
@@ -44,65 +39,6 @@ def refuse_lost_bytes(path: Path, size: int, end: int) -> None:
             f"has {size} bytes, which is no multiple of {BLOCK_BYTES}, and its frames end at {end}: bytes are lost",
             where=path, advice="copy or export it again",
         )  # fmt: skip
-
-
-def refuse_doubled_bytes(path: Path, begin: int, end: int, stop: int, width: int, kind: int) -> None:
-    """Refuse a file that holds some blocks twice, one behind the other, so that all frames behind are shifted.
-
-    The file is longer by these blocks. Positions that rest, and gaps, repeat bytes as well, but a few of them only.
-    A program that fills lost frames, or doubles the frame rate, repeats whole frames in several places. A copy repeats
-    them in one place.
-
-    - `begin`, `end`, `stop` [bytes]: offsets of the frames, behind the last stated frame, and of the file's end or of
-      the section behind the frames
-    - `width`, `kind` [bytes]: of a frame and of a number
-
-    Raises:
-        TakeError: names the bytes.
-    """
-    doubled = (stop - end) // BLOCK_BYTES * BLOCK_BYTES
-    if not doubled:
-        return
-    with path.open("rb") as file:
-
-        def part(at: int, until: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
-            file.seek(begin + at)
-            return np.frombuffer(file.read(until - at), np.uint8)
-
-        is_filled = part(end - begin, end - begin + max(width, BLOCK_BYTES)).any()
-        longest = 2 * doubled if doubled % width == 0 else stop  # whole frames at rest repeat without end
-        repeats = _repeats(part, stop - begin, (doubled, longest), 4 * kind) if is_filled else iter(())
-        found = list(islice(repeats, 2))
-    if len(found) == 1 or (found and doubled % width):
-        raise TakeError(
-            f"holds the {doubled} bytes from byte {begin + found[0]} on twice, which shifts all frames behind them",
-            where=path, advice="copy or export it again",
-        )  # fmt: skip
-
-
-def _repeats(
-    part: Callable[[int, int], np.ndarray[Any, np.dtype[np.uint8]]], length: int, sizes: tuple[int, int], point: int
-) -> Iterator[int]:
-    """Yield the offsets from which some bytes come twice, one behind the other.
-
-    Bytes of which half the points or more are alike are no repeat.
-
-    - `part`: reads the bytes from one offset to another; `length` [bytes]: of all
-    - `sizes` [bytes]: number of these bytes, and one that the bytes alike do not reach
-    - `point` [bytes]: of a point's numbers
-    """
-    (size, longest), begun = sizes, 0  # where the present run of equal bytes begins
-    for at in range(0, length - size, COMPARED_AT_ONCE):
-        stop = min(at + COMPARED_AT_ONCE, length - size)
-        differ = np.flatnonzero(part(at, stop) != part(at + size, stop + size))
-        bounds = np.concatenate([[begun - 1], at + differ, [stop]])
-        ended = slice(None) if stop == length - size else slice(-1)  # a run may go on in the next bytes
-        counts = np.diff(bounds)[ended] - 1
-        for first in (bounds[:-1][ended][(counts >= size) & (counts < longest)] + 1).tolist():
-            points = part(first, first + min(size, COMPARED_AT_ONCE) // point * point).reshape(-1, point)
-            if 2 * len(np.unique(points, axis=0)) > len(points):
-                yield int(first)
-        begun = int(bounds[-2]) + 1
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from formats.errors import TakeError
 from formats.importers.c3d_blocks import (
     BLOCK_BYTES,
     find_blocks,
-    refuse_doubled_bytes,
     refuse_lost_bytes,
     remove_blocks,
 )
+from formats.importers.c3d_doubled import FrameBytes, refuse_doubled_bytes
 from formats.importers.c3d_header import first_of
 from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
@@ -86,7 +86,9 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     end, kind = layout.data_at + frames * layout.width, FLOAT if layout.is_float else SHORT
     if header.end == size:
         refuse_lost_bytes(path, size, end)
-    refuse_doubled_bytes(path, layout.data_at, end, header.end, layout.width, kind)
+    repeated = refuse_doubled_bytes(
+        path, FrameBytes(layout.data_at, end, header.end, layout.width, kind, points, header.processor)
+    )  # fmt: skip
     has_labels = any(labels)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
@@ -107,7 +109,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    warnings = [header.doubts, doubt]
+    warnings = [header.doubts, doubt, repeated]
     if wanted.frames is None or wanted.frames > frames:
         warnings.append(_warning_of_length(path, header, frames))
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers import c3d_blocks
+from formats.importers import c3d_doubled
 from formats.importers.c3d_blocks import _spans
 from formats.importers.c3d_file import read_c3d
 from tests.formats.c3d_by_hand import c3d_bytes
@@ -190,7 +190,7 @@ def test_whole_frames_that_a_copy_wrote_twice_are_refused_and_frames_at_rest_are
     tmp_path, monkeypatch, count, size, at_once
 ):
     """The frames behind would be read too late by 8, 4 or 1 intervals, and the last ones not at all."""
-    monkeypatch.setattr(c3d_blocks, "COMPARED_AT_ONCE", at_once)
+    monkeypatch.setattr(c3d_doubled, "COMPARED_AT_ONCE", at_once)
     moving = np.random.default_rng(3).uniform(-900, 900, (128, count, 3))
     labels = [f"m{k}" for k in range(count)]
     raw = c3d_bytes(moving, labels)

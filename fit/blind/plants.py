@@ -4,14 +4,14 @@ Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off a
 amplitude of a vector of components is its length. The effects act by kind:
 
     cloth, air    fields of `fit.blind.engine.Cloth`
-    boundary      `fit.blind.boundary`: the held edge is not where the markers say measurement   `fit.blind.sensing`:
-    the points are not where or when the cloth was; gravity is a field of `Cloth`
+    boundary      `fit.blind.boundary`: the held edge is not where the markers say
+    measurement   `fit.blind.sensing`: the points are not where or when the cloth was; gravity is a field of `Cloth`
 
 Typical sizes and ranges: S. Kawabata's KES figures for apparel (2HB 1e-4 to 1e-3 N), H. Wang et al., "Data-driven
 elastic models for cloth" (SIGGRAPH 2011), S. F. Hoerner, "Fluid-Dynamic Drag" (1965), K. Khoshelham & S. Oude Elberink,
 Sensors 12 (2012); docs/reference/blind-check.md has the table. Self-contact is not generated. The default base model
 has shear stiffness, so it is no effect. A clamped sheet shears by about a degree, which does not show stiffening in
-shear.
+shear. The points are material, so faults of silhouettes are not planted.
 """
 
 from __future__ import annotations

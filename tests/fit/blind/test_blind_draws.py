@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +19,7 @@ from fit.blind.making import make_real_set, make_set
 from fit.blind.plants import PLANTS, UNKNOWNS, Planted, with_plants
 from fit.blind.real import _turn, plan_real, real_plants
 from fit.blind.sensing import smoothing_matrix
+from fit.effects import LIBRARY
 from fit.errors import FitError
 from formats.archive import write_take
 from tests.fit.blind.blind_answers import COARSE, PLANTED
@@ -155,6 +157,17 @@ def test_the_page_on_the_blind_check_states_the_programs_sizes():
     assert "equilateral triangles, 16 mm" in page
     assert "squares of 20 mm" in page
     assert [find_generator(name).side for name in ("own", "mujoco", "newton")] == [0.016, 0.02, 0.02]
+
+
+def test_the_page_on_the_blind_check_names_every_effect_that_no_case_has():
+    """Every effect of the library is planted, or the page says why not."""
+    page = (Path(__file__).parents[3] / "docs/reference/blind-check.md").read_text()
+    reasons = re.search(r"\n(\w+) effects of the library are left out\.\n((?:.+\n)+)", page)
+    assert reasons is not None
+    planted, known = {plant.id for plant in PLANTS}, {effect.name for effect in LIBRARY}
+    named = set(re.findall(r"`(\w+)`", reasons[2])) & known
+    assert named == known - planted
+    assert reasons[1] == ("No", "One", "Two", "Three", "Four", "Five", "Six")[len(named)]
 
 
 # --- the boundary and the tracker -----------------------------------------------------------------

@@ -9,7 +9,7 @@ The amplitude is a, the share of the preceding interval; positive where stamps a
 
 Believe it when points are late in frames that come late, at the held row as well. It needs frames that come unevenly.
 
-Source: stamps of a public recording of swung cloth (github Alados5/tfm_matlab), late by 0.86 of the interval before.
+Source: stamps of a public recording of swung cloth (github Alados5/tfm_matlab), late by 0.88 of the interval before.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class FrameTiming(Effect):
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = -0.5  # our choice: half an interval beyond no delay
     high: ClassVar[float] = 1.5  # our choice: half an interval beyond a whole one
-    typical: ClassVar[float] = 0.5  # our choice: half an interval; the source shows 0.86
+    typical: ClassVar[float] = 0.5  # our choice: half an interval; the source shows 0.88
     # Other work of the computer between two frames. Our choice: laws may leave 0.09 of a gap; half and double untried.
     law_spread: ClassVar[float] = 0.1
 

@@ -144,8 +144,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
         found.append(CameraFinding(
             name="frame_shifts", take_ids=[r.take_id for r, _ in own], figure=deviation, unit="s",
             is_left=True, sentence=(
-                f"The held row is off in each frame as if its stamp were, by {1e3 * deviation:.0f} ms rms of its own. "
-                "Stamps are not changed for it; frames are moved back across the cloth where that is certain."),
+                f"In each frame the held row is off as if the stamp were wrong by another {1e3 * deviation:.0f} ms "
+                "rms. Stamps are not changed for it; frames are moved back across the cloth where that is certain."),
         ))  # fmt: skip
     left = [
         (r, t)
@@ -262,19 +262,23 @@ def _eroded(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return the relative error of depths, from the travel of the held row against the hanger's path."""
-    timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
-    shown = [(r, t.scale, t.scale_interval) for r, t in timed]
-    known = [(r, scale, span) for r, scale, span in shown if span is not None]
-    figure, span = _together([(scale, interval) for _, scale, interval in known])
+    figure, span = scale_together(recordings)
     if abs(figure) < LEAST_SCALE or not is_sure(span):
         return []
+    known = [r.take_id for r in recordings if (t := r.camera.timing) is not None and t.scale_interval is not None]
     return [CameraFinding(
-        name="depth_scale", take_ids=[r.take_id for r, _, _ in known], figure=figure, interval=span, unit="1",
+        name="depth_scale", take_ids=known, figure=figure, interval=span, unit="1",
         is_left=True, sentence=(
             f"The held row travels {100 * abs(figure):.1f} % [{100 * span[0]:.1f} to {100 * span[1]:.1f}] "
             f"{'farther' if figure > 0 else 'less far'} than the hanger, away from the camera and back: depths and "
             "path differ in scale. This was left in."),
     )]  # fmt: skip
+
+
+def scale_together(recordings: Sequence[Recording]) -> tuple[float, Interval]:
+    """Return the scale of the row's travel against that of the path, less 1, with its 90 % interval; 0 of no take."""
+    timed = [r.camera.timing for r in recordings if r.camera.timing is not None]
+    return _together([(t.scale, t.scale_interval) for t in timed if t.scale_interval is not None])
 
 
 def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:

@@ -131,7 +131,7 @@ def test_stamps_of_publishing_and_shifts_of_frames_are_reported_for_what_was_ret
     assert "0.80 [0.70 to 0.90]" in publish.sentence
     assert (shifts.name, shifts.take_ids, shifts.is_left) == ("frame_shifts", ["a", "b"], True)
     assert shifts.figure == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2))
-    assert "by 35 ms rms" in shifts.sentence
+    assert "by another 35 ms rms" in shifts.sentence
     assert found(late(0.0, is_retimed=False, share=0.8, share_interval=(0.7, 0.9), deviation=0.03)) == []
     assert found(late(0.0, share=0.1, share_interval=(-0.1, 0.3))) == []
     assert "late by 0.80 of the excess of the frame interval" in camera_clause([publish])

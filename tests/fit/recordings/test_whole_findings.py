@@ -37,8 +37,9 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
          "the held row shows against the hanger's path. Taken out."),
         ("publish_time", 0.8, (0.7, 0.9), "1", False, "Stamps say when a frame was published. Stamps are late by a "
          "share of the interval's excess over the usual one: 0.80 [0.70 to 0.90]. Taken out."),
-        ("frame_shifts", 0.03, None, "s", True, "The held row is off in each frame as if its stamp were, by 30 ms rms "
-         "of its own. Stamps are not changed for it; frames are moved back across the cloth where that is certain."),
+        ("frame_shifts", 0.03, None, "s", True, "In each frame the held row is off as if the stamp were wrong by "
+         "another 30 ms rms. Stamps are not changed for it; frames are moved back across the cloth where that is "
+         "certain."),
         ("latency", 0.03, (0.02, 0.04), "s", True, "The held row is 0.030 s late [0.020 to 0.040 s] against the "
          "hanger's path. This was left in: the cause may be a clock, a tracker that lags, or the hanger."),
         ("skewed_grids", 0.05, None, "1", False, "10 of 200 grids (5 %) lie askew on the silhouette by more than 4 "

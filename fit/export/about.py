@@ -14,6 +14,7 @@ from formats.fit_records import FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
+DOUBT, AT_BOUND = "Warning: ", "At its bound: "  # beginnings of a fit's own notes that every export repeats
 SAME_WEIGHT = 0.01  # relative difference of weight: scales are more precise, but fits to several takes store their mean
 
 
@@ -32,6 +33,7 @@ def provenance(result: FitResult) -> dict[str, Any]:
         "mean_error_m": error.mean_m,
         "take_warnings": flaw_notes(result.notes),
         "missing_effects": notes_of_diagnosis(result.notes),
+        "fit_warnings": fit_warnings(result),
         "error_is_held_out": result.error.held_out_after is not None,
     }
 
@@ -62,9 +64,21 @@ def origin_lines(result: FitResult) -> list[str]:
     ]
 
 
+def fit_warnings(result: FitResult) -> list[str]:
+    """Return the fit's warnings of itself, and the parameters that its ranges stopped."""
+    told = {*notes_of_diagnosis(result.notes), *flaw_notes(result.notes)}
+    return [note for note in result.notes if note.startswith((DOUBT, AT_BOUND)) and note not in told]
+
+
+def is_doubtful(result: FitResult) -> bool:
+    """Return whether a fit warns of all its numbers, as where a rigid sheet follows the takes as well."""
+    return any(note.startswith(DOUBT) for note in fit_warnings(result))
+
+
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return a sentence for each missing effect, flaw of a take, and quantity that needs a caution."""
-    lines = [plain(note) for note in (*notes_of_diagnosis(result.notes), *flaw_notes(result.notes))]
+    """Return a sentence for each missing effect, warning, flaw of a take, and quantity that needs a caution."""
+    notes = (*notes_of_diagnosis(result.notes), *fit_warnings(result), *flaw_notes(result.notes))
+    lines = [plain(note) for note in notes]
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_known:

@@ -20,11 +20,11 @@ WRITER = WORKER_FOLDER / "alembic_writer.py"
 LONGEST_RUN = 900.0  # s that Blender may take; our choice: a program that hangs must end; half and double untried
 
 
-def alembic(moving: Moving) -> bytes:
-    """Return an Alembic file of a motion at an even rate.
+def check_blender() -> None:
+    """Check that there is a Blender that writes Alembic, which is worth asking before a garment is simulated.
 
     Raises:
-        FitError: there is no Blender for Python, or it could not write the file.
+        FitError: there is none.
     """
     if not BLENDER.is_installed():
         absent = BLENDER.absent()
@@ -32,6 +32,15 @@ def alembic(moving: Moving) -> bytes:
             f"Alembic is written by Blender, and {absent.what}", where=BLENDER.python,
             advice=f"{absent.advice}; or take --to usd, which Houdini, Maya, Unreal and Blender open",
         )  # fmt: skip
+
+
+def alembic(moving: Moving) -> bytes:
+    """Return an Alembic file of a motion at an even rate.
+
+    Raises:
+        FitError: there is no Blender for Python, or it could not write the file.
+    """
+    check_blender()
     with tempfile.TemporaryDirectory(prefix="hangtime-alembic-") as name:
         folder = Path(name)
         np.savez(

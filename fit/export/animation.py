@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from fit.cloth.launch import Progress
@@ -14,6 +13,7 @@ from fit.errors import FitError
 from fit.export import caches
 from fit.export.about import remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
+from fit.export.kinds import check_libraries
 from fit.export.moving import SIMULATED_OF_MESH, Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING
@@ -122,9 +122,7 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
         )  # fmt: skip
     check_name(path)
     refuse_to_replace(path, overwrite=overwrite)
-    for library in LIBRARIES_OF_FILMS.get(suffix, ()):
-        if find_spec(library) is None:
-            raise ModuleNotFoundError(f"No module named {library!r}", name=library)
+    check_libraries(*LIBRARIES_OF_FILMS.get(suffix, ()))
 
 
 def animate(

@@ -10,12 +10,13 @@ import functools
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from fit.cloth.mesh import check_spacing
 from fit.errors import FitError, out_of_range
 from fit.export import caches, presets, tables
-from fit.export.alembic import alembic
+from fit.export.alembic import alembic, check_blender
 from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import SIMULATED_OF_MESH, Moving, moving_cloth
@@ -110,15 +111,30 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of export: suffix of its file, function that makes the files, and suffixes of further files."""
+    """A kind of export: suffix of its file, function that makes the files, and suffixes of further files.
+
+    check: raises an error where a program or a library that writes the file is missing; asked before any simulation
+    """
 
     suffix: str
     make: Callable[[Order], dict[str, bytes]]
     beside: tuple[str, ...] = ()
+    check: Callable[[], None] = lambda: None
 
 
-def _one(suffix: str, make: Callable[[Order], bytes]) -> Kind:
-    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)})
+def _one(suffix: str, make: Callable[[Order], bytes], check: Callable[[], None] = lambda: None) -> Kind:
+    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)}, check=check)
+
+
+def check_libraries(*names: str) -> None:
+    """Check that libraries are installed.
+
+    Raises:
+        ModuleNotFoundError: one is not.
+    """
+    for name in names:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
 def _csv(order: Order) -> dict[str, bytes]:
@@ -140,6 +156,9 @@ def _pc2(order: Order) -> dict[str, bytes]:
     return {".pc2": caches.pc2(even), ".obj": caches.obj(order.result, order.fabric_if_any, even)}
 
 
+_check_usd = functools.partial(check_libraries, "pxr")
+_check_parquet = functools.partial(check_libraries, "pyarrow")
+
 WITHOUT_TAKE = {"table", "newton", "u3m"}  # the fabric alone
 WITHOUT_MESH = {"table", "u3m"}
 MESH_OF_TAKE = {"csv", "parquet"}  # kinds with a mesh if they contain a motion
@@ -147,16 +166,18 @@ WITH_THICKNESS = {"usd-physics"}
 
 EXPORT_KINDS: dict[str, Kind] = {
     "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
-    "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",)),
+    "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",), check=_check_parquet),
     "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
-    "usd-physics": _one(".physics.usda", lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness)),
+    "usd-physics": _one(
+        ".physics.usda", lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness), _check_usd
+    ),
     "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing)),
     "mujoco": _one(".mujoco.xml", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)),
     "u3m": _one(".u3m", lambda o: u3m(o.result, o.fabric)),
     "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet)),
-    "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)),
+    "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving), _check_usd),
     "gltf": _one(".glb", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)),
-    "abc": _one(".abc", lambda o: alembic(o.moving.even())),
+    "abc": _one(".abc", lambda o: alembic(o.moving.even()), check_blender),
     "pc2": Kind(suffix=".pc2", make=_pc2, beside=(".obj",)),
 }
 
@@ -223,6 +244,7 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     names = {suffix: path.with_suffix(suffix) for suffix in beside} | {chosen.suffix: path}
     for file in names.values():
         refuse_to_replace(file, overwrite=overwrite)
+    chosen.check()
     made = chosen.make(order)
     return {names[suffix]: raw for suffix, raw in made.items()}
 

@@ -16,7 +16,7 @@ import functools
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
-from fit.export.about import caution_lines, flat_provenance, origin_lines
+from fit.export.about import caution_lines, flat_provenance, is_doubtful, origin_lines
 from fit.export.fabric import Fabric, Quantity, status_of
 from fit.folders import notes_of_diagnosis
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
@@ -66,8 +66,10 @@ def _set_apart(row: Sequence[object]) -> Sequence[object]:
 
 def software_table(result: FitResult, fabric: Fabric) -> str:
     """Return a sheet for the fabric windows of CLO, Marvelous Designer and Browzwear."""
-    is_lacking = bool(notes_of_diagnosis(result.notes))
-    row = functools.partial(_row, measured="measured by a model that lacks an effect" if is_lacking else "measured")
+    measured = "measured, with the doubt that is told below" if is_doubtful(result) else "measured"
+    if notes_of_diagnosis(result.notes):
+        measured = "measured by a model that lacks an effect"
+    row = functools.partial(_row, measured=measured)
     density = fabric["areal_density"].value
     rows = [
         row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),

@@ -20,7 +20,7 @@ from fit.folders import notes_of_diagnosis, read_fit
 from fit.virtual_tests.sheet import sheet_of
 from formats.fit_records import Combination
 from formats.results import save_diagnosis, save_fit_result
-from tests.fit.export.exported import a_fit
+from tests.fit.export.exported import a_fit, text_of
 from tests.fit.report.report_scene import diagnosis
 
 
@@ -179,6 +179,26 @@ def test_a_fit_is_not_simply_measured_where_a_diagnosis_beside_it_names_an_effec
     rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
     told = next(row["value"] for row in rows if row["name"] == "missing_effects")
     assert told == " ".join(notes)
+
+
+WARNED = "Warning: the fit hardly beats a trivial predictor: 8.0 mm, a rigid sheet 8.2 mm. Its parameters tell little."
+BOUND = "At its bound: shear_stiffness. Its range stopped the fit there."
+
+
+@pytest.mark.parametrize("kind", ["csv", "table", "usd-physics", "newton", "mujoco", "u3m", "blender"])
+def test_every_file_repeats_what_a_fit_warns_of_itself(kind):
+    """No take and no diagnosis is at fault: the fit alone knows that a rigid sheet follows the takes as well."""
+    result = msgspec.structs.replace(a_fit(), notes=["A remark.", WARNED, BOUND])
+    for note in (WARNED, BOUND):
+        assert note in " ".join(text_of(kind, result).split())
+        assert "Warning" not in text_of(kind, a_fit())
+    assert "A remark." not in text_of(kind, result)
+
+
+def test_a_fit_that_warns_of_itself_is_not_simply_measured_and_one_parameter_at_its_bound_leaves_the_others():
+    doubt, bound = (msgspec.structs.replace(a_fit(), notes=[note]) for note in (WARNED, BOUND))
+    told = [rows_of(software_table(one, fabric_of(one)))["Shear"][-1] for one in (doubt, bound)]
+    assert [one.partition(";")[0] for one in told] == ["measured, with the doubt that is told below", "measured"]
 
 
 def test_a_quantity_of_several_parameters_is_as_doubtful_as_the_most_doubtful_of_them():

@@ -6,12 +6,15 @@ import dataclasses
 import io
 import json
 import struct
+import sys
+from importlib.util import find_spec
 
 import msgspec
 import numpy as np
 import pytest
 
 from fit.errors import FitError
+from fit.export import kinds
 from fit.export.about import caution_lines
 from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.moving import Moving, moving_cloth
@@ -222,8 +225,21 @@ def test_the_help_text_says_where_an_export_goes(tmp_path):
     assert "[default: (beside FIT; table: the terminal)]" in shown
 
 
-def test_alembic_without_blender_says_what_to_take_instead(order, monkeypatch, tmp_path):
+def test_alembic_without_blender_says_what_to_take_instead_before_it_simulates(order, monkeypatch, tmp_path):
     monkeypatch.setenv("HANGTIME_BLENDER_PYTHON", str(tmp_path / "no-python"))
+    shown = []
+    fresh = Order(result=order.result, take=order.take, show=lambda *told: shown.append(told))
     with pytest.raises(FitError, match=r"Alembic is written by Blender, .*; or take --to usd"):
-        export(order, "abc", tmp_path / "swing.abc")
-    assert list(tmp_path.iterdir()) == []
+        export(fresh, "abc", tmp_path / "swing.abc")
+    assert list(tmp_path.iterdir()) == shown == []
+
+
+@pytest.mark.parametrize(("kind", "library"), [("usd", "pxr"), ("parquet", "pyarrow"), ("usd-physics", "pxr")])
+def test_a_library_that_is_missing_is_named_before_anything_is_simulated(order, monkeypatch, tmp_path, kind, library):
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setattr(kinds, "find_spec", lambda name: None if name == library else find_spec(name))
+    shown = []
+    fresh = Order(result=order.result, take=order.take, show=lambda *told: shown.append(told))
+    with pytest.raises(ModuleNotFoundError, match=library):
+        export(fresh, kind, tmp_path / "swing")
+    assert list(tmp_path.iterdir()) == shown == []

@@ -14,7 +14,7 @@ from formats.fit_records import FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
-DOUBT, AT_BOUND = "Warning: ", "At its bound: "  # beginnings of a fit's own notes that every export repeats
+WARNING_NOTE, BOUND_NOTE = "Warning: ", "At its bound: "  # beginnings of notes that every export repeats
 SAME_WEIGHT = 0.01  # relative difference of weight: scales are more precise, but fits to several takes store their mean
 
 
@@ -67,12 +67,12 @@ def origin_lines(result: FitResult) -> list[str]:
 def fit_warnings(result: FitResult) -> list[str]:
     """Return the fit's warnings of itself, and the parameters that its ranges stopped."""
     told = {*notes_of_diagnosis(result.notes), *flaw_notes(result.notes)}
-    return [note for note in result.notes if note.startswith((DOUBT, AT_BOUND)) and note not in told]
+    return [note for note in result.notes if note.startswith((WARNING_NOTE, BOUND_NOTE)) and note not in told]
 
 
 def is_doubtful(result: FitResult) -> bool:
     """Return whether a fit warns of all its numbers, as where a rigid sheet follows the takes as well."""
-    return any(note.startswith(DOUBT) for note in fit_warnings(result))
+    return any(note.startswith(WARNING_NOTE) for note in fit_warnings(result))
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:

@@ -83,10 +83,13 @@ class SwatchError:
         counts = self._seen.sum(0)
         if counts.min() < FEWEST_SIGHTINGS:
             absent = recording.garment.points[int(np.argmin(counts))].name
+            shown = f"the marker {absent!r} was seen"
+            if recording.camera.is_placed:  # the tracked point is seen, and its place on the cloth is not
+                shown = f"the material position of {absent!r} lies within the silhouette"
             raise FitError(
-                f"the marker {absent!r} was seen in {counts.min()} frames, at least {FEWEST_SIGHTINGS} are needed",
+                f"{shown} in {counts.min()} frames, at least {FEWEST_SIGHTINGS} are needed",
                 where=recording.take_id,
-                advice="leave it out of the garment",
+                advice="fit with --method si, or leave the marker's whole row or column out of the garment",
             )
         self._weights = _weights(self._seen)
         self._down, self._across = np.zeros(self._seen.shape), np.zeros(self._seen.shape)

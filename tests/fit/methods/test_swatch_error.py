@@ -248,6 +248,17 @@ def test_a_marker_that_was_hardly_ever_seen_is_named(seen):
         SwatchError(dataclasses.replace(recording, valid=valid))
 
 
+def test_a_point_whose_place_on_the_cloth_is_beyond_the_silhouette_is_not_called_unseen():
+    recording = prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), hanging()))
+    valid = recording.valid.copy()
+    valid[:, 7] = False
+    placed = dataclasses.replace(recording, valid=valid, camera=dataclasses.replace(recording.camera, is_placed=True))
+    with pytest.raises(FitError) as refused:
+        SwatchError(placed)
+    assert "the material position of 'row1_column8' lies within the silhouette in 0 frames" in str(refused.value)
+    assert "--method si, or leave the marker's whole row or column out" in str(refused.value)
+
+
 def test_a_marker_that_was_seen_in_eight_frames_counts():
     recording = prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), hanging()))
     valid = recording.valid.copy()

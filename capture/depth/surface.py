@@ -154,8 +154,7 @@ class CorrelationMeter:
 
     def add(self, residuals: Floats, used: Booleans) -> None:
         """Add one plate's residuals in units of the pixel noise, (rows, columns), where `used` is true."""
-        for axis in range(2):
-            rows, marks = (residuals.T, used.T) if axis == 0 else (residuals, used)
+        for axis, (rows, marks) in enumerate(((residuals.T, used.T), (residuals, used))):
             both = marks[1:] & marks[:-1]
             a, b = rows[1:][both], rows[:-1][both]
             self._products[axis] += float(a @ b)

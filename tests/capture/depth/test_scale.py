@@ -20,6 +20,7 @@ def test_depth_is_divided_by_the_scale_and_rounded_to_a_millimetre():
     assert DepthScale(1.03)(np.array([1000], np.uint16)).tolist() == [971]  # 970.87
     assert DepthScale(0.5)(np.array([40000, 65535], np.uint16)).tolist() == [65535, 65535]
     assert DepthScale(1.02)(np.array([65535], np.uint16)).tolist() == [64250]
+    assert DepthScale(1.02)(depth).dtype == np.uint16
     assert DepthScale(1.0)(depth) is depth
 
 

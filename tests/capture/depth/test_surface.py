@@ -160,12 +160,13 @@ def test_correlation_moves_by_the_pairs_of_one_plate():
     assert meter.pixels == pytest.approx(of(down, across))
 
 
-def test_correlation_counts_pairs_of_used_pixels_only():
+@pytest.mark.parametrize("turned", [lambda image: image, np.fliplr, np.transpose, lambda image: np.flipud(image.T)])
+def test_correlation_counts_pairs_of_used_pixels_only(turned):
     meter, same = CorrelationMeter(), CorrelationMeter()
-    residuals = np.ones((4, 6))
-    same.add(residuals[:, :3], np.ones((4, 3), bool))
-    residuals[:, 3:] = 1e3
-    meter.add(residuals, np.arange(6) < 3 + np.zeros((4, 1)))
+    residuals, used = np.ones((4, 6)), np.zeros((4, 6), bool)
+    residuals[:, 3:], used[:, :3] = 1e3, True
+    same.add(turned(residuals[:, :3]), turned(used[:, :3]))
+    meter.add(turned(residuals), turned(used))
     assert meter.pixels == pytest.approx(same.pixels)
 
 

@@ -77,12 +77,23 @@ class Sync:
             recipients=recipients_of(settings.encrypt_to),
         )  # fmt: skip
         self._written_at = time.monotonic()
-        self.standing = Standing()
-        if (before := read_status(self.folder)) is not None:
-            self.standing = Standing(
-                last_sync=before.last_sync, verified=before.verified, fault=before.fault, proof=before.proof,
-                damaged=before.damaged, tries=before.fault.tries if before.fault else 0,
+        self.standing = self._standing_before()
+
+    def _standing_before(self) -> Standing:
+        """Return the state that the last process left; what it knew of another address says nothing of this one."""
+        before, url = read_status(self.folder), without_secrets(self.target.url)
+        if before is None:
+            return Standing()
+        if before.url != url:
+            newest = max((one for one in receipts(self.folder) if one.url == url), key=lambda one: one.at, default=None)
+            return Standing(
+                last_sync=newest.at if newest else None, verified=newest.verified if newest else None,
+                damaged=before.damaged,
             )  # fmt: skip
+        return Standing(
+            last_sync=before.last_sync, verified=before.verified, fault=before.fault, proof=before.proof,
+            damaged=before.damaged, tries=before.fault.tries if before.fault else 0,
+        )  # fmt: skip
 
     def run(self) -> SyncError | None:
         """Run rounds until no take waits; return a fault that needs a person, None if every take is safe.

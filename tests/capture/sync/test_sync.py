@@ -295,7 +295,10 @@ def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_a
     assert sync.once() is not None
     stands = read_status(spool.folder)
     assert (stands.waiting, stands.safe, stands.elsewhere) == (3, 0, 3)
-    assert "3 takes went to another address before" in " ".join(sentences(stands, NOW))
+    told = " ".join(sentences(stands, NOW))
+    assert "3 takes went to another address before" in told
+    assert "0 safe on the server, nothing was synced yet. " in told
+    assert "Last proved: never." in told
     assert [take.sequence for take in spool.takes()] == [1, 2, 3]
     (tmp_path / "second").unlink()
     assert sync.once() is None
@@ -307,6 +310,20 @@ def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_a
     assert {one.url for one in receipts(spool.folder)} == {second.settings.url}
     stands = read_status(spool.folder)
     assert (stands.safe, stands.elsewhere) == (3, 0)
+    assert stands.proof.outcome == "sound"  # due at once: the first address was proved, not this one
+
+
+def test_an_address_that_is_named_again_has_the_last_sync_of_its_own_receipts(tmp_path, spool, three):
+    """Three takes go to the first address; the second one is named and takes nothing, and the first one comes back."""
+    first = folder_of(tmp_path, spool)
+    assert sync_of(first)[0].once() is None
+    before = read_status(spool.folder)
+    (tmp_path / "second").write_text("no folder")
+    assert sync_of(SyncSetup(SyncSettings(url=f"file://{tmp_path}/second", device="box"), spool.folder))[0].once()
+    assert sync_of(first)[0].once() is None
+    after = read_status(spool.folder)
+    assert (after.last_sync, after.verified) == (before.last_sync, before.verified) == (NOW.isoformat(), READ_BACK)
+    assert (after.fault, after.proof.outcome) == (None, "sound")
 
 
 def test_a_take_of_another_device_under_a_number_with_a_receipt_is_sent_and_not_considered_safe(tmp_path, spool, three):

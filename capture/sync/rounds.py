@@ -80,7 +80,7 @@ class Sync:
         self.standing = self._standing_before()
 
     def _standing_before(self) -> Standing:
-        """Return the state that the last process left; after a change of the address, only what holds for the new one."""
+        """Return the state that the last process left; after a change of address, only what holds for the new one."""
         before, url = read_status(self.folder), without_secrets(self.target.url)
         if before is None:
             return Standing()

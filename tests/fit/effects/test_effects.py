@@ -347,6 +347,7 @@ def test_local_effects_say_where_they_act():
     assert slip.regions(np.array([0.006, 0.008])) == ("top right", "top left")
     assert erosion.regions(np.array([0.008, 0.002])) == ("bottom left", "bottom right")
     assert erosion.regions(np.array([0.001, 0.009])) == ()
+    assert erosion.regions(np.array([-0.005, 0.005])) == ("bottom left", "bottom right")  # not eroded more than they
     assert effect("hem").regions(np.array([0.01])) == ("bottom left", "bottom centre", "bottom right")
     assert effect("air_drag").regions(np.array([1.0])) == ()
 

@@ -33,6 +33,21 @@ def test_a_draught_pushes_a_face_that_moves_by_the_difference_to_still_air():
         assert force == pytest.approx([0, 0.5 * AIR_DENSITY * 1.2 * 0.01 * push, 0], rel=1e-4)
 
 
+def test_a_draught_presses_on_a_leaning_face_by_all_three_parts_of_its_velocity():
+    """A face of normal (0, 0.6, 0.8) that moves at (0.2, 0, 1) m/s: Duchemin's pressure in wind less that in still
+    air."""
+    normal, moving = np.array([0.0, 0.6, 0.8]), np.array([0.2, 0.0, 1.0])
+
+    def pressure(velocity):
+        across, speed = velocity @ normal, np.linalg.norm(velocity)
+        return 0.5 * AIR_DENSITY * 1.2 * 0.01 * speed * across * 2 * speed**2 / (speed**2 + across**2)
+
+    push = pressure(moving - [0.3, -0.4, 0.0]) - pressure(moving)
+    assert face_force("draught", (0.3, -0.4), tuple(moving), tuple(normal), 0.01) == pytest.approx(
+        -push * normal, rel=1e-4
+    )
+
+
 def test_mass_moves_within_the_weighed_garment():
     """A hem of 0.02 kg/m along 0.4 m is 8 of 32 g, which the rest lacks; a slope beyond what nodes can lose as well."""
     mesh = build_mesh(sheet(width=0.4, height=0.4), 0.067)

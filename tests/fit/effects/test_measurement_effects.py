@@ -281,6 +281,17 @@ def test_stamps_of_publishing_move_no_point_by_more_than_an_interval_either_way(
     assert effect("frame_timing").observe(unseen, recording, np.array([0.4])) is unseen
 
 
+def test_a_stamp_that_is_early_shows_nothing_that_comes_after_the_last_frame():
+    """A pause of 0.5 s before the last frame and a share of -0.4 point 33 ms beyond it."""
+    garment, time = sheet(grid=5), np.arange(0, 4, FRAME)
+    time[-1] += 0.5
+    ramp = np.zeros((len(time), 25, 3))
+    ramp[:, :, 0] = time[:, None]
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    seen = effect("frame_timing").observe(ramp, recording, np.array([-0.4]))
+    assert seen[-1] == pytest.approx(ramp[-1], abs=1e-9)
+
+
 def test_a_grid_slides_as_one_that_was_seen_twice_at_least_and_changed_by_a_hundredth():
     """Lengths between are interpolated; a change of 0.8 % is none, one of 1.2 % is."""
     grid = SimpleNamespace(down=np.array([0.0, 0.2, 0.4]))
@@ -309,4 +320,8 @@ def test_a_border_is_eroded_in_half_widths_and_a_corner_is_seen_within_a_tenth_o
 
 def test_a_scaled_depth_of_points_and_of_the_scene_multiply():
     points = np.tile([0.1, 1.5, -0.3], (40, 25, 1))
-    assert observed("depth_scale", (0.1, 0.2), points)[0, 0] == pytest.approx(1.1 * 1.2 * np.array([0.1, 1.5, -0.3]))
+    seen = observed("depth_scale", (0.1, 0.2), points)
+    assert seen[0, 0] == pytest.approx(1.1 * 1.2 * np.array([0.1, 1.5, -0.3]))
+    targets = np.concatenate([seen, seen], 2)
+    back = effect("depth_scale").unobserved(targets, SimpleNamespace(viewpoint=np.zeros(3)), np.array([0.1, 0.2]))
+    assert back == pytest.approx(np.concatenate([points, points], 2))

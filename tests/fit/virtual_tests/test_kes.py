@@ -19,6 +19,7 @@ from fit.identification.request import request_of
 from fit.methods import LEAN
 from fit.recordings.recording import prepare
 from fit.virtual_tests.fabric_ranges import TEN, range_of_ten, share_below
+from fit.virtual_tests.fitted_rows import FittedRows
 from fit.virtual_tests.kes import (
     BENDING_UNIT,
     HYSTERESIS_UNIT,
@@ -227,6 +228,20 @@ def test_the_sheet_names_the_combinations_that_are_not_identified_and_no_others(
     )
     result = msgspec.structs.replace(known(a_fit(), "stretch_stiffness"), combinations=[told, unidentified])
     assert "The takes do not identify stretch stiffness / density." in sheet_of(result).splitlines()
+
+
+def test_warp_and_weft_stand_in_their_own_columns():
+    """exp(0.35) and exp(-0.35) of 100 N/m are 145 and 71.9 gf/cm."""
+    line = line_of(known(a_fit(effects={"anisotropy.stretch": 0.7, "anisotropy.bending": 0.0})), "first slope")
+    assert re.search(r"gf/cm +145 +71\.9 ", line)
+
+
+def test_a_fault_of_measurement_changes_no_number_of_the_cloth():
+    """A clock that drifts by 2 % would make cloth 4 % softer."""
+    drifting = a_fit(effects={"clock_drift": 0.02})
+    result = msgspec.structs.replace(drifting, material=a_fit().material)
+    values = np.array([p.fitted for p in result.parameters])
+    assert FittedRows(result).at(values)[mat.STRETCH] == pytest.approx(100.0)
 
 
 def test_a_friction_that_the_takes_do_not_identify_is_replaced_by_its_interval():

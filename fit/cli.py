@@ -117,7 +117,7 @@ def fit_command(
             "--iterations",
             min=1,
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares "
-            "searches ignore it.",
+            "searches have none.",
         ),
     ] = PRINTED_ITERATIONS,
     gamma: Annotated[

@@ -300,6 +300,7 @@ def test_a_careless_call_is_refused_with_what_to_do(takes, call, sentence):
             lambda fit, take: hangtime.export(fit, "usd-physics", "a.usda", thickness="1"),
             "^thickness: .* give metres",
         ),
+        (lambda fit, take: hangtime.export(fit, "csv", "a.csv", thickness=0.001), "^thickness: changes nothing here"),
         (lambda fit, take: hangtime.export(fit, "newton", "a.json", spacing="1"), "^spacing: .* str; give a number"),
         (
             lambda fit, take: hangtime.export(fit, "table", "a.txt", spacing=0.1),

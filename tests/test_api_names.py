@@ -39,7 +39,12 @@ def test_help_shows_each_option_and_no_function_without_a_name(call):
     shown = pydoc.plain(pydoc.render_doc(call))
     assert "lambda" not in shown
     assert "**options" not in shown
-    assert "seed: int = " in shown
+    assert "spacing: float | None = " in shown
+
+
+def test_the_help_of_a_simulation_shows_no_option_of_a_search():
+    own = inspect.signature(hangtime.simulate).parameters
+    assert PLAN_DEFAULTS.keys() - own.keys() == {"search", "iterations", "gamma", "seed"}
 
 
 def test_help_shows_the_default_of_each_option_of_a_fit():

@@ -51,8 +51,9 @@ PLAN_DEFAULTS: Mapping[str, object] = {
     "method": "si", "effects": (), "bounds": (), "search": "", "iterations": PRINTED_ITERATIONS,
     "gamma": None, "spacing": None, "seed": 0, "fabric": None, "engine": "own",
 }  # fmt: skip
-# The same options where a fit is given: `...` stands for the fit's own value.
-OF_THE_FIT: Mapping[str, object] = dict.fromkeys(PLAN_DEFAULTS, ...)
+OF_A_SEARCH = {"search", "iterations", "gamma", "seed"}
+# The options of a simulation: `...` stands for the value of the given fit.
+OF_THE_FIT: Mapping[str, object] = {name: ... for name in PLAN_DEFAULTS if name not in OF_A_SEARCH}
 _Call = TypeVar("_Call", bound=Callable[..., object])
 
 

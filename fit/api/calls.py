@@ -214,7 +214,7 @@ def simulate(
     - `parameters`: a fit, or values by name over the method's initial ones. A fit brings its method, effects, engine,
       mesh and values
     - `anyway` and options: as for `fit`. Where `...` stands, the option is that of the given fit, or else the default
-      of `fit`. Only method, effects, bounds, spacing, fabric and engine count here.
+      of `fit`. A simulation has no search, and so no option of one
 
     Raises:
         FitError: unknown names, values outside the ranges, or takes that cannot be simulated.
@@ -308,7 +308,7 @@ def export(
     path: Path | str,
     *,
     take: OneTake | None = None,
-    thickness: float = 1e-3,  # m; our choice: fabrics have 0.2 to 2 mm (KES)
+    thickness: float | None = None,
     spacing: float | None = None,
     overwrite: bool = False,
 ) -> list[Path]:
@@ -317,24 +317,29 @@ def export(
     - `outcome`: a fit, or the path of its `fit.json`
     - `to`: the kind, `fit.export.kinds.EXPORT_KINDS`
     - `take`: gives garment and motion
-    - `thickness`: the fabric's [m], which motion does not identify
+    - `thickness`: the fabric's [m], which motion does not identify; None is 1 mm. Only `usd-physics` holds it
     - `spacing`: of the mesh [m]
 
     Raises:
-        FitError: an unknown kind, or a fit that holds no such thing.
+        FitError: an unknown kind, a fit that holds no such thing, or an argument that the kind does not use.
         OutputError: a file is there already and is not to be overwritten.
     """
-    from fit.export.kinds import Order
+    from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order
     from fit.export.kinds import export as write
+    from fit.export.usd_physics import THICKNESS
     from fit.folders import read_fit
 
     check_text(to, "to")
     check_switches(overwrite=overwrite)
-    check_kind(thickness, "thickness", Real, "metres, as in 0.0005")
+    if thickness is not None:
+        check_kind(thickness, "thickness", Real, "metres, as in 0.0005")
+        if to in EXPORT_KINDS and to not in WITH_THICKNESS:
+            advice = "leave it out, or give usd-physics as the kind"
+            raise FitError(f"changes nothing here: {to} holds none", where="thickness", advice=advice)
     mesh, file = number_of(spacing, "spacing"), path_of(path, "path")
     result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(path_of(outcome, "outcome"))[0]
     whose = one_take(take, "take") if take is not None else None
-    order = Order(result=result, take=whose, thickness=float(thickness), spacing=mesh)
+    order = Order(result=result, take=whose, thickness=THICKNESS if thickness is None else float(thickness), spacing=mesh)
     return write(order, to, file, overwrite=overwrite)
 
 

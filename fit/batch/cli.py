@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 SOME_NOT_FITTED = 3  # exit status: 1 is a crash of Python, 2 wrong options
 MOST_HOURS = 8784.0  # h; our choice: a leap year, which says that another unit was meant
 MOST_PATIENCE = 10_080.0  # min; our choice: a week, for the same reason
+DASHBOARD_PORT = 8787  # dask's own default
 NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in systemd/user/hangtime-batch.service)
 
 
@@ -64,11 +65,15 @@ def batch_command(
         ),
     ] = None,
     dashboard_port: Annotated[
-        int,
+        int | None,
         typer.Option(
-            "--dashboard-port", min=0, max=65535, help="Port of the dashboard on 127.0.0.1; 0 chooses a free one."
+            "--dashboard-port",
+            min=0,
+            max=65535,
+            help="Port of the dashboard on 127.0.0.1; 0 chooses a free one.",
+            show_default=str(DASHBOARD_PORT),
         ),
-    ] = 8787,  # dask's own default
+    ] = None,
     patience: Annotated[
         float,
         typer.Option(
@@ -123,7 +128,7 @@ def batch_command(
             "--iterations",
             min=1,
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares searches "
-            "ignore it.",
+            "have none.",
         ),
     ] = PRINTED_ITERATIONS,
     gamma: Annotated[
@@ -169,13 +174,15 @@ def batch_command(
         spacing=spacing, seed=seed, fabric=fabric,
     )  # fmt: skip
     plan.request()
-    if scheduler is not None and workers is not None:
-        raise BatchError(
-            "changes nothing here: a running cluster has workers of its own", where="--workers",
-            advice="leave it out, or leave out --scheduler",
-        )  # fmt: skip
+    for option, given, own in (("--workers", workers, "workers"), ("--dashboard-port", dashboard_port, "a dashboard")):
+        if scheduler is not None and given is not None:
+            raise BatchError(
+                f"changes nothing here: a running cluster has {own} of its own", where=option,
+                advice="leave it out, or leave out --scheduler",
+            )  # fmt: skip
     ending = ending_of(hours, until)
-    cluster = Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience)
+    port = DASHBOARD_PORT if dashboard_port is None else dashboard_port
+    cluster = Workers(scheduler=scheduler, count=workers, dashboard_port=port, patience=60 * patience)
 
     def work(found: Survey, what: str) -> bool:
         """Run the waiting jobs; return whether the run was interrupted."""

@@ -106,16 +106,29 @@ class Plan:
         """Return the request for the fitter.
 
         Raises:
-            FitError: an unknown method, fabric, effect, engine or search, or bounds that do not hold.
+            FitError: an unknown method, fabric, effect, engine or search, bounds that do not hold, or a setting of the
+                search that the search does not use.
         """
         method = find_method(self.method)
         if self.fabric is not None:
             method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
-        return request_of(
+        made = request_of(
             method, list(self.effects), iterations=self.iterations, seed=self.seed, gamma=self.gamma,
             spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
             engine=self.engine, search=self.search,
         )  # fmt: skip
+        _check_used(self)  # last, so that a value without a meaning is named as such
+        return made
+
+
+def _check_used(plan: Plan) -> None:
+    """Refuse a setting that the plan's search does not use; the default number of iterations always passes."""
+    name, advice = plan.search, "leave it out, or choose another --search, as annealing"
+    if plan.gamma is not None and name not in ANNEALED:
+        raise FitError(f"changes nothing here: {name} does not use gamma", where="--gamma", advice=advice)
+    if name in OBSERVED and plan.iterations != PRINTED_ITERATIONS:
+        what = f"changes nothing here: {name} has no number of iterations"
+        raise FitError(what, where="--iterations", advice=advice)
 
 
 def request_of(

@@ -134,6 +134,9 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--effect", "air_drag", "--effect", "air_drag"), "air_drag is named twice"),
         (("fit", "a.mcap", "--gamma", "nan"), "gamma is nan; give a number above 0"),
         (("fit", "a.mcap", "--gamma", "-1"), "gamma is -1"),
+        (("fit", "a.mcap", "--gamma", "1e5"), "--gamma: changes nothing here: least-squares does not use gamma; leave"),
+        (("fit", "a.mcap", "--search", "cma-es", "--gamma", "1e5"), "cma-es does not use gamma; leave it out, or choose"),
+        (("fit", "a.mcap", "--iterations", "8"), "--iterations: changes nothing here: least-squares has no number of"),
         (("fit", "a.mcap", "--seed", "-1"), "-1 is outside the range: the value must be at least 0"),
         (("diagnose", "a.mcap", "--seed", "-1"), "-1 is outside the range: the value must be at least 0"),
         (("diagnose", "a.mcap", "--without", "gremlins"), "there is no effect named 'gremlins'"),
@@ -202,8 +205,8 @@ def test_a_fit_of_blenders_cloth_moves_none_of_ours(two_takes, ours, theirs, tmp
 
 def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
-    words = ["a.mcap", "--spacing", 0.15, "--iterations", 2]
-    fitted = hangtime_here("fit", *words, "--search", "annealing", folder=tmp_path)
+    words = ["a.mcap", "--spacing", 0.15]
+    fitted = hangtime_here("fit", *words, "--search", "annealing", "--iterations", 2, folder=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert "Fitting to a; judging on the same, as none is held out." in fitted.stderr
     assert "its 90 % intervals are too short" in fitted.stdout

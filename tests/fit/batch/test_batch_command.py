@@ -118,10 +118,12 @@ def test_a_batch_hands_its_cluster_what_its_options_say(tmp_path, monkeypatch):
     """Minutes of patience, and no end unless there is one."""
     night, asked = Night(tmp_path, to_fit="a"), []
     monkeypatch.setattr(runner, "run", lambda found, workers, **more: asked.append((workers, more["ending"].is_over)))
-    assert night.run("--patience", 2, "--dashboard-port", 0, "--scheduler", "tcp://a:1").returncode == 3
+    assert night.run("--patience", 2, "--scheduler", "tcp://a:1").returncode == 3
     night.run("--hours", 0)
-    (first, is_over), (second, is_over_at_once) = asked
-    assert (first.patience, first.dashboard_port, first.scheduler, first.count) == (120.0, 0, "tcp://a:1", None)
+    night.run("--dashboard-port", 0)
+    (first, is_over), (second, is_over_at_once), (third, _) = asked
+    assert (first.patience, first.dashboard_port, first.scheduler, first.count) == (120.0, 8787, "tcp://a:1", None)
+    assert third.dashboard_port == 0
     assert (second.patience, second.dashboard_port, second.scheduler) == (600.0, 8787, None)
     assert (is_over, is_over_at_once) == (False, True)
 

@@ -102,11 +102,11 @@ def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
     with monkeypatch.context() as patch:
         patch.setattr("fit.report.gather.write_fit_report", interrupt)
         with pytest.raises(typer.Exit) as ended:
-            fit_command([tmp_path / "a.mcap"], method="lean", iterations=6, spacing=0.1, out=out)
+            fit_command([tmp_path / "a.mcap"], method="lean", spacing=0.1, out=out)
     assert ended.value.exit_code == 130
     assert (out / "fit.partial.json").exists()
     monkeypatch.setattr("fit.report.gather.write_fit_report", lambda path, *rest: path)
-    fit_command([tmp_path / "a.mcap"], method="lean", iterations=6, spacing=0.1, out=out)
+    fit_command([tmp_path / "a.mcap"], method="lean", spacing=0.1, out=out)
     assert not (out / "fit.partial.json").exists()
 
 

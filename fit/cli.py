@@ -319,24 +319,25 @@ def diagnose_command(
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import deciding, diagnose
     from fit.gap.gates import data_gates
+    from fit.identification.read_again import load_fit
     from fit.methods import base_model_of, find_method
     from fit.recordings.ready import ready
     from fit.report.again import plot_of
     from fit.report.gather import draw_left, write_diagnosis_report
     from fit.report.origin import command_line
-    from formats.results import load_fit_result, save_diagnosis
+    from formats.results import save_diagnosis
 
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
     decided = deciding(by)
     resolution = Resolution(spacing=spacing) if spacing is not None else None
-    fitted = load_fit_result(fit_file) if fit_file else None
+    fitted = load_fit(fit_file) if fit_file else None
     prepared = ready(training, testing)
     if fitted is not None and not prepared.are_of(fitted):
         raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
     if fitted is None and os.path.exists(out / "fit.json"):  # `Path.exists` refuses long names
-        beside = load_fit_result(out / "fit.json")
+        beside = load_fit(out / "fit.json")
         fitted = beside if prepared.are_of(beside) else None
     struck = {name for effect in find_effects(without) for name in parameter_names(effect)}
     if fitted is not None and (kept := struck & fitted.effects.keys()):

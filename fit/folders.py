@@ -1,4 +1,4 @@
-"""Folders of results: checked before the work that fills them, locked for one command, and read again."""
+"""Folders of results: checked before the work that fills them, and locked for one command."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import msgspec
-
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
-from formats.errors import HangtimeError, OutputError, ResultError
+from formats.errors import OutputError, ResultError
 from formats.fit_records import FitResult
 from formats.outputs import make_output_folder
 from formats.plain_text import plain, shortened
@@ -120,49 +118,9 @@ def refuse_unfinished(file: Path) -> None:
         )  # fmt: skip
 
 
-def read_fit(path: Path) -> tuple[FitResult, Path]:
-    """Return a fit result and its path, from the path of the file or of the folder that `hangtime fit` filled.
-
-    A note says which effect the fit lacks by a diagnosis of the same takes beside it.
-
-    Raises:
-        HangtimeError: the file cannot be read, or is no fit.
-    """
-    file = path / "fit.json" if path.is_dir() else path
-    refuse_unfinished(file)
-    try:
-        return _with_diagnosis(load_fit_result(file), file.with_name("diagnosis.json")), file
-    except HangtimeError as no_fit:
-        try:
-            load_diagnosis(file)
-        except HangtimeError:
-            raise no_fit from None
-    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
-
-
 def notes_of_diagnosis(notes: Sequence[str]) -> list[str]:
     """Return a fit's notes on what a diagnosis beside it names."""
     return [note for note in notes if note.startswith(NAMED_BESIDE)]
-
-
-def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
-    """Return a fit with a note if the diagnosis of the same takes names an effect that the fit lacks."""
-    try:
-        diagnosis = load_diagnosis(path)
-    except HangtimeError:  # none is there, or none that can be read
-        return result
-    fitted = {name.partition(".")[0] for name in result.effects}
-    is_any = diagnosis.verdict == "ambiguous"
-    lacking = [name for name in diagnosis.named if name not in fitted]
-    of_same = result.take_contents and sorted(result.take_contents) == sorted(diagnosis.take_contents)
-    if not of_same or not lacking or (is_any and len(lacking) < len(diagnosis.named)):
-        return result
-    names = (" or " if is_any else " and ").join(name.replace("_", " ") for name in lacking)
-    note = (
-        f"{NAMED_BESIDE}names {names}, which this fit leaves out. Fitted values may make up for that. Fit "
-        f"again with --effect {lacking[0] if is_any else ' --effect '.join(lacking)}."
-    )
-    return msgspec.structs.replace(result, notes=[*result.notes, note])
 
 
 def _numbered(path: Path, number: int) -> Path:

@@ -20,8 +20,10 @@ from formats.fit_records import TRIVIAL_NAMES, Combination, FitParameter, FitRes
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
+DRAWN = "tempering"  # this search's ends are quantiles of draws, and its value, the best draw, may lie outside
 ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, with an error of 1e-15
 SHARES = ("probability", "p_value", "share")  # fields that must be from 0 to 1
+SIZES = ("mean_m", "max_m", "per_frame_m", "seconds")  # fields, or lists, that must not be below 0
 
 
 def check_result(record: FitResult | Diagnosis, where: object) -> None:
@@ -55,9 +57,10 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
         refuse(f"layers is {result.layers}, and cloth has one or more")
     if result.spacing is not None and result.spacing <= 0:
         refuse(f"spacing is {result.spacing:g} m, and a mesh has more")
-    _check_parameters(result.parameters, "parameters", refuse)
-    for combination in result.combinations:
-        _check_interval(combination, refuse)
+    may_leave = result.search == DRAWN
+    _check_parameters(result.parameters, "parameters", refuse, may_leave=may_leave)
+    for number, combination in enumerate(result.combinations):
+        _check_interval(combination, f"combinations[{number}]", refuse, may_leave=may_leave)
     for number, one in enumerate(result.trivial):
         if one.name not in TRIVIAL_NAMES:
             refuse(f"trivial[{number}].name: there is no predictor named {one.name!r}")
@@ -82,9 +85,13 @@ def _check_diagnosis(diagnosis: Diagnosis, refuse: Any) -> None:
     if diagnosis.verdict == "effect" and len(diagnosis.named) != 1:
         refuse("the verdict `effect` names exactly one effect")
     _check_parameters(diagnosis.base_parameters, "base_parameters", refuse)
+    symmetric = {f"effects[{number}].closure": one.closure for number, one in enumerate(diagnosis.effects)}
+    for at, figure in {"gap.floor_mm": diagnosis.gap.floor_mm, **symmetric}.items():
+        if figure is not None and figure.interval is not None:
+            _check_within(figure.value, *figure.interval, f"{at}.value is", refuse)
 
 
-def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any) -> None:
+def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any, *, may_leave: bool = False) -> None:
     for number, p in enumerate(parameters):
         at = f"{field}[{number}]"
         if p.minimum > p.maximum:
@@ -93,7 +100,7 @@ def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any) -
         for kind, value in (("fitted", p.fitted), ("initial", p.initial)):
             if not p.minimum - room <= value <= p.maximum + room:
                 refuse(f"{at}.{kind}: {p.name} is {value:g}, outside its own bounds of {p.minimum:g} to {p.maximum:g}")
-        _check_interval(p, refuse)
+        _check_interval(p, at, refuse, may_leave=may_leave)
         _check_least(p, at, refuse)
         if p.name in [other.name for other in parameters[:number]]:
             refuse(f"{at}: {p.name} is there twice")
@@ -110,10 +117,18 @@ def _has_no_cloth(name: str, value: float) -> bool:
     return (name in POSITIVE and value <= 0) or (name in NOT_BELOW_0 and value < 0)
 
 
-def _check_interval(number: FitParameter | Combination, refuse: Any) -> None:
+def _check_interval(number: FitParameter | Combination, at: str, refuse: Any, *, may_leave: bool) -> None:
     low, high = number.interval_low, number.interval_high
     if (low is None) != (high is None) or (low is not None and high is not None and low > high):
         refuse(f"the interval of {number.name} has not a lower and an upper end")
+    if low is not None and high is not None and not may_leave:
+        _check_within(number.fitted, low, high, f"{at}.fitted: {number.name} is", refuse)
+
+
+def _check_within(value: float, low: float, high: float, whose: str, refuse: Any) -> None:
+    room = ROUNDING * max(abs(low), abs(high))
+    if not low - room <= value <= high + room:
+        refuse(f"{whose} {value:g}, outside its own interval of {low:g} to {high:g}")
 
 
 def _check_numbers(value: Any, refuse: Any, at: str) -> None:
@@ -124,6 +139,8 @@ def _check_numbers(value: Any, refuse: Any, at: str) -> None:
             refuse(f"{at or 'value'} is not a finite number")
         if abs(value) > LARGEST_NUMBER:
             refuse(f"{at} is {value:g}, and no result has a number that large")
+        if name.partition("[")[0] in SIZES and value < 0:
+            refuse(f"{at} is {value:g}, and must not be below 0")
         if name in SHARES and not -ROUNDING <= value <= 1 + ROUNDING:
             refuse(f"{at} is {value:g}, and must be from 0 to 1")
     elif isinstance(value, dict):

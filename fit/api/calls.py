@@ -40,9 +40,8 @@ from fit.api.watched import (
 )
 from fit.errors import FitError
 from formats.archive import read_take
-from formats.errors import ResultError
+from formats.fit_records import FitResult
 from formats.outputs import make_parent, output_folder, refuse_to_replace
-from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
 if TYPE_CHECKING:
@@ -57,16 +56,13 @@ def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
     Raises:
         HangtimeError: the file cannot be read, or is neither.
     """
+    from fit.identification.read_again import load_either
+
     path = path_of(path, "path")
     if not _is_json(path):
         return read_take(path)
-    try:
-        return FitOutcome(result=load_fit_result(path))
-    except ResultError as no_fit:
-        try:
-            return DiagnosisOutcome(result=load_diagnosis(path))
-        except ResultError:
-            raise no_fit from None
+    result = load_either(path)
+    return FitOutcome(result=result) if isinstance(result, FitResult) else DiagnosisOutcome(result=result)
 
 
 @ends_in_a_sentence
@@ -327,7 +323,7 @@ def export(
     from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order
     from fit.export.kinds import export as write
     from fit.export.usd_physics import THICKNESS
-    from fit.folders import read_fit
+    from fit.identification.read_again import read_fit
 
     check_text(to, "to")
     check_switches(overwrite=overwrite)
@@ -339,7 +335,9 @@ def export(
     mesh, file = number_of(spacing, "spacing"), path_of(path, "path")
     result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(path_of(outcome, "outcome"))[0]
     whose = one_take(take, "take") if take is not None else None
-    order = Order(result=result, take=whose, thickness=THICKNESS if thickness is None else float(thickness), spacing=mesh)
+    order = Order(
+        result=result, take=whose, thickness=THICKNESS if thickness is None else float(thickness), spacing=mesh
+    )
     return write(order, to, file, overwrite=overwrite)
 
 

@@ -95,7 +95,7 @@ def export_command(
     from fit.export.about import remarks_on_take
     from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, contents, default_path, write_contents
     from fit.export.usd_physics import THICKNESS
-    from fit.folders import read_fit
+    from fit.identification.read_again import read_fit
     from formats.archive import read_take
     from formats.outputs import check_is_no_input
     from formats.plain_text import plain
@@ -213,7 +213,7 @@ def animate_command(
     from fit.export.animation import FILMS, Scene, animate, check_film
     from fit.export.video import DEFAULT_SIZE
     from fit.export.worn import FigureOrder
-    from fit.folders import read_fit
+    from fit.identification.read_again import read_fit
     from formats.archive import read_take
     from formats.plain_text import plain
     from formats.terminal import ProgressLine, say

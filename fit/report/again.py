@@ -7,16 +7,15 @@ from pathlib import Path
 
 from fit.errors import FitError
 from fit.folders import refuse_unfinished
+from fit.identification.read_again import load_diagnosed, load_either, load_fit
 from fit.report.answer import fit_figures, run_names
 from fit.report.kept import created_of, load_motions
 from fit.report.motion import ReportMotion
 from fit.report.page import write_report
 from fit.report.plot import draw_plot
 from formats.diagnosis_records import Diagnosis
-from formats.errors import HangtimeError
 from formats.fit_records import FitResult
 from formats.plain_text import plain
-from formats.results import load_diagnosis, load_fit_result
 from formats.whole_files import loop_words
 
 
@@ -42,8 +41,8 @@ def results_in(folder: Path) -> Results:
     if not (fit_file.exists() or diagnosis_file.exists()):
         refuse_unfinished(fit_file)
         refuse_unfinished(diagnosis_file)
-    fit = load_fit_result(fit_file) if fit_file.exists() else None
-    diagnosis = load_diagnosis(diagnosis_file) if diagnosis_file.exists() else None
+    fit = load_fit(fit_file) if fit_file.exists() else None
+    diagnosis = load_diagnosed(diagnosis_file) if diagnosis_file.exists() else None
     if fit is None and diagnosis is None:
         raise FitError(
             "holds neither fit.json nor diagnosis.json", where=folder,
@@ -71,7 +70,7 @@ def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, l
     found = results_in(folder)
     motions, origin = load_motions(folder / "report.html", created_of(found.fit, found.diagnosis))
     if not motions and found.diagnosis is not None and (folder / "fit.json").exists():
-        fit = load_fit_result(folder / "fit.json")
+        fit = load_fit(folder / "fit.json")
         is_foreign = not _is_together(fit, found.diagnosis)
         other = folder / "diagnosis.json", found.diagnosis.take_ids, "fit", fit.take_ids
         later = Results(fit, None, _foreign(*other) if is_foreign else "")
@@ -123,10 +122,4 @@ def one_of(path: Path) -> FitResult | Diagnosis:
         if result is not None:
             return result
     refuse_unfinished(path)
-    try:
-        return load_fit_result(path)
-    except HangtimeError as no_fit:
-        try:
-            return load_diagnosis(path)
-        except HangtimeError:
-            raise no_fit from None
+    return load_either(path)

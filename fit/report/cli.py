@@ -112,7 +112,7 @@ def fabric_command(
     """
     from dataclasses import asdict
 
-    from fit.folders import read_fit
+    from fit.identification.read_again import read_fit
     from fit.virtual_tests.sheet import sheet_of, tests_of, unidentified_of
 
     result = read_fit(fit_file)[0]

@@ -7,6 +7,7 @@ from decimal import Decimal
 import msgspec
 import pytest
 
+from formats.diagnosis_records import Figure
 from formats.errors import ResultError
 from formats.fit_records import Combination
 from formats.result_checks import as_plain, check_result
@@ -46,7 +47,7 @@ def with_material(**values):
         msgspec.structs.replace(fit_result(), seconds=1e100),
         with_material(areal_density=0.01, shear_stiffness=0.0, velocity_damping=0.3),
         with_mass(initial=0.15, fitted=0.15, interval_low=0.15, interval_high=0.15),
-        with_mass(initial=0.15 - 9e-9, fitted=10 + 9e-9),
+        with_mass(initial=0.15 - 9e-9, fitted=10 + 9e-9, interval_high=10.0),
         with_mass(minimum=-4.0, maximum=-2.0, initial=-4 - 4e-9, fitted=-2 + 4e-9, **NO_INTERVAL),
         with_mass(minimum=2.0, maximum=2.0, initial=2.0, fitted=2.0),
         with_mass(name="shear_stiffness", minimum=0.0, interval_low=0.0),
@@ -54,6 +55,8 @@ def with_material(**values):
         with_mass(name="stretch_stiffness", minimum=1e-9, interval_low=1e-9),
         with_mass(name="hem", minimum=-1.0, interval_low=-0.5),
         with_combination(2.0, 2.0),
+        msgspec.structs.replace(with_mass(fitted=2.1), search="tempering"),  # the best draw, beyond its quantiles
+        msgspec.structs.replace(with_combination(2.5, 3.0), search="tempering"),
         with_effect(probability=0.0),
         with_effect(probability=1.0),
         with_effect(probability=-1e-9, p_value=1 + 1e-9),
@@ -71,6 +74,14 @@ def test_numbers_at_their_bounds_are_a_result(record):
         (with_mass(fitted=10 + 11e-9), "fitted: mass is 10, outside its own bounds of 0.15 to 10"),
         (with_mass(interval_low=None, interval_high=2.0), "the interval of mass has not a lower and an upper end"),
         (with_mass(interval_low=1.0, interval_high=None), "the interval of mass has not a lower and an upper end"),
+        (with_mass(fitted=2.04 + 3e-9), "fitted: mass is 2.04, outside its own interval of 1.36 to 2.04"),
+        (with_mass(fitted=1.3), "fitted: mass is 1.3, outside its own interval of 1.36 to 2.04"),
+        (with_combination(2.5, 3.0), "combinations[0].fitted: stretch/mass is 2, outside its own interval of 2.5 to 3"),
+        (with_effect(closure=Figure(value=0.9, interval=(0.1, 0.8))), "effects[0].closure.value is 0.9, outside its"
+         " own interval of 0.1 to 0.8"),
+        (msgspec.structs.replace(fit_result(), seconds=-1.0), "seconds is -1, and must not be below 0"),
+        (with_mass(unit="kg", fitted=-0.2, minimum=-1.0, interval_low=-0.1, interval_high=0.1), "fitted: mass is -0.2,"
+         " outside its own interval of -0.1 to 0.1"),
         (with_combination(2.1, 2.0), "the interval of stretch/mass has not a lower and an upper end"),
         (with_mass(name="shear_stiffness", minimum=-1e-9), "minimum: no cloth has shear_stiffness = -1e-09"),
         (with_mass(name="viscosity_time", interval_low=-0.5), "interval_low: no cloth has viscosity_time = -0.5"),

@@ -203,7 +203,7 @@ def test_a_material_that_is_not_the_fitted_one_is_refused_unless_effects_change_
 
 def test_a_value_at_its_bound_may_be_a_rounding_beyond(tmp_path):
     save_fit_result(tmp_path / "fit.json", fit_result())
-    edited(tmp_path / "fit.json", ((*MASS, "fitted"), 10 * (1 + 1e-14)))
+    edited(tmp_path / "fit.json", ((*MASS, "fitted"), 10 * (1 + 1e-14)), ((*MASS, "interval_high"), 10))
     load_fit_result(tmp_path / "fit.json")
 
 

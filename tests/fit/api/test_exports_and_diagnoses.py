@@ -75,7 +75,7 @@ ROWS = [
     {"effect": "time_offset", "is_tested": "True", "is_named": "False", "probability": "", "amplitude": "-0.0021",
      "unit": "s", "closure": "0.01", "p_value": "0.64"},
     {"effect": "clip_slip", "is_tested": "False", "is_named": "False", "probability": "", "amplitude": "0.0",
-     "unit": "N", "closure": "", "p_value": ""},
+     "unit": "m", "closure": "", "p_value": ""},
 ]  # fmt: skip
 
 

@@ -32,10 +32,13 @@ def a_fit(method="si", *, values=None, unknown=(), effects=None, density=0.2, la
     ]  # fmt: skip
     row = found.to_materials(np.array([[given[p.name] for p in found.parameters]]), density)[0]
     for name, amplitude in effects.items():
+        (effect,) = find_effects([name.split(".")[0]])
+        least = 0.0 if effect.low == 0 else -3.0
         parameters.append(
             FitParameter(
-                name=name, unit="1", initial=0.0, fitted=amplitude, minimum=-3.0, maximum=3.0,
-                interval_low=amplitude - 0.2, interval_high=amplitude + 0.2, is_identified=name not in unknown,
+                name=name, unit=effect.unit, initial=0.0, fitted=amplitude, minimum=least, maximum=3.0,
+                interval_low=max(least, amplitude - 0.2), interval_high=amplitude + 0.2,
+                is_identified=name not in unknown,
             )
         )  # fmt: skip
     for effect in find_effects(sorted({name.split(".")[0] for name in effects})):

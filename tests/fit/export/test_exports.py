@@ -20,7 +20,7 @@ from fit.export.fabric import fabric_of
 from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.sheet import garment_sheet, strip
 from fit.export.usd_stage import new_stage, usd_bytes
-from fit.folders import read_fit
+from fit.identification.read_again import read_fit
 from formats import command
 from formats.errors import HangtimeError, OutputError
 from formats.results import fit_result_from, save_diagnosis, save_fit_result

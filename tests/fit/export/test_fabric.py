@@ -16,8 +16,9 @@ from fit.errors import FitError
 from fit.export.about import caution_lines, fit_warnings
 from fit.export.fabric import fabric_of, status_of
 from fit.export.tables import parameters_csv, software_table
-from fit.folders import notes_of_diagnosis, read_fit
+from fit.folders import notes_of_diagnosis
 from fit.identification.calibrate import FREE_PARAMETERS, STOPPED_AT_BOUND, TOO_SHORT
+from fit.identification.read_again import read_fit
 from fit.identification.trivial import describe_trivial
 from fit.virtual_tests.sheet import sheet_of
 from formats.fit_records import Combination, TrivialFigure

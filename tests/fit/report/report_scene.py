@@ -79,9 +79,10 @@ def fit_result():
         ("bend", 20.0, 8.4, 0.1, 150.0, True), ("spring", 3.0, 11.9, 0.0, 25.0, None),
         ("air", 5.0, 3.3, 1.0, 10.0, True), ("velocity", 0.95, 0.983, 0.9, 1.0, True),
     )  # fmt: skip
+    units = {"mass": "x weighed", "velocity": "per frame"}
     parameters = [
         FitParameter(
-            name=name, unit="Blender", initial=initial, fitted=fitted, minimum=low, maximum=high,
+            name=name, unit=units.get(name, "Blender"), initial=initial, fitted=fitted, minimum=low, maximum=high,
             interval_low=None if known is None else max(low, 0.8 * fitted),
             interval_high=None if known is None else min(high, 1.2 * fitted),
             is_identified=known, note="Only ratios to the density are." if name == "mass" else "",
@@ -136,7 +137,7 @@ def diagnosis(**changes):
             EffectFinding(
                 id="clip_slip", group="clip_slip", tested=False, probability=None,
                 amplitude=0.0, amplitude_interval=None,
-                unit="N", closure=None, p_value=None, minimum_detectable=None, explained=None, absorbed=None,
+                unit="m", closure=None, p_value=None, minimum_detectable=None, explained=None, absorbed=None,
                 note="not built yet",
             ),
         ],

@@ -208,7 +208,7 @@ def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path)
     assert re.search(r"^ +out +other +intervals overlap$", done.stdout, re.MULTILINE)
     assert re.search(r"61\.2 \(49 to 73\.4\) +25 \(20 to 30\) +no$", rows["struct [Blender]"])
     assert rows["bend [Blender]"].endswith("yes")
-    assert "not identified (1.36 to 2.04)" in rows["mass [Blender]"]
+    assert "not identified (1.36 to 2.04)" in rows["mass [x weighed]"]
     assert "mean distance of all points, takes fitted to" in rows
     page = (tmp_path / "both.html").read_text()
     assert "2 fits side by side" in page

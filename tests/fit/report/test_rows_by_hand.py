@@ -139,7 +139,7 @@ def test_the_rows_of_a_fit_in_a_comparison():
     assert rows["takes fitted to"] == "swing-01"
     assert rows["takes held out"] == "swing-02"
     assert (rows["mesh spacing"], rows["seed"]) == ("–", "7")
-    assert rows["mass [Blender]"] == "not identified (1.36 to 2.04)"
+    assert rows["mass [x weighed]"] == "not identified (1.36 to 2.04)"
     assert rows["spring [Blender]"] == "11.9"  # without an interval
     assert rows["stretch stiffness / density [m2/s2]"] == "1000 (800 to 1250)"
     assert rows["mean distance of all points, takes fitted to"] == "127.6 → 46.7 mm"

@@ -1,0 +1,130 @@
+"""Read again what `fit` and `diagnose` wrote, and check its units and signs by the methods and effects of today.
+
+`formats.result_checks` has checked before that the numbers agree with each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import msgspec
+
+from fit.effects import LIBRARY
+from fit.errors import FitError
+from fit.folders import NAMED_BESIDE, refuse_unfinished
+from fit.identification.combinations import COMBINATIONS
+from fit.methods import METHODS
+from formats.diagnosis_records import Diagnosis
+from formats.errors import HangtimeError, ResultError
+from formats.fit_records import FitParameter, FitResult
+from formats.results import load_diagnosis, load_fit_result
+
+OF_EFFECTS = {effect.name: (effect.unit, effect.low) for effect in LIBRARY}  # unit and least size of each
+
+
+def load_fit(path: Path) -> FitResult:
+    """Read a fit result.
+
+    Raises:
+        ResultError: it cannot be read, contradicts itself, or has a number of another unit or sign than its method's.
+    """
+    result = load_fit_result(path)
+    method = METHODS.get(result.method)  # None of another version
+    known = {p.name: (p.unit, p.minimum) for p in (method.parameters if method is not None else ())}
+    _check(result.parameters, "parameters", known, path, "fit again")
+    units = {name: unit for name, unit, *_ in COMBINATIONS}
+    for number, one in enumerate(result.combinations):
+        _check_unit(f"combinations[{number}].unit", one.name, one.unit, units, path, "fit again")
+    return result
+
+
+def load_diagnosed(path: Path) -> Diagnosis:
+    """Read a diagnosis; the errors are those of `load_fit`."""
+    diagnosis = load_diagnosis(path)
+    known = {p.name: (p.unit, p.minimum) for one in METHODS.values() for p in one.parameters}
+    _check(diagnosis.base_parameters, "base_parameters", known, path, "diagnose again")
+    units = {name: unit for name, (unit, _) in OF_EFFECTS.items()}
+    for number, effect in enumerate(diagnosis.effects):
+        _check_unit(f"effects[{number}].unit", effect.id, effect.unit, units, path, "diagnose again")
+    return diagnosis
+
+
+def load_either(path: Path) -> FitResult | Diagnosis:
+    """Read a fit or a diagnosis.
+
+    Raises:
+        HangtimeError: that of the kind that the file states, or else that of a fit.
+    """
+    try:
+        return load_fit(path)
+    except HangtimeError as no_fit:
+        try:
+            return load_diagnosed(path)
+        except HangtimeError as no_diagnosis:
+            is_diagnosis = no_fit.what.startswith("is not a Fit") and not no_diagnosis.what.startswith("is not a Diag")
+            raise (no_diagnosis if is_diagnosis else no_fit) from None
+
+
+def _check(
+    parameters: Sequence[FitParameter], field: str, known: Mapping[str, tuple[str, float]], where: Path, again: str
+) -> None:
+    """Check units and signs of parameters by what is known of each: its unit, and the least value of its range."""
+    of_all = {**OF_EFFECTS, **known}
+    units = {name: unit for name, (unit, _) in of_all.items()}
+    for number, p in enumerate(parameters):
+        name, at = p.name.partition(".")[0], f"{field}[{number}]"
+        _check_unit(f"{at}.unit", name, p.unit, units, where, again)
+        for kind, value in (("fitted", p.fitted), ("minimum", p.minimum), ("interval_low", p.interval_low)):
+            if value is not None and value < 0 <= of_all.get(name, ("", value))[1]:
+                _refuse(f"{at}.{kind}: {p.name} is {value:g}, and is never below 0", where, again)
+
+
+def _check_unit(at: str, name: str, unit: str, units: Mapping[str, str], where: Path, again: str) -> None:
+    if unit != units.get(name, unit):
+        _refuse(f"{at}: {name} is in {unit or 'no unit'}, and Hangtime has it in {units[name]}", where, again)
+
+
+def _refuse(what: str, where: Path, again: str) -> NoReturn:
+    raise ResultError(what, where=where, advice=again)
+
+
+def read_fit(path: Path) -> tuple[FitResult, Path]:
+    """Return a fit result and its path, from the path of the file or of the folder that `hangtime fit` filled.
+
+    A note says which effect the fit lacks by a diagnosis of the same takes beside it.
+
+    Raises:
+        HangtimeError: the file cannot be read, or is no fit.
+    """
+    file = path / "fit.json" if path.is_dir() else path
+    refuse_unfinished(file)
+    try:
+        return _with_diagnosis(load_fit(file), file.with_name("diagnosis.json")), file
+    except HangtimeError as no_fit:
+        try:
+            load_diagnosis(file)
+        except HangtimeError:
+            raise no_fit from None
+    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
+
+
+def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
+    """Return a fit with a note if the diagnosis of the same takes names an effect that the fit lacks."""
+    try:
+        diagnosis = load_diagnosis(path)
+    except HangtimeError:  # none is there, or none that can be read
+        return result
+    fitted = {name.partition(".")[0] for name in result.effects}
+    is_any = diagnosis.verdict == "ambiguous"
+    lacking = [name for name in diagnosis.named if name not in fitted]
+    of_same = result.take_contents and sorted(result.take_contents) == sorted(diagnosis.take_contents)
+    if not of_same or not lacking or (is_any and len(lacking) < len(diagnosis.named)):
+        return result
+    names = (" or " if is_any else " and ").join(name.replace("_", " ") for name in lacking)
+    note = (
+        f"{NAMED_BESIDE}names {names}, which this fit leaves out. Fitted values may make up for that. Fit "
+        f"again with --effect {lacking[0] if is_any else ' --effect '.join(lacking)}."
+    )
+    return msgspec.structs.replace(result, notes=[*result.notes, note])

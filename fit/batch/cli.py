@@ -174,10 +174,10 @@ def batch_command(
         spacing=spacing, seed=seed, fabric=fabric,
     )  # fmt: skip
     plan.request()
-    for option, given, own in (("--workers", workers, "workers"), ("--dashboard-port", dashboard_port, "a dashboard")):
+    for option, given, its in (("--workers", workers, "workers"), ("--dashboard-port", dashboard_port, "a dashboard")):
         if scheduler is not None and given is not None:
             raise BatchError(
-                f"changes nothing here: a running cluster has {own} of its own", where=option,
+                f"changes nothing here: a running cluster has {its} of its own", where=option,
                 advice="leave it out, or leave out --scheduler",
             )  # fmt: skip
     ending = ending_of(hours, until)

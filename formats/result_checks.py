@@ -20,10 +20,10 @@ from formats.fit_records import TRIVIAL_NAMES, Combination, FitParameter, FitRes
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
-DRAWN = "tempering"  # this search's ends are quantiles of draws, and its value, the best draw, may lie outside
+DRAWN_ENDS = "tempering"  # its ends are quantiles of draws, and its value, the best draw, may lie outside
 ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, with an error of 1e-15
 SHARES = ("probability", "p_value", "share")  # fields that must be from 0 to 1
-SIZES = ("mean_m", "max_m", "per_frame_m", "seconds")  # fields, or lists, that must not be below 0
+LEAST_ZERO = ("mean_m", "max_m", "per_frame_m", "seconds")  # fields, or lists, that must not be below 0
 
 
 def check_result(record: FitResult | Diagnosis, where: object) -> None:
@@ -57,7 +57,7 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
         refuse(f"layers is {result.layers}, and cloth has one or more")
     if result.spacing is not None and result.spacing <= 0:
         refuse(f"spacing is {result.spacing:g} m, and a mesh has more")
-    may_leave = result.search == DRAWN
+    may_leave = result.search == DRAWN_ENDS
     _check_parameters(result.parameters, "parameters", refuse, may_leave=may_leave)
     for number, combination in enumerate(result.combinations):
         _check_interval(combination, f"combinations[{number}]", refuse, may_leave=may_leave)
@@ -139,7 +139,7 @@ def _check_numbers(value: Any, refuse: Any, at: str) -> None:
             refuse(f"{at or 'value'} is not a finite number")
         if abs(value) > LARGEST_NUMBER:
             refuse(f"{at} is {value:g}, and no result has a number that large")
-        if name.partition("[")[0] in SIZES and value < 0:
+        if name.partition("[")[0] in LEAST_ZERO and value < 0:
             refuse(f"{at} is {value:g}, and must not be below 0")
         if name in SHARES and not -ROUNDING <= value <= 1 + ROUNDING:
             refuse(f"{at} is {value:g}, and must be from 0 to 1")

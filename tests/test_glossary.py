@@ -94,3 +94,23 @@ def test_the_program_calls_a_parameter_at_its_bound_by_the_term_of_the_glossary_
                 if isinstance(node, ast.Constant) and isinstance(node.value, str) and other.search(node.value)
             ]
     assert found == []
+
+
+# Technical words of the sentences that `hangtime fit` and `hangtime diagnose` print, by their terms.
+PRINTED = {
+    "rms": "rms", "lean": "lean", "askew": "skewed grid", "stamps": "stamp", "silhouette": "silhouette",
+    "held row": "held row", "held edge": "held edge", "material position": "material point",
+    "trivial predictor": "trivial predictor", "at its bound": "at its bound",
+}  # fmt: skip
+
+
+def test_technical_words_that_a_fit_and_a_diagnosis_print_are_in_the_glossary() -> None:
+    modules = ("fit/recordings/camera_findings.py", "fit/identification/trivial.py", "formats/fit_records.py")
+    printed = " ".join(
+        node.value
+        for module in modules
+        for node in ast.walk(tree_of(ROOT / module))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    )
+    assert [word for word in PRINTED if word not in printed] == []
+    assert [term for term in PRINTED.values() if term not in TERMS] == []

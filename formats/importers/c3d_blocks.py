@@ -36,8 +36,8 @@ def refuse_lost_bytes(path: Path, size: int, end: int) -> None:
     """
     if size % BLOCK_BYTES and end < size < end + BLOCK_BYTES:
         raise TakeError(
-            f"has {size} bytes, which is no multiple of {BLOCK_BYTES}, and its frames end at {end}: bytes are lost",
-            where=path, advice="copy or export it again",
+            f"has {size} bytes, which is no multiple of {BLOCK_BYTES}, and its frames end at {end}: bytes are lost or "
+            "foreign", where=path, advice="copy or export it again",
         )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.importers.c3d_blocks import (
     BLOCK_BYTES,
+    Blocks,
     find_blocks,
     refuse_lost_bytes,
     remove_blocks,
@@ -23,6 +24,7 @@ from formats.importers.c3d_doubled import FrameBytes, refuse_doubled_bytes
 from formats.importers.c3d_header import first_of
 from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
+from formats.importers.c3d_shifts import refuse_shifted_frames
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.missing_values import (
@@ -70,6 +72,8 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     _refuse_two_values(parameters, path)
     points = layout.points
     frames = min(header.held, layout.frames)
+    if header.lacking is not None and not (points and frames > 0):
+        raise header.lacking
     if points and frames <= 0 and header.held:
         raise TakeError(
             f"states {frames} frames and has room for {header.held} of its {points} points", where=path,
@@ -84,11 +88,10 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         states = f"states {rate:g} frames a second; {USABLE_RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     end, kind = layout.data_at + frames * layout.width, FLOAT if layout.is_float else SHORT
-    if header.end == size:
-        refuse_lost_bytes(path, size, end)
-    repeated = refuse_doubled_bytes(
-        path, FrameBytes(layout.data_at, end, header.end, layout.width, kind, points, header.processor)
-    )  # fmt: skip
+    blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
+    repeated = _refuse_moved_bytes(path, size, header, FrameBytes(
+        layout.data_at, end, header.end, layout.width, kind, points, header.processor
+    ), wanted, blocks)  # fmt: skip
     has_labels = any(labels)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
@@ -119,7 +122,6 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         warning_of_bound(gaps.bound, labels, frame_of),
         remove_missing_value_codes(positions, scale, frame_of),
     ]
-    blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
     warnings.append(remove_blocks(positions, blocks, kind, layout.width, others))
     warnings += [
         warning_of_incomplete(gaps.lacking, time, labels, frame_of),
@@ -130,6 +132,19 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         tuple(labels), time, positions, header.rate, "; ".join(filter(None, warnings)), has_times=False,
         without_path=without_path, zeros=gaps.zeros.sum(0),
     )  # fmt: skip
+
+
+def _refuse_moved_bytes(
+    path: Path, size: int, header: Header, frames: FrameBytes, wanted: Wanted, blocks: Blocks
+) -> str:
+    """Refuse a file whose frames are shifted, or which lacks bytes; return a warning of frames that come twice."""
+    repeated = "" if header.lacking is not None else refuse_doubled_bytes(path, frames)
+    refuse_shifted_frames(path, frames, min(frames.stated, wanted.frames or frames.stated), blocks)
+    if header.lacking is not None:
+        raise header.lacking
+    if header.end == size:
+        refuse_lost_bytes(path, size, frames.end)
+    return repeated
 
 
 def _refuse_two_values(parameters: Parameters, path: Path) -> None:

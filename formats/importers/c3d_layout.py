@@ -90,6 +90,7 @@ class Header:
     - `end` [bytes]: offset of the file's end, or of the section behind the frames
     - `rate` [1/s]: None where the header states none
     - `doubts`: warnings of parameters that contradict the header, '' without any
+    - `lacking`: error of a file that ends before its last frame, None where it does not
     """
 
     processor: int
@@ -99,14 +100,14 @@ class Header:
     end: int
     rate: float | None
     doubts: str
+    lacking: TakeError | None = None
 
 
 def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
     """Return the header and the parameters of a file of `size` bytes.
 
     Raises:
-        TakeError: the file is no C3D file, is malformed, ends before its last frame, or contradicts itself so that its
-            size cannot decide.
+        TakeError: the file is no C3D file, is malformed, or contradicts itself so that its size cannot decide.
     """
     (words, parameters, malformed), moved = find_parameters(path)
     rotations, start = (int(first_of(parameters.numbers("ROTATION", name))) for name in ("USED", "DATA_START"))
@@ -137,22 +138,26 @@ def read_header(path: Path, size: int) -> tuple[Header, Parameters]:
         _doubt_of_scales(scale, copy, layout, path, agrees=agrees),
     ]
     held = layout.held(_end(words, size, layout))
+    lacking = None
     if layout.width and layout.frames > 0 and layout.start > 1:
         copied = counts.get(COUNTED, 0)
         if held < layout.frames:
             is_header = layout.frames == words.frames or layout.frames not in counts.values()
             who = "its header states" if is_header else "its parameters state"
-            raise cut_off(max(held, 0), layout.frames, who, path)
-        if held < copied and not agrees and not is_word_of(copied, layout.frames):
-            raise cut_off(held, copied, f"its parameter {COUNTED} states", path)
+            lacking = cut_off(max(held, 0), layout.frames, who, path)
+        elif held < copied and not agrees and not is_word_of(copied, layout.frames):
+            lacking = cut_off(held, copied, f"its parameter {COUNTED} states", path)
+    if malformed and lacking is not None:
+        raise lacking
     if malformed:
         raise TakeError(
             "is no C3D file that can be read (its parameters are malformed)", where=path, advice="export it again"
         ) from malformed
-    _refuse_a_long_file(words, layout, held, path)
+    if lacking is None:
+        _refuse_a_long_file(words, layout, held, path)
     rate = words.rate if 0 < words.rate < FASTEST_RATE else None
     found = Header(
-        words.processor, layout, scale, held, _end(words, size, layout), rate, "; ".join(filter(None, doubts))
+        words.processor, layout, scale, held, _end(words, size, layout), rate, "; ".join(filter(None, doubts)), lacking
     )  # fmt: skip
     return found, parameters
 

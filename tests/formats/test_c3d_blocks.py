@@ -31,16 +31,28 @@ def read(tmp_path, raw):
     return read_c3d(tmp_path / "a.c3d", None)
 
 
+@pytest.mark.parametrize("lost", [1, 400])
+def test_a_file_of_one_point_whose_size_is_no_multiple_of_a_block_is_refused(tmp_path, lost):
+    """One point may turn into any direction, so that it shows no shift."""
+    raw = c3d_bytes(places(1), ["a"])
+    size, end = len(raw) - lost, begin_of(raw) + FRAMES * 16
+    words = (
+        f"has {size} bytes, which is no multiple of 512, and its frames end at {end}: bytes are lost or foreign; copy"
+    )
+    with pytest.raises(TakeError, match=words if end < size else "holds 39 of the 61 frames that its header states"):
+        read(tmp_path, raw[: begin_of(raw) + 320] + raw[begin_of(raw) + 320 + lost :])
+
+
 @pytest.mark.parametrize("scale", [-1.0, 0.05])
 @pytest.mark.parametrize("lost", [1, 2, 16, 95])
 def test_a_file_that_lost_bytes_of_its_last_block_is_refused(tmp_path, scale, lost):
     """So many bytes less in the middle shift every frame behind them; the last block has room for them."""
+    width = 64 if scale < 0 else 32
     raw = c3d_bytes(places(), list("abcd"), scale=scale)
-    end = begin_of(raw) + FRAMES * (64 if scale < 0 else 32)
     at = begin_of(raw) + 640
-    size = len(raw) - lost
-    words = f"has {size} bytes, which is no multiple of 512, and its frames end at {end}: bytes are lost; copy or"
-    assert end < size
+    assert begin_of(raw) + FRAMES * width < len(raw) - lost
+    more, less = width - lost % width, lost % width
+    words = rf"shifted from about frame \d+ on: {more} foreign bytes? or {less} lost bytes? would shift"
     with pytest.raises(TakeError, match=words):
         read(tmp_path, raw[:at] + raw[at + lost :])
 

@@ -101,12 +101,15 @@ def test_uninstalling_leaves_a_command_hangtime_that_is_not_the_installers(tmp_p
         (["--root", "/nowhere/at/all"], "no folder /nowhere/at/all"),
         (["--wheels"], "--wheels needs a value"),
         (["--purge"], "no such option: --purge"),
+        (["--python", "python9", "--root", "EMPTY"], "--python python9: this is no Python 3.11, 3.12 or 3.13 that can"),
+        (["--python", "/bin/true", "--root", "EMPTY"], "--python /bin/true: this is no Python 3.11, 3.12 or 3.13 that"),
     ],
 )
 def test_a_wrong_option_ends_it_with_1_and_one_sentence_before_anything_is_changed(
-    arguments: list[str], said: str
+    arguments: list[str], said: str, tmp_path: Path
 ) -> None:
-    done = ran(*arguments)
+    done = ran(*(str(tmp_path) if one == "EMPTY" else one for one in arguments))
+    assert list(tmp_path.iterdir()) == []
     assert (done.returncode, done.stdout) == (1, "")
     assert said in done.stderr
     assert done.stderr.count("\n") == 1

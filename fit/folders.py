@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fit.errors import FitError
+from fit.recordings.intact import OF_A_TAKE
 from formats.diagnosis_records import Diagnosis
 from formats.errors import OutputError, ResultError
 from formats.fit_records import FitResult
@@ -19,6 +20,7 @@ from formats.results import load_diagnosis, load_fit_result
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
 RESULTS = ("fit.json", "diagnosis.json")
+WARNING_NOTE, BOUND_NOTE = "Warning: ", "At its bound: "  # beginnings of a fit's notes on its own numbers
 NAMED_BESIDE = "Warning: the diagnosis beside this fit "
 
 
@@ -121,6 +123,12 @@ def refuse_unfinished(file: Path) -> None:
 def notes_of_diagnosis(notes: Sequence[str]) -> list[str]:
     """Return a fit's notes on what a diagnosis beside it names."""
     return [note for note in notes if note.startswith(NAMED_BESIDE)]
+
+
+def own_warnings(notes: Sequence[str]) -> list[str]:
+    """Return a fit's warnings of its own numbers; those of its takes and of a diagnosis have functions of their own."""
+    others = (OF_A_TAKE, NAMED_BESIDE)
+    return [note for note in notes if note.startswith((WARNING_NOTE, BOUND_NOTE)) and not note.startswith(others)]
 
 
 def _numbered(path: Path, number: int) -> Path:

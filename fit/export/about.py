@@ -6,7 +6,7 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
-from fit.folders import notes_of_diagnosis
+from fit.folders import WARNING_NOTE, notes_of_diagnosis, own_warnings
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.figures import short, span_of, with_unit
@@ -14,7 +14,6 @@ from formats.fit_records import FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
-WARNING_NOTE, BOUND_NOTE = "Warning: ", "At its bound: "  # beginnings of notes that every export repeats
 SAME_WEIGHT = 0.01  # relative difference of weight: scales are more precise, but fits to several takes store their mean
 
 
@@ -33,7 +32,7 @@ def provenance(result: FitResult) -> dict[str, Any]:
         "mean_error_m": error.mean_m,
         "take_warnings": flaw_notes(result.notes),
         "missing_effects": notes_of_diagnosis(result.notes),
-        "fit_warnings": fit_warnings(result),
+        "fit_warnings": own_warnings(result.notes),
         "error_is_held_out": result.error.held_out_after is not None,
     }
 
@@ -64,20 +63,14 @@ def origin_lines(result: FitResult) -> list[str]:
     ]
 
 
-def fit_warnings(result: FitResult) -> list[str]:
-    """Return the fit's warnings of itself, and the parameters that its ranges stopped."""
-    told = {*notes_of_diagnosis(result.notes), *flaw_notes(result.notes)}
-    return [note for note in result.notes if note.startswith((WARNING_NOTE, BOUND_NOTE)) and note not in told]
-
-
 def is_doubtful(result: FitResult) -> bool:
     """Return whether a fit warns of all its numbers, as where a rigid sheet follows the takes as well."""
-    return any(note.startswith(WARNING_NOTE) for note in fit_warnings(result))
+    return any(note.startswith(WARNING_NOTE) for note in own_warnings(result.notes))
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
     """Return a sentence for each missing effect, warning, flaw of a take, and quantity that needs a caution."""
-    notes = (*notes_of_diagnosis(result.notes), *fit_warnings(result), *flaw_notes(result.notes))
+    notes = (*notes_of_diagnosis(result.notes), *own_warnings(result.notes), *flaw_notes(result.notes))
     lines = [plain(note) for note in notes]
     if fabric is not None:
         for q in fabric.quantities:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
-from fit.folders import notes_of_diagnosis
+from fit.folders import notes_of_diagnosis, own_warnings
 from fit.recordings.intact import flaw_notes
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
 from fit.virtual_tests.fitted_rows import FittedRows
@@ -154,4 +154,4 @@ def _remarks(result: FitResult, unidentified: Mapping[str, Span]) -> list[str]:
         names = [c.name for c in result.combinations if not c.is_identified]
         if names:
             remarks.append(f"The takes do not identify {', '.join(names)}.")
-    return remarks + notes_of_diagnosis(result.notes) + flaw_notes(result.notes)
+    return remarks + notes_of_diagnosis(result.notes) + own_warnings(result.notes) + flaw_notes(result.notes)

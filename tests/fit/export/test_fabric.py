@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.export.about import caution_lines, fit_warnings
+from fit.export.about import caution_lines
 from fit.export.fabric import fabric_of, status_of
 from fit.export.tables import parameters_csv, software_table
-from fit.folders import notes_of_diagnosis
+from fit.folders import notes_of_diagnosis, own_warnings
 from fit.identification.calibrate import FREE_PARAMETERS, STOPPED_AT_BOUND, TOO_SHORT
 from fit.identification.read_again import read_fit
 from fit.identification.trivial import describe_trivial
@@ -195,6 +195,7 @@ def test_every_file_repeats_what_a_fit_warns_of_itself(kind):
     for note in (WARNED, BOUND):
         assert note in " ".join(text_of(kind, result).split())
         assert "Warning" not in text_of(kind, a_fit())
+        assert note in sheet_of(result)
     assert "A remark." not in text_of(kind, result)
 
 
@@ -203,7 +204,7 @@ def test_the_notes_that_a_fit_writes_begin_as_the_exports_look_for_them():
     trivial = [TrivialFigure(name="pendulum", train=a_fit().error.train_after)]
     notes = [describe_trivial(mean_m, trivial, is_held_out=False) for mean_m in (0.0079, 0.009)]
     warned = msgspec.structs.replace(a_fit(), notes=[*notes, TOO_SHORT, STOPPED_AT_BOUND, FREE_PARAMETERS])
-    assert fit_warnings(warned) == [*notes, TOO_SHORT, STOPPED_AT_BOUND]
+    assert own_warnings(warned.notes) == [*notes, TOO_SHORT, STOPPED_AT_BOUND]
 
 
 def test_a_fit_that_warns_of_itself_is_not_simply_measured_and_one_parameter_at_its_bound_leaves_the_others():

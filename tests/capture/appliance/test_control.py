@@ -219,3 +219,29 @@ def test_a_group_that_is_not_there_is_named_and_leaves_no_socket(path):
     ):
         ControlServer(path, "nobodys-group")
     assert not path.exists()
+
+
+def test_who_watches_waits_in_silence_for_the_next_change_as_long_as_it_takes(server, path, monkeypatch):
+    """0.2 s of patience for an answer; the next change comes 0.6 s after the first one, and the one after at once."""
+    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 0.2)
+    over = threading.Event()
+
+    def run():
+        begun = None
+        while not over.wait(0.01):
+            server.serve(lambda question: {"state": "ready"})
+            begun = begun or (time.monotonic() if server.is_watched else None)
+            if begun is not None and time.monotonic() - begun > 0.6:
+                server.tell({"state": "armed"})
+                server.tell({"state": "recording"})
+                return
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    heard = listen(path, "watch")
+    try:
+        assert [next(heard)["state"] for _ in range(3)] == ["ready", "armed", "recording"]
+    finally:
+        over.set()
+        thread.join()
+        heard.close()

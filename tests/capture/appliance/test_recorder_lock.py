@@ -58,6 +58,20 @@ def test_a_disk_that_is_unmounted_under_the_recorder_is_a_fault_until_it_is_back
     disk.close(LONGEST)
 
 
+def test_the_disk_thread_makes_no_folder_where_the_one_of_the_takes_was(tmp_path):
+    """It would hide that the disk is gone, and the next program would write there."""
+    folder = tmp_path / "takes"
+    disk = Disk(folder, least_free=0, retention=Retention(), clock=time.monotonic)
+    disk.start()
+    disk.salvage()
+    assert any(one.is_sound for one in news_of(disk))
+    folder.rename(tmp_path / "elsewhere")
+    disk.salvage()
+    assert [str(one.failure).startswith(f"{folder}: {GONE}") for one in news_of(disk)] == [True]
+    assert not folder.exists()
+    disk.close(LONGEST)
+
+
 def test_after_a_restart_the_folder_that_is_there_counts(tmp_path):
     with Spool(tmp_path / "takes") as spool:
         record(spool)

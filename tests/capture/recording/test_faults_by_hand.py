@@ -94,3 +94,20 @@ def test_a_garment_is_covered_where_more_than_a_quarter_of_145_rows_below_its_he
     depth = np.full((480, 640), 1600, np.uint16)
     depth[203 : 203 + rows] = 1000
     assert is_garment_covered(depth, held, CAMERA) == is_covered
+
+
+@pytest.mark.parametrize(
+    ("metres", "pixels", "fault"),
+    [
+        pytest.param(0.79, 20.0, FrameState.TOO_NEAR, id="one too near"),
+        pytest.param(0.81, 20.0, 0, id="both far enough"),
+        pytest.param(3.51, 20.0, FrameState.TOO_FAR, id="one too far"),
+        pytest.param(3.49, 20.0, 0, id="both near enough"),
+        pytest.param(1.6, 11.0, FrameState.TOO_FAR, id="one too small"),
+        pytest.param(1.6, 12.0, 0, id="both large enough"),
+    ],
+)
+def test_one_of_the_two_markers_is_enough_to_be_too_near_or_too_far(metres, pixels, fault):
+    sight = seen()
+    sight.positions[0, 2], sight.sides[0] = metres, pixels
+    assert HangerWatch(HANGER).faults(sight, FAR, 0.0) == fault

@@ -69,6 +69,7 @@ class ModelBackend(usb.backend.IBackend):
     def __init__(self, *models: Any, denied: tuple[int, ...] = (), speed: int = 3, hub_attributes: int | None = None):
         self.models, self.denied, self.speed = models, denied, speed
         self.hub_attributes = hub_attributes
+        self.opened: set[Any] = set()  # devices that are open now
 
     def enumerate_devices(self) -> Any:
         return iter(range(len(self.models)))
@@ -108,9 +109,11 @@ class ModelBackend(usb.backend.IBackend):
     def open_device(self, dev: Any) -> Any:
         if dev in self.denied:
             raise usb.core.USBError("Access denied (insufficient permissions)", -3, errno.EACCES)
+        self.opened.add(dev)
         return dev
 
-    def close_device(self, dev_handle: Any) -> None: ...
+    def close_device(self, dev_handle: Any) -> None:
+        self.opened.discard(dev_handle)
 
     def get_configuration(self, dev_handle: Any) -> int:
         return 1

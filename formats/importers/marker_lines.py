@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import overload
 
 from formats.errors import TakeError
-from formats.importers.number_cells import CELL_SHOWN, DECIMALS, with_point
+from formats.importers.number_cells import CELL_SHOWN, DECIMALS, with_point, with_points
 from formats.importers.text_lines import TextLines, read_text_lines
 from formats.plain_text import sized
 from formats.system_causes import step_to_read
@@ -98,10 +98,21 @@ class Rows(Sequence[list[str]]):
 
     def last_cell(self, at: int) -> str:
         """Return the last cell of a line."""
-        line = self._with_hyphens(self.lines[at])
+        line = self.with_hyphens(self.lines[at])
         if '"' in line:
             return self[at][-1]
         return self._as_stated([line[line.rfind(self.separator) + 1 :]], self.numbers[at])[0]
+
+    def count_cells(self) -> Iterator[int]:
+        """Yield the number of cells of each line."""
+        for line in self.lines:
+            yield len(self._cells(line)) if '"' in line else line.count(self.separator) + 1
+
+    def with_decimal(self, decimal: str) -> Rows:
+        """Return the same lines, of which the decimal separator is known."""
+        found = self[:]
+        found.decimal = decimal
+        return found
 
     def frames(self) -> Rows:
         """Return the same lines, marked as frames."""
@@ -112,6 +123,8 @@ class Rows(Sequence[list[str]]):
     def _as_stated(self, cells: list[str], number: int) -> list[str]:
         if not self.decimal:
             return cells
+        if (plain_cells := with_points(cells, self.decimal)) is not None:
+            return plain_cells
         found = [with_point(cell, self.decimal) for cell in cells]
         if self._are_frames and None in found:
             wrong = cells[found.index(None)].strip()[:CELL_SHOWN]
@@ -122,13 +135,13 @@ class Rows(Sequence[list[str]]):
             )  # fmt: skip
         return [cell if plain is None else plain for cell, plain in zip(cells, found, strict=True)]
 
-    def _with_hyphens(self, line: str) -> str:
+    def with_hyphens(self, line: str) -> str:
         """Return a frame with the hyphens that programs in some languages replace by a minus sign."""
         return line if not self._are_frames or line.isascii() else line.replace(MINUS, "-")
 
     def _cells(self, line: str) -> list[str]:
         """Split a line into cells, within the memory that a marker file needs."""
-        line = self._with_hyphens(line)
+        line = self.with_hyphens(line)
         if len(line) > MOST_CELLS and line.count(self.separator) > MOST_CELLS:
             raise TakeError(
                 f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"

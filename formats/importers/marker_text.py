@@ -62,7 +62,7 @@ def read_marker_text(path: Path, unit: GivenUnit | str | None, decimal: str = ""
         if found is None:
             raise
     sign, warning = found
-    tracks = read(read_lines(path, sign)[1], unit, path, wanted)
+    tracks = read(rows.with_decimal(sign), unit, path, wanted)
     return replace(tracks, warning="; ".join(filter(None, [warning, tracks.warning])))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -16,6 +17,7 @@ DECIMALS = {"comma": ",", "point": "."}  # decimal separators by their names in 
 GROUP_SIGNS = " \u00a0\u2009\u202f'\u2019"
 WITH_GROUPS = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{sign}\d{{3}})+", re.ASCII) for sign in DECIMALS.values()}
 GROUPED = re.compile(rf"[+-]?[1-9]\d{{0,2}}([{GROUP_SIGNS}])\d{{3}}(\1\d{{3}})*([.,]\d*)?", re.ASCII)
+CELL_END = "\n"  # between the cells of a line that is matched as one text; no line holds one
 # characters of a cell in a message. Our choice: half a line of a terminal; a longer cell would hide the sentence.
 CELL_SHOWN = 40
 # Missing values of programs, spreadsheets (#N/A), R (NA), and the newer C library of Windows.
@@ -69,6 +71,36 @@ def with_point(cell: str, decimal: str) -> str | None:
         return None
     plain = whole.replace(other, "") + "." * bool(sign) + behind
     return plain if NUMBER.fullmatch(plain) else None
+
+
+def sign_of_line(text: str, end: str, decimal: str) -> str | None:
+    """Return the thousands separator of all cells of a line, '' without one; None if a cell needs a closer look.
+
+    Every cell is then a number, empty, or NaN. The line is matched as one text, in a tenth of the cells' time.
+
+    `text`: the cells with `end` between them, which no cell holds
+    """
+    signs = [sign for sign in (",." if decimal == "." else ".,")[:1] + GROUP_SIGNS if sign in text]
+    sign = signs[0] if signs else ""
+    return sign if len(signs) < 2 and _line_of(decimal, sign or GROUP_SIGNS[0], end).fullmatch(text) else None
+
+
+@cache
+def _line_of(decimal: str, sign: str, end: str) -> re.Pattern[str]:
+    """Return the pattern of a line's cells, between which `end` stands, with these separators."""
+    point, group = re.escape(decimal), re.escape(sign)
+    number = rf"(?:\d{{4,}}+|[1-9]\d{{0,2}}+(?:{group}\d{{3}})*+|\d{{1,3}}+)(?:{point}\d*+)?+|{point}\d++"
+    cell = rf"(?>[+-]?+(?:{number})|(?i:nan)|)"
+    return re.compile(rf"{cell}(?:{end}{cell})*+", re.ASCII)
+
+
+def with_points(cells: list[str], decimal: str) -> list[str] | None:
+    """Return the cells of a line as `with_point` does, None if one of them needs a closer look."""
+    text = CELL_END.join(cells)
+    sign = sign_of_line(text, CELL_END, decimal)
+    if sign is None:
+        return None
+    return (text.replace(sign, "") if sign else text).replace(decimal, ".").split(CELL_END)
 
 
 def may_be_grouped(cells: Iterable[str]) -> bool:

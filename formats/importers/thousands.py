@@ -18,15 +18,17 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 
 from formats.importers.marker_lines import Rows
-from formats.importers.number_cells import DECIMALS, GAP_WORDS, GROUP_SIGNS, GROUPED, SIGNED, with_point
+from formats.importers.number_cells import DECIMALS, GAP_WORDS, GROUP_SIGNS, GROUPED, SIGNED, sign_of_line, with_point
 from formats.importers.short_lines import OF_THE_CLOCK
 
 FEWEST_SHOWN = 3  # lines; our choice: one or two may be damaged
 MOST_OTHERWISE = 0.1  # of those lines; our choice: more may be written in the other way, so the user has to decide
 SIGN_NAMES = {",": "commas", ".": "points", "'": "apostrophes", "\u2019": "apostrophes"}  # every other sign is a space
+FIRST_CELLS = 8  # cells; our choice: one of two markers' numbers contradicts a wrong decimal separator
 DOUBTFUL = "doubtful"  # stands among the kinds for a frame number such as 1,500 that does not count on
 MANY = 5  # digits, from which on every language separates thousands (Unicode CLDR, minimumGroupingDigits)
 WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
@@ -34,6 +36,23 @@ PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
 SPACED = re.compile(rf"[1-9]\d{{0,2}}[{GROUP_SIGNS}]\d{{3}}", re.ASCII)
 BOTH_SIGNS = re.compile(r"[.,]\d{3}[.,]", re.ASCII)  # with two groups as well; begins with a sign, which is quick
 FRAME_NUMBER = re.compile(r"\W*[1-9]\d{0,2}[.,]\d{3}(?!\d)", re.ASCII)  # at the beginning of a line
+
+
+@cache
+def _patterns(decimal: str, sign: str, end: str) -> tuple[re.Pattern[str], ...]:
+    """Return the patterns of a cell behind an `end`, of each kind:
+
+    - of four digits or more without a separator
+    - of four digits with one, and of `MANY` or more
+    - whose separators leave no doubt
+    """
+    point, group = re.escape(decimal), re.escape(sign)
+    behind = "" if sign not in DECIMALS.values() else rf"(?:{group}\d{{3}}|{point})"
+    kinds = (
+        r"(\d{4,})", rf"\d{group}\d{{3}}(?!{group})", rf"(?:\d{{2,3}}{group}|\d{group}\d{{3}}{group})",
+    )  # fmt: skip
+    certain = rf"{end}([+-]?\d{{1,3}}{group}\d{{3}}{behind}[^{end}]*)"
+    return *(re.compile(rf"{end}[+-]?{kind}", re.ASCII) for kind in kinds), re.compile(certain, re.ASCII)
 
 
 @dataclass
@@ -55,19 +74,39 @@ class _Reading:
 
     def take(self, cells: list[str]) -> None:
         """Record a whole line's numbers."""
-        is_shown, frame = False, self.frame
-        numbers = []
+        frame, numbers = self.frame, list[str]()
         for cell in cells:
             if (number := with_point(cell, self.decimal)) is None:
                 self.wrong, self.frame = self.wrong + 1, frame + 1
                 return
             numbers.append(number)
+        self.shown += self._take_cells(cells, numbers, frame + 1)
+
+    def take_line(self, line: str, end: str, sign: str | None) -> None:
+        """Record a whole line's numbers as `take` does, from its text.
+
+        `end`: the delimiter of the cells; `sign`: the only thousands separator in them, '' without one, None if unknown
+        """
+        if sign is None:
+            some = line.split(end, FIRST_CELLS)[:FIRST_CELLS]
+            self.take(some if any(with_point(cell, self.decimal) is None for cell in some) else line.split(end))
+            return
+        first = line.partition(end)[0]
+        is_shown = self._take_cells([first], [first.replace(sign, "").replace(self.decimal, ".")], self.frame + 1)
+        self.shown += self._take_text(line[len(first) :], end, sign) or is_shown
+
+    def _take_cells(self, cells: list[str], numbers: list[str], frame: float) -> bool:
+        """Record the first cells of a line, one by one; return whether they show thousands separators.
+
+        `numbers`: the cells with a decimal point; `frame`: the number that a next frame would have
+        """
+        is_shown = False
         for k, (cell, plain) in enumerate(zip(cells, numbers, strict=True)):
             parted = PARTED.match(cell)
             sign = parted[1] if parted and parted[1] != self.decimal else ""
             if k >= OF_THE_CLOCK and (whole := WHOLE_PART.match(plain)):
                 self.digits.add((min(len(whole[1]), MANY), bool(sign)))
-            is_next = k == 0 and _number(plain) == frame + 1
+            is_next = k == 0 and _number(plain) == frame
             if k == 0:
                 self.frame = _number(plain)
             if not sign:
@@ -77,7 +116,26 @@ class _Reading:
             self.names.add(DOUBTFUL if is_doubtful else SIGN_NAMES.get(sign, "spaces"))
             if is_certain or is_next:
                 is_shown, self.example = True, self.example or cell
-        self.shown += is_shown
+        return is_shown
+
+    def _take_text(self, text: str, end: str, sign: str) -> bool:
+        """Record the cells behind the first as `_take_cells` does; return whether they show thousands separators.
+
+        `text`: the cells, each behind an `end`; `sign`: the only thousands separator in them, or ''
+        """
+        places = text[text.find(end, 1) :]  # behind the clock
+        ungrouped, four, more, certain = _patterns(self.decimal, sign or GROUP_SIGNS[0], end)
+        if ungrouped.search(places):
+            self.digits |= {(min(len(whole), MANY), False) for whole in ungrouped.findall(places)}
+        if not sign or sign not in text:
+            return False
+        for count, one in ((4, four), (MANY, more)):
+            if (count, True) not in self.digits and one.search(places):
+                self.digits.add((count, True))
+        self.names.add(SIGN_NAMES.get(sign, "spaces"))
+        if found := certain.search(text):
+            self.example = self.example or found[1]
+        return found is not None
 
     @property
     def is_shown(self) -> bool:
@@ -96,14 +154,22 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
         return None
     rows = rows.frames()
     readings = [_Reading(decimal) for decimal in DECIMALS.values()]
-    widths = Counter(len(row) for row in rows)
+    widths = Counter(rows.count_cells())
     width = max(widths, key=lambda one: widths[one], default=0)
-    for row in rows:
-        cells = [cell.strip() for cell in row]
-        if len(cells) < width or not all(_is_of_a_frame(cell) for cell in cells):
-            continue
-        for one in readings:
-            one.take(cells)
+    end = rows.separator
+    for at, line in enumerate(rows.lines):
+        text = rows.with_hyphens(line)
+        signs: list[str | None] = [None, None]
+        if '"' not in text and end != ",":
+            signs = [sign_of_line(text, end, one.decimal) for one in readings]
+        if signs == [None, None]:
+            cells = [cell.strip() for cell in rows[at]]
+            if len(cells) >= width and all(map(_is_of_a_frame, cells)):
+                for one in readings:
+                    one.take(cells)
+        elif text.count(end) >= width - 1:
+            for one, sign in zip(readings, signs, strict=True):
+                one.take_line(text, end, sign)
     found = next((one for one in readings if one.is_shown), None)  # both agree only where no number has decimals
     if found is None:
         return None

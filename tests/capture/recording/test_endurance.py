@@ -23,8 +23,8 @@ IN_A_SECOND = 30
 class Gated(DepthSensor):
     """Delivers its frames in order, and signals a request for one more than it has."""
 
-    def __init__(self, frames, ends_with=None):
-        self._inner, self._ends_with = StageSensor([PICTURES] * frames), ends_with
+    def __init__(self, frames, ends_with=None, pictures=PICTURES):
+        self._inner, self._ends_with = StageSensor([pictures] * frames), ends_with
         self.is_dry = threading.Event()
 
     @property
@@ -78,6 +78,18 @@ def test_frames_that_do_not_fit_are_counted_in_the_next_one_that_does():
         late = [(frame.index, frame.dropped_before) for frame in sensor.frames()]
         assert sensor.left_out == 3
     assert late == [(5, 3), (6, 0)]
+
+
+def test_a_compressed_frame_takes_the_room_of_its_colour_too():
+    """Colour of noise cannot be compressed: beside the first frames there is room for two more and half a picture."""
+    noise = np.random.default_rng(1).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+    depth = np.ones((40, 40), np.uint16)
+    inner = Gated(UNPACKED_FRAMES + 5, pictures=(depth, noise))
+    room = UNPACKED_FRAMES * (depth.nbytes + noise.nbytes) + round(2.5 * noise.nbytes)
+    with QueuedSensor(inner, room=room) as sensor:
+        assert inner.is_dry.wait(600)
+        assert sum(1 for _ in sensor.frames()) == UNPACKED_FRAMES + 2
+        assert sensor.left_out == 3
 
 
 def test_a_hitch_of_a_second_costs_no_frame_and_no_bit_of_one(monkeypatch):

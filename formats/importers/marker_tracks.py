@@ -86,6 +86,16 @@ def composed(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
+def nearest_label(labels: Sequence[str], name: str) -> str:
+    """Return the first label that has the letters and digits of a name, without its subject; '' where none has."""
+    return next((label for label in labels if _letters_of(label) == _letters_of(name)), "")
+
+
+def _letters_of(label: str) -> str:
+    """Return the letters and digits of a label without its subject, in one case."""
+    return "".join(filter(str.isalnum, composed(label).rpartition(":")[2].casefold()))
+
+
 def _columns_named(labels: Sequence[str], name: str, subject: str) -> list[int]:
     """Return the indices of labels that are the name, else of those that differ from it in subject or composition."""
     found = [k for k, label in enumerate(labels) if label == name and not subject]

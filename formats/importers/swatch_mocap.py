@@ -24,7 +24,7 @@ from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_neighbours import check_neighbours
-from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted, composed
+from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted, composed, nearest_label
 from formats.importers.path_outliers import refuse_jumps
 from formats.plain_text import counted
 from formats.plausible import check_plausible_times, check_rate_alone, check_stated_rate
@@ -141,10 +141,11 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
             "Marker", where=path, advice=EXPORT_MEASURED,
         )  # fmt: skip
     if absent:
+        near = nearest_label(tracks.labels, absent[0])
+        of_file = f"the file has {near!r}" if near else f"the file's first is {tracks.labels[0]!r}"
         raise TakeError(
             f"{len(absent)} of the garment's {len(garment.points)} markers {'is' if len(absent) == 1 else 'are'} not "
-            f"in the file, first {absent[0]!r} "
-            f"(the file's first is {tracks.labels[0]!r})",
+            f"in the file, first {absent[0]!r} ({of_file})",
             where=path,
             advice="name the garment's points as the markers are labelled",
         )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formats.errors import HangtimeError
-from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.marker_tracks import nearest_label, write_marker_csv
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from tests.formats.test_marker_oddities import GARMENT, hanging
 
@@ -99,6 +99,9 @@ def shortened(frames):
         (labelled("M1", "M2", *GARMENT.point_names[2:]), {},
          f"2 of the garment's 16 markers are not in the file, first '{FIRST}' (the file's first is 'M1'); name the "
          "garment's points as the markers are labelled"),
+        (labelled("Row1 Column1", *GARMENT.point_names[1:]), {},
+         f"1 of the garment's 16 markers is not in the file, first '{FIRST}' (the file has 'Row1 Column1'); name the "
+         "garment's points as the markers are labelled"),
         (replace(hanging(), time=np.arange(30) // 2 / 100), {},
          "its time does not increase from frame to frame, first at frame 2; mend the times, or the "
          "numbers of the frames"),
@@ -129,7 +132,7 @@ def shortened(frames):
          "with z up the markers are 0 mm below the held corners in the median, and 333 mm below on the flat garment; "
          "record cloth that hangs from the two top corners"),
     ],
-    ids=range(21),
+    ids=range(22),
 )  # fmt: skip
 def test_markers_that_do_not_fit_are_refused(tmp_path, tracks, options, sentence):
     said = refused(tmp_path, tracks, **options)
@@ -167,3 +170,15 @@ def test_a_marker_is_on_a_corner_within_two_millimetres(tmp_path, side, name):
             f"a.csv: no marker sits on the garment's top {name} corner, the nearest is 2 mm off; let outline_m end at "
             "the outer markers: the two top ones drive the simulation"
         )
+
+
+@pytest.mark.parametrize(
+    ("name", "labels", "near"),
+    [
+        ("a_1", ("b", "A_1"), "A_1"), ("A:a_1", ("B:a_1",), "B:a_1"), ("a_1", ("B:A-1",), "B:A-1"),
+        ("A:a_1", ("a_1",), "a_1"), ("a_1", ("a_2", "aa_1"), ""), ("\u00c4rmel", ("A\u0308RMEL",), "A\u0308RMEL"),
+        ("a", (), ""),
+    ],
+)  # fmt: skip
+def test_the_nearest_label_differs_in_case_subject_or_signs_alone(name, labels, near):
+    assert nearest_label(labels, name) == near

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 from formats.fit_records import TakeState
 from formats.left_descriptions import prepared_name
 from formats.missing import missing_words, noted_doubts
 from formats.plain_text import counted
 from formats.take import Take
-from formats.take_report import LeftState, TakeReport
+from formats.take_report import TOO_LARGE, LeftState, TakeReport
 
-TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 RECOVERS = "`hangtime takes recover` makes a sound file"
 EARLIER = "reported of the file it was made from: "
 RECOVERS_EACH = f"{RECOVERS} of each take"
@@ -26,7 +24,7 @@ def state_of_take(take: Take) -> TakeState:
     """
     report = _report_of(take)
     return TakeState(
-        take_id=take.take_id, state=state_of(report), is_complete=take.is_complete, missing=missing_words(take),
+        take_id=take.take_id, state=take.state_of_file, is_complete=take.is_complete, missing=missing_words(take),
         missing_frames=report.missing_frames, missing_scans=report.missing_scans, unread_blocks=report.unread_blocks,
         damaged_blocks=report.damaged_blocks, other_blocks=report.other_blocks, other_takes=report.other_takes,
         trailing_bytes=report.trailing_bytes, doubts=list(report.doubts), earlier_doubts=report.earlier_doubts,
@@ -35,8 +33,9 @@ def state_of_take(take: Take) -> TakeState:
 
 def _report_of(take: Take) -> TakeReport:
     """Return the report on a take's file; without a file, a report from the take itself."""
+    is_complete = take.is_complete and not take.missing
     return take.report or TakeReport(
-        is_complete=take.is_complete, missing_frames=0 if take.is_complete else None,
+        is_complete=is_complete, missing_frames=0 if is_complete else None,
         earlier_doubts="; ".join(noted_doubts(take.notes)),
     )  # fmt: skip
 
@@ -64,7 +63,7 @@ def faults(take: Take, report: TakeReport) -> list[str]:
     found = []
     if report.spans:
         frames = f" ({counted(report.missing_frames, 'frame')})" if report.missing_frames else ""
-        label = "not read" if state_of(report) == TOO_LARGE else "missing"
+        label = "not read" if report.state == TOO_LARGE else "missing"
         found.append(f"{label}: {missing_words(take, report.spans)}{frames}")
     if report.missing_scans:
         found.append(f"missing: {lost_scans(report)}")
@@ -119,10 +118,3 @@ def unread(report: TakeReport) -> str:
 def lost_scans(report: TakeReport) -> str:
     """Return the number of missing scans in words."""
     return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
-
-
-def state_of(report: TakeReport) -> Literal["sound", "incomplete", "damaged", "too large"]:
-    """Return the state of a take in one word: sound, incomplete, damaged, or too large."""
-    if report.unread_blocks and not report.is_damaged:
-        return TOO_LARGE
-    return "sound" if report.is_sound else "damaged" if report.is_damaged else "incomplete"

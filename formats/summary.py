@@ -99,8 +99,9 @@ def _rate(take: Take) -> float | None:
 def describe(summary: dict[str, Any]) -> str:
     """Return a summary as lines for a terminal."""
     s = summary
+    fault = "" if s["state"] == "sound" else f"   ({s['state'].upper()})"
     lines = [
-        f"take      {s['take_id']}{'' if s['is_complete'] else '   (INCOMPLETE)'}",
+        f"take      {s['take_id']}{fault}",
         *([f"missing   {s['missing']}"] if s["missing"] else []),
         f"created   {s['created']}",
         f"length    {s['duration_s']:g} s, {counted(s['frames'], 'frame')}"

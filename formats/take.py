@@ -12,7 +12,7 @@ from formats.garment import Garment
 from formats.plain_text import shortened
 from formats.rig import Rig
 from formats.surface import SurfaceScan
-from formats.take_report import Span, TakeReport
+from formats.take_report import Span, State, TakeReport
 from formats.templating import environment
 
 LONGEST_GAP = 0.5  # s, longest time between two sights of the hanger that is interpolated: half a swing
@@ -67,6 +67,13 @@ class Take:
     missing: tuple[Span, ...] = ()
     report: TakeReport | None = None
 
+    @property
+    def state_of_file(self) -> State:
+        """The state in one word, as every command tells it: of the file, else of the take itself."""
+        if self.report is not None:
+            return self.report.state
+        return "sound" if self.is_complete and not self.missing else "incomplete"
+
     def __repr__(self) -> str:
         """Return one line: the take's name, garment and length; the arrays stay out of it."""
         facts = (f"{name} {text}" for name, text in self._facts())
@@ -91,7 +98,7 @@ class Take:
             ("length", f"{span:.1f} s in {frames} frames"),
             ("garment", shortened(self.garment.name)),
             ("points", f"{len(self.garment.points)}, {seen} seen"),
-            ("state", "complete" if self.is_complete and not self.missing else "incomplete"),
+            ("state", self.state_of_file),
         ]
 
 

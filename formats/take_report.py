@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Span = tuple[float, float]  # s of the sensor's clock: begin, end
+State = Literal["sound", "incomplete", "damaged", "too large"]
+TOO_LARGE: Literal["too large"] = "too large"  # blocks of the take need more memory than one file may take
 LeftState = Literal["waiting", "unreadable"]
 
 
@@ -52,6 +54,13 @@ class TakeReport:
         return self.is_complete and not (
             self.is_damaged or self.missing_frames or self.missing_scans or self.unread_blocks
         )
+
+    @property
+    def state(self) -> State:
+        """The state of the take in one word."""
+        if self.unread_blocks and not self.is_damaged:
+            return TOO_LARGE
+        return "sound" if self.is_sound else "damaged" if self.is_damaged else "incomplete"
 
     @property
     def is_damaged(self) -> bool:

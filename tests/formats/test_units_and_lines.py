@@ -12,6 +12,7 @@ import pytest
 
 from formats.diagnosis_records import Diagnosis, in_percent
 from formats.errors import TakeError
+from formats.fault_words import state_of_take
 from formats.fit_records import ErrorFigure, FitResult
 from formats.importers.swung_cloth import _check_places, _is_crossed
 from formats.impossible_points import MOST_LEFT_OUT, describe_impossible, impossible_findings, without_impossible
@@ -21,6 +22,7 @@ from formats.meant_units import number_meant, question_of, step_or_anyway, unit_
 from formats.rig import Calibration, Rig
 from formats.sights import sights_of
 from formats.take import told_apart
+from formats.take_report import TakeReport
 from tests.formats.test_archive import a_take
 from tests.formats.test_judgement import swung
 
@@ -86,10 +88,22 @@ def test_a_take_is_one_line_and_a_table_with_a_row_for_each_array():
     seen = f"{100 * take.points_valid.mean():.0f} %"
     assert (
         repr(take)
-        == f"Take('a', length 5.0 s in 150 frames, garment {take.garment.name}, points 4, {seen} seen, state complete)"
+        == f"Take('a', length 5.0 s in 150 frames, garment {take.garment.name}, points 4, {seen} seen, state sound)"
     )
     assert "state incomplete" in repr(replace(take, is_complete=False))
     assert "state incomplete" in repr(replace(take, missing=((0.0, 1.0),)))
+    for report in (
+        TakeReport(is_complete=True, missing_frames=0, earlier_doubts="", damaged_blocks=1),
+        TakeReport(is_complete=True, missing_frames=0, earlier_doubts="", unread_blocks=1),
+        TakeReport(is_complete=False, missing_frames=3, earlier_doubts=""),
+        TakeReport(is_complete=True, missing_frames=0, earlier_doubts=""),
+        None,
+    ):
+        for one in (
+            replace(take, report=report),
+            replace(take, report=report, is_complete=False, missing=((0.0, 1.0),)),
+        ):
+            assert repr(one).endswith(f", state {state_of_take(one).state})")
     table = take._repr_html_()
     assert "array of shape (150, 4, 3)" in table
     assert "2026-01-01" in table

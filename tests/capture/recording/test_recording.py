@@ -149,6 +149,27 @@ def test_a_full_disk_keeps_what_was_recorded_until_then(drawn, tmp_path):
     assert take.held_valid.all()
 
 
+@pytest.mark.parametrize(("shown", "is_kept"), [(9, False), (10, True)])
+def test_a_full_disk_keeps_a_part_that_shows_the_hanger_in_ten_frames(drawn, tmp_path, shown, is_kept):
+    partial = tmp_path / "t.mcap.partial"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def hidden(frame):
+        seen = frame.index < DRAWN * shown
+        return frame if seen else changed(frame, colour=np.full_like(frame.colour, 128))
+
+    def fill(frames, total, seen):
+        if frames == 15:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (partial.stat().st_size, limits[1]))
+
+    try:
+        with Every(drawn, 3, hidden) as sensor, pytest.raises(OutputError, match="writing failed"):
+            recorded(sensor, tmp_path / "t.mcap", progress=fill)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert partial.exists() == is_kept
+
+
 def test_a_disk_that_is_nearly_full_ends_the_take_whole(drawn, tmp_path, monkeypatch):
     """Ten frames a second; from the 12th on, all the disk's room is too little; the room is checked every second."""
 

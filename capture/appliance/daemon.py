@@ -310,8 +310,7 @@ class Appliance:
         self.faults.set("disk_full", error, now, blocks=True)
 
     def _keep_house(self, now: float) -> None:
-        if self._disk.is_idle:
-            self._disk.look()
+        self._disk.look()  # during a take, too, whose frames leave the disk's thread idle for moments alone
         if self._power.was_low(now):
             error = OutputError(
                 "the board's voltage was too low within the last minute",

@@ -100,6 +100,7 @@ class Disk:
         self._busy_since: float | None = None
         self._pending = 0
         self._counted_at = -float("inf")
+        self._is_look_queued = False
         self._lock = threading.Lock()
         self._take: _Running | None = None
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
@@ -141,8 +142,10 @@ class Disk:
         self._put(self._do_salvage)
 
     def look(self) -> None:
-        """Check the free space of the disk."""
-        self._put(self._do_look)
+        """Check folder and free space of the disk; a busy thread is asked once, however often this is called."""
+        if not self._is_look_queued:
+            self._is_look_queued = True
+            self._put(self._do_queued_look)
 
     def begin(self, plan: TakePlan) -> None:
         """Begin a take."""
@@ -185,11 +188,15 @@ class Disk:
                 with self._lock:
                     self._pending -= 1
 
+    def _do_queued_look(self) -> None:
+        self._is_look_queued = False
+        self._do_look()
+
     def _do_look(self) -> None:
         self._spool.check_in_place()
         usage = shutil.disk_usage(self._folder)
         if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
-            raise OutputError("the disk is read-only", where=self._folder, advice=_advice_if_read_only(self._folder))
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(self._folder))  # worded as where a write fails
         if usage.free < self._least_free and self._take is None:
             with self._reading():
                 room = self._spool.make_room(

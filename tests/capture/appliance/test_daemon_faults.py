@@ -6,6 +6,7 @@ import re
 import resource
 import signal
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -200,3 +201,26 @@ def test_a_file_size_limit_in_mid_take_is_a_named_fault_and_keeps_what_was_writt
     appliance.wait_until(lambda told: told["takes"] == 1, "kept")
     (kept,) = Spool(appliance.spool).takes()
     assert len(read_take(kept.path).time) > 15
+
+
+def test_takes_that_are_moved_away_during_a_take_are_a_fault_within_five_seconds_and_back_with_it(appliance):
+    """As where somebody pulls the disk of the spool: the light must not stay that of a recording."""
+    appliance.start()
+    appliance.wait_until(lambda told: told["state"] == "armed" and told["pre_roll_s"] >= 1.9, "armed with a pre-roll")
+    appliance.press()
+    appliance.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] >= 3.5, "recording")
+    elsewhere = appliance.spool.with_name("elsewhere")
+    appliance.spool.rename(elsewhere)
+    moved = time.monotonic()
+    told = appliance.wait_until(lambda told: told["faults"], "a fault")
+    assert time.monotonic() - moved < 5.0
+    assert "this is not the folder of takes that the recorder began with" in told["faults"][0]["sentence"]
+    appliance.wait_for("fault")
+    assert appliance.ask("start")["what"].startswith("nothing can be recorded: ")
+    assert not appliance.spool.exists()
+    elsewhere.rename(appliance.spool)
+    appliance.wait_until(lambda told: told["takes"] == 1 and told["state"] == "armed", "the take of before")
+    (kept,) = Spool(appliance.spool).takes()
+    assert verify_take(kept.path).is_sound
+    assert len(read_take(kept.path).time) > 3 * FPS - 1
+    assert recorded(appliance, seconds=0.8)["takes"] == 2

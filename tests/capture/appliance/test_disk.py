@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -142,6 +143,20 @@ def test_a_look_says_how_much_room_there_is_and_counts_every_ten_seconds(tmp_pat
         counts.append([one.counts for one in news if one.counts])
     assert counts == [[(0, 0)], [], [(0, 0)]]
     disk.close(LONGEST)
+
+
+def test_a_busy_thread_looks_once_however_often_it_was_asked_and_again_later(disk):
+    """A disk that hangs for an hour would otherwise have 3600 looks to make up for."""
+    hangs = threading.Event()
+    disk.salvage()
+    news_of(disk)
+    disk._put(hangs.wait)
+    for _ in range(5):
+        disk.look()
+    hangs.set()
+    assert [one.room > 0 for one in news_of(disk) if one.room is not None] == [True]
+    disk.look()
+    assert [one.room > 0 for one in news_of(disk) if one.room is not None] == [True]
 
 
 def test_a_folder_where_the_counter_should_be_is_named_by_its_path(disk):

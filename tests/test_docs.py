@@ -199,6 +199,12 @@ def test_no_sentence_of_a_page_goes_on_with_an_and_as_if_the_one_before_had_not_
     assert [text for text in sentences_of(page.read_text()) if re.match(r"And\b(?!.*\?$)", text)] == []
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "how-to").glob("*.md")), ids=name_of)
+def test_no_how_to_page_holds_an_equation(page: Path) -> None:
+    """Equations are facts of the reference; a dollar sign within code is the shell's."""
+    assert "$" not in re.sub(r"```.*?```|`[^`]*`", "", page.read_text(), flags=re.DOTALL)
+
+
 @pytest.mark.parametrize("page", sorted((DOCS / "decisions").glob("*.md")), ids=name_of)
 def test_the_title_of_a_decision_is_a_claim_and_no_what_or_how_clause(page: Path) -> None:
     assert not re.match(r"# \d+\. (?:What|How|Whatever)\b", page.read_text())

@@ -6,6 +6,8 @@ The causes are those of `man 3 errno` that a person can change.
 from __future__ import annotations
 
 import errno
+import os
+from pathlib import Path
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # a full disk, quota or size limit, which a person may raise meanwhile
 ONLY_WRITING = {*FULL, errno.EROFS}  # causes that only writing has
@@ -25,6 +27,7 @@ TO_WRITE = {
     errno.EIO: "choose another disk: this one fails",
     errno.EINVAL: "give the name of a file",
 }
+MOST_OF_A_NAME = 255  # bytes of a file's name: Linux, NAME_MAX of limits.h; macOS and Windows allow as many
 TO_READ = {
     errno.EACCES: "get the permission to read it",
     errno.EPERM: "get the permission to read it",
@@ -42,5 +45,9 @@ def step_to_write(error: OSError) -> str:
 
 
 def step_to_read(error: OSError) -> str:
-    """Return the next step for a file that cannot be read."""
+    """Return the next step for a file that cannot be read; one of a too long name says both lengths."""
+    parts = Path(os.fsdecode(error.filename)).parts if isinstance(error.filename, str | bytes | Path) else ()
+    longest = max((len(os.fsencode(part)) for part in parts), default=0)
+    if error.errno == errno.ENAMETOOLONG and longest > MOST_OF_A_NAME:
+        return f"shorten the name: it has {longest} bytes, and the system allows {MOST_OF_A_NAME}"
     return TO_READ.get(error.errno or 0, "check the path")

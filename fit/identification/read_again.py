@@ -20,6 +20,7 @@ from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitParameter, FitResult
 from formats.results import load_diagnosis, load_fit_result
+from formats.system_causes import step_to_read
 
 OF_EFFECTS = {effect.name: (effect.unit, effect.low) for effect in LIBRARY}  # unit and least size of each
 
@@ -98,8 +99,11 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
     Raises:
         HangtimeError: the file cannot be read, or is no fit.
     """
-    file = path / "fit.json" if path.is_dir() else path
-    refuse_unfinished(file)
+    try:
+        file = path / "fit.json" if path.is_dir() else path
+        refuse_unfinished(file)
+    except OSError as error:
+        raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     try:
         return _with_diagnosis(load_fit(file), file.with_name("diagnosis.json")), file
     except HangtimeError as no_fit:

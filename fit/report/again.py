@@ -16,6 +16,7 @@ from fit.report.plot import draw_plot
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.plain_text import plain
+from formats.system_causes import step_to_read
 from formats.whole_files import loop_words
 
 
@@ -34,7 +35,11 @@ def results_in(folder: Path) -> Results:
     Raises:
         HangtimeError: it holds neither a fit nor a diagnosis, or one that cannot be read.
     """
-    if not folder.is_dir():
+    try:
+        is_there = folder.is_dir()
+    except OSError as error:
+        raise FitError(f"cannot be read ({error.strerror})", where=folder, advice=step_to_read(error)) from error
+    if not is_there:
         what = loop_words(folder, "is no folder of results")
         raise FitError(what, where=folder, advice="give the folder that --out named")
     fit_file, diagnosis_file = folder / "fit.json", folder / "diagnosis.json"

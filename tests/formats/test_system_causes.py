@@ -137,6 +137,19 @@ def test_a_reader_has_a_step_for_what_a_reader_meets():
     assert step_to_read(OSError(errno.ENOENT, "")) == "check the path"
 
 
+@pytest.mark.parametrize(("name", "step"), [
+    ("a" * 300, "shorten the name: it has 300 bytes, and the system allows 255"),
+    ("\u00e4" * 150, "shorten the name: it has 300 bytes, and the system allows 255"),
+    ("a" * 256 + "/b", "shorten the name: it has 256 bytes, and the system allows 255"),
+    ("aa/" * 1500, "shorten the path: the system does not allow its length"),
+])  # fmt: skip
+@pytest.mark.parametrize("command", ["fabric", "report", "export"])
+def test_a_result_of_too_long_a_name_is_refused_with_both_lengths(tmp_path, command, name, step):
+    done = hangtime_here(command, name, *(["--to", "csv"] if command == "export" else []), folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"cannot be read (File name too long); {step}" in done.stderr
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -149,7 +162,7 @@ def test_a_take_that_cannot_be_read_gets_the_step_of_its_cause(tmp_path, words):
     command, _, *rest = words
     for name, step in (
         ("f", "(Is a directory); give a file: this is a folder"),
-        (LONG * 2, "(File name too long); shorten the path: the system does not allow its length"),
+        (LONG * 2, f"(File name too long); shorten the name: it has {len(LONG * 2)} bytes, and the system allows 255"),
     ):
         done = hangtime_here("takes", command, name, *rest, folder=tmp_path)
         if command in ("recover", "export") and name == LONG * 2:  # its file would have a name that is longer still

@@ -155,7 +155,8 @@ def test_the_result_file_says_which_parameters_are_not_identified(fitted):
     free = [p.name for p in fitted.result.parameters if not p.is_identified]
     assert free  # 12 steps on 2.5 s of one take never identify all five
     (note,) = (note for note in fitted.result.notes if note.startswith("Not identified: "))
-    assert note.startswith(f"Not identified: {', '.join(free)}. Read the 90 % interval of each.")
+    each = " of each" if len(free) > 1 else ""
+    assert note.startswith(f"Not identified: {', '.join(free)}. Read the 90 % interval{each}.")
 
 
 def test_a_table_in_a_notebook_shows_a_name_as_text_and_not_as_html(fitted):

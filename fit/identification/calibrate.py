@@ -27,6 +27,7 @@ from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
 from fit.identification.free_intervals import blocks_of, free_intervals
+from fit.identification.notes_on_values import notes_on_values
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request, notes_on_gamma
 from fit.identification.saved_search import SavedSearch
@@ -59,14 +60,6 @@ CHECKPOINT_EVERY = 10.0  # s; our choice: a crash loses ten seconds of a search 
 TOO_SHORT = (
     "Warning: this search explores one local minimum. So its 90 % intervals are too short, and parameters that it "
     "calls identified may not be identifiable. Where intervals matter, use --search least-squares."
-)
-FREE_PARAMETERS = (
-    "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "
-    "equally well, and rounding may decide which."
-)
-STOPPED_AT_BOUND = (
-    "At its bound: {names}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
-    "--bounds only narrows the range. A missing effect may drive it there: hangtime diagnose looks for one."
 )
 LAYERED = (
     "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
@@ -350,10 +343,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(f"{request.search} has no number of iterations; the given {asked} is ignored.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
-    if free := [p.name for p in described if not (p.is_identified or p.is_at_bound)]:
-        notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
-    if stopped := [p.name for p in described if p.is_at_bound]:
-        notes.append(STOPPED_AT_BOUND.format(names=", ".join(stopped)))
+    notes += notes_on_values(described)
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     errors = FitErrors(

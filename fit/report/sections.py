@@ -35,6 +35,10 @@ from formats.fit_records import ErrorFigure, FitResult, warnings_in
 OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
 # The instruction of a failed check follows the last colon of its sentence.
+SHARED_MOTION = (
+    "Both errors rise and fall with the same stretches of motion, so the share of the gap closed can be surer than "
+    "their whiskers."
+)
 POINTS_SHOWN = 6  # worst points, which get a curve each
 MOST_VERTICES = 400  # vertices of a point's curve: more are finer than a screen's pixels
 
@@ -47,6 +51,8 @@ def gap(diagnosis: Diagnosis | None) -> Markup:
         "measured on the takes it was fitted to, so it flatters: give a held-out take for an honest figure"
     )  # fmt: skip
     intro = f"{MEASURE}, {where}. Whiskers are 90 % intervals."
+    if diagnosis.gap.closure is not None and diagnosis.gap.with_effect_mm is not None:
+        intro += f" {SHARED_MOTION}"
     return lead(intro) + gap_bars(diagnosis.gap, named(diagnosis))
 
 

@@ -17,7 +17,8 @@ from fit.export.about import caution_lines
 from fit.export.fabric import fabric_of, status_of
 from fit.export.tables import parameters_csv, software_table
 from fit.folders import notes_of_diagnosis, own_warnings
-from fit.identification.calibrate import FREE_PARAMETERS, STOPPED_AT_BOUND, TOO_SHORT
+from fit.identification.calibrate import TOO_SHORT
+from fit.identification.notes_on_values import FREE_PARAMETERS, STOPPED_AT_BOUND
 from fit.identification.read_again import read_fit
 from fit.identification.trivial import describe_trivial
 from fit.virtual_tests.sheet import sheet_of

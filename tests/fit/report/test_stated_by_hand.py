@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit.report import answer, page
+from fit.report import answer, page, sections
 from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.origin import _calibration, _garment, _sensor, origin_of
 from fit.report.page import SECTIONS, _takes, render_report
@@ -122,3 +122,11 @@ def test_the_meaning_of_an_unknown_size_has_no_number_and_of_an_endless_one_ther
     assert meaning_of("air_drag", float("inf")) == meaning_of("wind", 1.0) == sentence_of("wind") == ""
     assert "1 times that of a flat plate (1.2)" in meaning_of("air_drag", -1.2)
     assert str(sketch_of("wind")) == ""
+
+
+def test_the_gap_says_why_its_share_can_be_surer_than_the_whiskers_and_only_where_both_stand():
+    says = "the share of the gap closed can be surer than their whiskers"
+    assert says in str(sections.gap(diagnosis()))
+    for lacking in ({"closure": None}, {"with_effect_mm": None}):
+        made = diagnosis(gap=msgspec.structs.replace(diagnosis().gap, **lacking))
+        assert says not in str(sections.gap(made))

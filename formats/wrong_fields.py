@@ -22,7 +22,7 @@ BOUNDS = {">=": "at least", "<=": "at most", ">": "above", "<": "below"}
 def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object = None) -> str:
     """Return the wrong field and its required value; for an unknown field, name the closest known one.
 
-    held: the tables in which the error was found, for a text in a number's place
+    held: the tables in which the error was found, for a number that is none of the field's, or a text in its place
     """
     message = str(error)
     place = re.search(r" - at (`key` in )?`\$\.?(.*?)`", message)
@@ -41,14 +41,26 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object 
         choices = _choices(field, parts)
         return f"{field} must be one of {choices} (got {invalid.group(1)})"
     if expected := WRONG_VALUE.match(words):
-        return f"{field or 'the file'} must be {_wanted(*expected.groups())}{_meant(expected, field, held)}"
+        value = _at(field, held)
+        return f"{field or 'the file'} must be {_wanted(*expected.groups(), value)}{_meant(expected, field, value)}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"
     return f"{field}: {words}" if field else words  # an error of Hangtime's own check
 
 
-def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None) -> str:
-    """Return the required and the actual value, from the parts of a message."""
+def _at(field: str, held: object) -> Any:
+    """Return the value of a field in the tables that hold it, None where it is not known."""
+    value: Any = held
+    for key, row in re.findall(r"([^.\[\]]+)|\[(\d+)\]", field):
+        try:
+            value = value[int(row) if row else key]
+        except (LookupError, TypeError):  # a name with signs of a path
+            return None
+    return value
+
+
+def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None, value: object) -> str:
+    """Return the required and the actual value, from the parts of a message; a number is shown itself."""
     wanted = " or ".join(_named(kind) for kind in kinds.split(" | "))
     if relation == "of length":
         wanted += f" of {limit}" if kinds != "str" else f" of {limit} letters"
@@ -56,18 +68,15 @@ def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None
         wanted += f" {BOUNDS[relation]} {limit}"
     elif relation:
         wanted += " of another form"
-    return wanted if got is None else f"{wanted} (got {_named(got.strip('`'))})"
+    if got is None:
+        return wanted
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST_WHOLE
+    return f"{wanted} (got {value if is_number else _named(got.strip('`'))})"
 
 
-def _meant(expected: re.Match[str], field: str, held: object) -> str:
+def _meant(expected: re.Match[str], field: str, value: object) -> str:
     """Return a question that names the number or the point meant, '' where the field takes none or none is meant."""
     wanted = set(expected[1].split(" | "))
-    value = held
-    for key, row in re.findall(r"([^.\[\]]+)|\[(\d+)\]", field):
-        try:
-            value = value[int(row) if row else key]  # type: ignore[index]
-        except (LookupError, TypeError):  # a name with signs of a path
-            return ""
     if isinstance(value, float) and "int" in wanted and value.is_integer():
         return question_of(f"{value:.0f}" if abs(value) < LARGEST_WHOLE else "", field)
     if isinstance(value, list) and expected[2] == "of length":

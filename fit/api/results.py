@@ -17,7 +17,7 @@ from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError
-from formats.figures import short
+from formats.figures import short, without_noise
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, verdict_on
 from formats.outputs import make_parent, refuse_to_replace, write_text
 from formats.results import load_diagnosis, load_fit_result, save_diagnosis, save_fit_result
@@ -80,7 +80,8 @@ class FitOutcome(_Shown):
 
         overwrite: replace another file of this name
 
-        A parameter that is not identified has no fitted value, only its interval.
+        A parameter that is not identified has no fitted value, only its interval. Numbers keep every digit but rounding
+        noise: 0.3 stands for 0.30000000000000004, and no number moves by more than sixteen units in its last place.
         """
         heads = ("parameter", "unit", "initial", "fitted", "interval_low", "interval_high", "is_identified")
         rows = [
@@ -243,7 +244,7 @@ def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None, *, overwrit
     Raises:
         OutputError: another file is there and is not to be overwritten, or it cannot be written.
     """
-    text = csv_text(heads, rows)
+    text = csv_text(heads, ([without_noise(one) if isinstance(one, float) else one for one in row] for row in rows))
     if path is not None:
         with arguments_named():
             file = path_of(path, "path")

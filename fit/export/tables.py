@@ -20,7 +20,7 @@ from fit.export.about import caution_lines, flat_provenance, is_doubtful, origin
 from fit.export.fabric import Fabric, Quantity, status_of
 from fit.folders import notes_of_diagnosis
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
-from formats.figures import short, span_of
+from formats.figures import short, span_of, without_noise
 from formats.fit_records import FitResult
 from formats.nature import GRAVITY
 from formats.rows import aligned, csv_text
@@ -54,7 +54,8 @@ def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[ob
         rows.append(("fabric", q.name, q.value, q.low, q.high, q.unit, q.status, q.meaning))
     for c in result.combinations:
         rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c]), ""))
-    return list(map(_set_apart, rows))
+    plain = ([without_noise(one) if isinstance(one, float) else one for one in row] for row in rows)
+    return list(map(_set_apart, plain))
 
 
 def _set_apart(row: Sequence[object]) -> Sequence[object]:

@@ -70,8 +70,8 @@ HOLE = 'held = "edge"\nholes_m = [[[-5, -10], [5, -10], [0, -20]]]'
 @pytest.mark.parametrize(
     ("change", "to", "says"),
     [
-        ("layers = 1", "layers = 1.0", "line 5: layers must be a whole number (got a number); was layers = 1 meant?"),
-        ("layers = 1", "layers = 1.5", "line 5: layers must be a whole number (got a number); see"),
+        ("layers = 1", "layers = 1.0", "line 5: layers must be a whole number (got 1.0); was layers = 1 meant?"),
+        ("layers = 1", "layers = 1.5", "line 5: layers must be a whole number (got 1.5); see"),
         ("[0.1, -0.4]", "[0,1, -0.4]", "at_m must be a list of 2 (got 3); was a comma meant as a decimal point?"),
         ("[0.1, -0.4]", "[0.1, -0.4, 0.0]", "at_m must be a list of 2 (got 3); see"),
         ("[0.1, -0.4]", "[1]", "at_m must be a list of 2 (got 1); see"),

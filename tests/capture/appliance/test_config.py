@@ -72,7 +72,7 @@ def test_relative_paths_start_at_the_files_folder(file):
         ("[recording]\npre_roll_s = nan\n", r"at least 0.0 \(got nan\);"),
         ("[recording]\npre_rol_s = 1.0\n", "unknown field `pre_rol_s` in recording; did you mean `pre_roll_s`"),
         ("[buton]\n", "unknown field `buton`; did you mean `button`"),
-        ("[lamp]\nled = 3\n", r"lamp.led must be text \(got a whole number\);"),
+        ("[lamp]\nled = 3\n", r"lamp.led must be text \(got 3\);"),
         ("[power]\nalarm = \"\"\n", "a path must be a text that is not empty"),
         ("[power]\nalarm = \"a\\u0000b\"\n", "a path must be a text that is not empty"),
         ("[recording]\nscan_rate_hz = 30.0\nscan_points = 64\n", "have 16.9 million places, at most 1 million"),

@@ -7,14 +7,16 @@ import io
 import json
 import re
 
+import msgspec
 import numpy as np
 import pytest
 
 import hangtime
+from fit.export.tables import parameters_csv
 from formats.archive import write_take
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
-from tests.fit.report.report_scene import diagnosis
+from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.fit.scenes import hung, sheet, take_of
 
 
@@ -123,3 +125,18 @@ def test_a_diagnosis_shows_its_effects_as_html_and_as_text():
     ]  # fmt: skip
     lines = [line.split() for line in str(outcome).splitlines()]
     assert lines[-3:] == [" ".join(row).split() for row in shown]
+
+
+def test_a_table_of_a_fit_has_no_rounding_noise_and_loses_no_other_digit():
+    """0.1 + 0.2 is written as 0.3, and a third in full; 0.30000000000004 is no noise."""
+    first, second, *others = fit_result().parameters
+    changed = {"initial": 0.1 + 0.2, "fitted": 1 / 3, "minimum": 0.0, "interval_low": 0.30000000000004}
+    noisy = msgspec.structs.replace(second, **changed, interval_high=0.5)
+    made = msgspec.structs.replace(fit_result(), parameters=[first, noisy, *others])
+    for text, columns in (
+        (hangtime.FitOutcome(result=made).to_csv(), ("initial", "fitted", "interval_low")),
+        (parameters_csv(made, None), ("value", "interval_low")),
+    ):
+        (row,) = (one for one in csv.DictReader(io.StringIO(text)) if noisy.name in one.values())
+        assert [row[name] for name in columns][-2:] == ["0.3333333333333333", "0.30000000000004"]
+        assert row.get("initial", "0.3") == "0.3"

@@ -9,11 +9,16 @@ from pathlib import Path
 
 from fit.kernel_cache.index import INDEX, LARGEST_INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.notes import NOTED, hash_of, noted_hashes
+from formats.plain_text import plain
+from formats.terminal import say
 
 # s; our choice: Taichi holds its lock for milliseconds, and other processes give up after 0.2 s. So the lock of a
 # process that still writes stays, even on a disk that is 1000 times as slow. Until then each process compiles every
 # kernel again. Half and double were not tried.
 STALE_LOCK = 60.0
+# s; our choice: a thousand times what Taichi needs. Younger locks are those of processes at work. Half and double were
+# not tried.
+TOLD_LOCK = 5.0
 # s; our choice: another process may be writing the index. In all this is less than the 0.2 s that Taichi itself waits.
 REREADING = (0.05, 0.1, 0.0)
 
@@ -31,8 +36,14 @@ def mend_cache(folder: Path) -> None:
     """
     index, lock = folder / INDEX, folder / TAICHI_LOCK
     with contextlib.suppress(FileNotFoundError):
-        if abs(time.time() - lock.stat().st_mtime) > STALE_LOCK:  # the clock may have been put back since
+        age = abs(time.time() - lock.stat().st_mtime)  # the clock may have been put back since
+        if age > STALE_LOCK:
             lock.unlink()
+        elif age > TOLD_LOCK:
+            say(
+                f"Another program seems to write compiled kernels, and has locked them for {age:.0f} s. So this one "
+                f"compiles its own anew. If no other Hangtime runs, remove {plain(lock)}."
+            )
     for patience in REREADING:
         try:
             if lock.exists() or _is_sound_cache(index):

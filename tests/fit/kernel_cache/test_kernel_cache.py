@@ -251,6 +251,20 @@ def test_a_lock_dated_in_the_future_is_stale_too(tmp_path):
         assert lock.exists() is not is_stale, ahead
 
 
+@pytest.mark.parametrize(("age", "is_told"), [(1, False), (4, False), (8, True), (55, True), (65, False)])
+def test_a_lock_that_stays_is_told_with_the_file_to_remove_until_it_is_removed(tmp_path, capsys, age, is_told):
+    """Taichi needs it for milliseconds. Each process compiles every kernel anew until it is gone, after 60 s."""
+    lock = tmp_path / TAICHI_LOCK
+    lock.touch()
+    os.utime(lock, (time.time() - age,) * 2)
+    mend_cache(tmp_path)
+    said = capsys.readouterr().err
+    assert lock.exists() is (age < 60)
+    assert (f"If no other Hangtime runs, remove {lock}.\n" in said) is is_told
+    assert (f"has locked them for {age} s" in said) is is_told
+    assert is_told or not said
+
+
 def test_a_lock_that_another_process_holds_is_left_alone(tmp_path):
     (tmp_path / TAICHI_LOCK).touch()
     (tmp_path / INDEX).write_bytes(b"being written")

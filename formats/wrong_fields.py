@@ -42,7 +42,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object 
         return f"{field} must be one of {choices} (got {invalid.group(1)})"
     if expected := WRONG_VALUE.match(words):
         value = _at(field, held)
-        return f"{field or 'the file'} must be {_wanted(*expected.groups(), value)}{_meant(expected, field, value)}"
+        return f"{field or 'the file'} must be {_wanted(expected, value)}{_meant(expected, field, value)}"
     if not isinstance(error, msgspec.ValidationError):
         return "the file is damaged or no JSON"
     return f"{field}: {words}" if field else words  # an error of Hangtime's own check
@@ -59,8 +59,9 @@ def _at(field: str, held: object) -> Any:
     return value
 
 
-def _wanted(kinds: str, relation: str | None, limit: str | None, got: str | None, value: object) -> str:
+def _wanted(expected: re.Match[str], value: object) -> str:
     """Return the required and the actual value, from the parts of a message; a number is shown itself."""
+    kinds, relation, limit, got = expected.groups()
     wanted = " or ".join(_named(kind) for kind in kinds.split(" | "))
     if relation == "of length":
         wanted += f" of {limit}" if kinds != "str" else f" of {limit} letters"

@@ -335,9 +335,13 @@ def lacks(likely: Sequence[float], titles: str) -> str:
     begun = (
         "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
     )
-    each = "each " if len(likely) > 1 else ""
-    at_least = "at least " if each and in_percent(least)[0].isdigit() else ""
-    return f"{begun} {titles}, {each}with a probability of {at_least}{in_percent(least)}."
+    words = in_percent(least)
+    whose, bound = "", ""
+    if len(likely) > 1:
+        is_number, is_of_all = words[0].isdigit(), words == in_percent(max(likely))
+        whose = "each " if is_number or is_of_all else "the least probable "
+        bound = "at least " if is_number else ""
+    return f"{begun} {titles}, {whose}with a probability of {bound}{words}."
 
 
 def gap_numbers(evidence: Evidence) -> str:

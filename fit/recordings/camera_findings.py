@@ -60,7 +60,7 @@ def camera_clause(found: Sequence[CameraFinding], reported: str = "") -> str:
     reported: the verdict so far, which may mention a fault already
     """
     words = [text for one in found if not one.is_fault and (text := _short(one))]
-    taken = f" Taken out before anything was fitted: {'; '.join(words)}." if words else ""
+    taken = f" Corrected before anything was fitted: {'; '.join(words)}." if words else ""
     return taken + "".join(f" {one.sentence}" for one in found if one.is_fault and one.sentence not in reported)
 
 
@@ -77,7 +77,7 @@ def _short(one: CameraFinding) -> str:
         "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
         "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
-        "eaten_border": f"a border eroded by {1e3 * one.figure:.1f} mm",
+        "eaten_border": f"a border eroded by {1e3 * one.figure:.1f} mm, the mean of its three sides",
         "eaten_by_pose": f"an outline that depends on pose, by {1e3 * abs(one.figure):.0f} mm per unit of lean",
     }.get(one.name, "")
 
@@ -127,7 +127,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
             name="latency", take_ids=[r.take_id for r, _ in mended], figure=figure, interval=interval, unit="s",
             sentence=(
                 f"The points' stamps are {_late(figure)} [{interval[0]:.3f} to {interval[1]:.3f} s] in "
-                f"{_listed([r for r, _ in mended])}, as the held row shows against the hanger's path. Taken out."),
+                f"{_listed([r for r, _ in mended])}, as the held row shows against the hanger's path. "
+                "This is corrected."),
         ))  # fmt: skip
     shares = [(r, t.share, t.share_interval) for r, t in mended if t.share_interval is not None]
     figure, interval = _together([(share, span) for _, share, span in shares])
@@ -136,7 +137,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
             name="publish_time", take_ids=[r.take_id for r, _, _ in shares], figure=figure, interval=interval,
             unit="1", sentence=(
                 "Stamps say when a frame was published. Stamps are late by a share of the interval's excess over the "
-                f"usual one: {figure:.2f} [{interval[0]:.2f} to {interval[1]:.2f}]. Taken out."),
+                f"usual one: {figure:.2f} [{interval[0]:.2f} to {interval[1]:.2f}]. This is corrected."),
         ))  # fmt: skip
     own = [(r, t) for r, t in mended if t.deviation > 0]
     if own:

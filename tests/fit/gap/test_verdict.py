@@ -248,7 +248,9 @@ def test_the_sentence_that_names_a_cause_is_as_sure_as_it_is_probable(mm, least,
      ([0.978], "lacks x, with a probability of 98 %."), ([0.9951], "lacks x, with a probability of more than 99 %."),
      ([0.9, 0.6], "probably lacks x, each with a probability of at least 60 %."),
      ([0.999, 1.0], "lacks x, each with a probability of more than 99 %."),
-     ([0.004], "may lack x, with a probability of less than 1 %.")],
+     ([0.004], "may lack x, with a probability of less than 1 %."),
+     ([0.001, 0.004], "may lack x, each with a probability of less than 1 %."),
+     ([0.9, 0.004], "may lack x, the least probable with a probability of less than 1 %.")],
 )  # fmt: skip
 def test_a_named_cause_has_its_probability_in_its_sentence(likely, words):
     assert lacks(likely, "x") == f"The model {words}"

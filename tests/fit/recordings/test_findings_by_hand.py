@@ -112,7 +112,7 @@ def test_a_latency_that_was_taken_out_is_reported_with_its_interval_and_in_the_c
     assert "are 0.050 s early" in found(late(-0.05))[0].sentence
     assert found(late(0.005)) == []
     clause = camera_clause([one])
-    assert clause == " Taken out before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]."
+    assert clause == " Corrected before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]."
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_an_eroded_border_is_the_mean_of_its_three_sides():
     assert "by 10.0 mm [9.0 to 11.0] at the bottom and 4.0 mm [3.0 to 5.0] at each side" in one.sentence
     assert found(recording(outline=outline(0.002, 0.0019))) == []
     assert found(recording(outline=outline(half=0.01))) == []
-    assert "a border eroded by 6.0 mm" in camera_clause([one])
+    assert "a border eroded by 6.0 mm, the mean of its three sides" in camera_clause([one])
 
 
 @pytest.mark.parametrize(("by_pose", "words"), [(0.03, "loses 30 mm"), (-0.03, "gains 30 mm"), (0.009, None)])
@@ -280,7 +280,7 @@ def test_what_was_left_or_has_no_figure_is_not_in_the_clause():
     assert camera_clause([CameraFinding(**given, figure=None), CameraFinding(**given, figure=0.1, is_left=True)]) == ""
     two = [CameraFinding(**given, figure=0.1), CameraFinding(**(given | {"name": "held_edge"}), figure=0.02)]
     words = "whole frames that are off by 100 mm rms; a held edge 20 mm from where the path has it"
-    assert camera_clause(two) == f" Taken out before anything was fitted: {words}."
+    assert camera_clause(two) == f" Corrected before anything was fitted: {words}."
 
 
 def test_figures_of_takes_go_together_by_their_certainty():

@@ -34,9 +34,9 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
         ("hanger_gap", 0.5, None, "s", False, "In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s. "
          "Both sides are used. The cloth is judged again once it has forgotten the motion in the gap."),
         ("latency", 0.05, (0.04, 0.06), "s", False, "The points' stamps are 0.050 s late [0.040 to 0.060 s] in a, as "
-         "the held row shows against the hanger's path. Taken out."),
+         "the held row shows against the hanger's path. This is corrected."),
         ("publish_time", 0.8, (0.7, 0.9), "1", False, "Stamps say when a frame was published. Stamps are late by a "
-         "share of the interval's excess over the usual one: 0.80 [0.70 to 0.90]. Taken out."),
+         "share of the interval's excess over the usual one: 0.80 [0.70 to 0.90]. This is corrected."),
         ("frame_shifts", 0.03, None, "s", True, "In each frame the held row is off as if the stamp were wrong by "
          "another 30 ms rms. Stamps are not changed for it; frames are moved back across the cloth where that is "
          "certain."),
@@ -71,8 +71,8 @@ def test_everything_that_a_camera_made_is_reported_whole_and_in_the_order_in_whi
         assert finding.take_ids == (["b"] if finding.figure == 0.03 and finding.name == "latency" else ["a"])
         assert not finding.is_fault
     assert camera_clause(told) == (
-        " Taken out before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]; time stamps that are late by "
+        " Corrected before anything was fitted: stamps 0.050 s late [0.040 to 0.060 s]; time stamps that are late by "
         "0.80 of the excess of the frame interval; 5 % skewed grids; a held edge 5 mm from where the path has it; "
         "whole frames that are off by 9 mm rms; points that slide over the cloth, by 5 mm rms; a border eroded by 6.0 "
-        "mm; an outline that depends on pose, by 30 mm per unit of lean."
+        "mm, the mean of its three sides; an outline that depends on pose, by 30 mm per unit of lean."
     )

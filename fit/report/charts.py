@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -19,6 +20,7 @@ from formats.arrays import Floats
 from formats.diagnosis_records import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
 from formats.figures import round_step
 
+NO_BREAK = "\u00a0"  # a space at which no line breaks: a unit stays beside its number
 MOST_LABELS = 12  # vertices that are labelled with their error; more would overlap
 
 Part = tuple[str, float, float]  # of a bar: its kind, where it begins and where it ends
@@ -64,8 +66,11 @@ def gap_bars(gap: Gap, effect_name: str) -> Markup:
         kept = min(low, figure.value)
         rows.append(_figure_row(name, figure, [("floor", 0.0, kept), ("rest", kept, figure.value)], reach))
     rows.append(_figure_row("noise floor", gap.floor_mm, [("floor", 0.0, floor)], reach))
-    legend = [("var(--floor)", "", "the sensor's noise"), ("var(--rest)", "", "unexplained")]
-    if after is not None:
+    drawn = {kind for row in rows for kind, *_ in row["parts"]}
+    legend = [("var(--floor)", "", "the sensor's noise")]
+    if "rest" in drawn:
+        legend.append(("var(--rest)", "", "unexplained"))
+    if "gone" in drawn:
         legend.append(("var(--effect)", "is-striped", f"removed by {effect_name}"))
     return piece("charts.html", "bars", rows, legend, "")
 
@@ -89,7 +94,7 @@ def effect_bars(gap: Gap, effects: Sequence[EffectFinding], named: Sequence[str]
     return piece("charts.html", "bars", rows, legend, "") if rows else NOTHING
 
 
-def _figure_row(name: str, figure: Figure, parts: Sequence[Part], reach: float) -> dict[str, object]:
+def _figure_row(name: str, figure: Figure, parts: Sequence[Part], reach: float) -> dict[str, Any]:
     shown = _parts(parts, reach)
     if figure.interval is not None and all(math.isfinite(end) for end in figure.interval):
         low, high = figure.interval
@@ -105,7 +110,7 @@ def _parts(parts: Sequence[Part], reach: float) -> list[tuple[str, str, str]]:
 
 def _row(
     name: str, value: str, detail: str, parts: Sequence[tuple[str, str, str]], *, is_named: bool = False
-) -> dict[str, object]:
+) -> dict[str, Any]:
     return {"name": name, "is_named": is_named, "value": value, "detail": detail, "parts": parts}
 
 
@@ -239,7 +244,7 @@ def error_chart(
         kind, whole = curve.whole[0], 1e3 * curve.whole[1]
         lines.append((f"mean {style}", f"M0 {100 * (1 - whole / top):.2f}H100"))
         largest, worst = curve.worst or ("worst frame", float(np.nanmax(curve.values)))
-        said = f"{curve.name}: {kind} {whole:.1f} mm, {largest} {1e3 * worst:.1f} mm"
+        said = f"{curve.name}: {kind} {whole:.1f}{NO_BREAK}mm, {largest} {1e3 * worst:.1f}{NO_BREAK}mm"
         legend.append((colour, kind_of_line, said))
     return piece("charts.html", "error_chart", {
         "caption": caption, "legend": legend, "lines": lines, "axis": axis, "unit": unit, "motion": motion,

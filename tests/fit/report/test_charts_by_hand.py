@@ -149,7 +149,7 @@ def test_a_chart_draws_each_run_in_its_style_with_its_largest_error_and_a_gap_wh
     }
     assert re.findall(r'<li class="([^"]*)" style="--swatch:([^"]*)">([^<]*)<', str(page)) == [
         ("is-line", "var(--before)", "before the fit"),
-        ("is-line is-dotted", "var(--fit)", "the fit: rms 2.0 mm, worst frame 2.0 mm"),
+        ("is-line is-dotted", "var(--fit)", "the fit: rms 2.0\u00a0mm, worst frame 2.0\u00a0mm"),
     ]
     assert 'data-motion="3" data-start="0.0000" data-end="4.0000"' in str(page)
     assert "data-motion" not in str(error_chart("take", time, [second]))

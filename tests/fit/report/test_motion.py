@@ -97,7 +97,7 @@ def test_the_worst_frame_of_the_legend_is_the_one_that_the_player_shows():
     made = motion(time=np.arange(3.0), real=real, runs=runs, held=None, triangles=None)
     assert made.rms("base")[made.worst_frame] == pytest.approx(0.03)
     page = re.sub("<[^>]*>", " ", str(sections.errors(None, [made], 1)))
-    assert re.findall(r"worst frame ([\d.]+) mm", page)[:2] == ["30.0", "15.0"]
+    assert re.findall(r"worst frame ([\d.]+)\smm", page)[:2] == ["30.0", "15.0"]
     assert "A worst frame shows half or more of the most free points seen at once." in page
 
 
@@ -108,7 +108,7 @@ def test_the_largest_error_of_a_point_is_that_of_all_frames_also_where_the_curve
     off[100, :, 0] = 0.02
     given = {"real": still, "runs": {"base": Run(points=off)}, "held": None, "triangles": None}
     page = re.sub("<[^>]*>", " ", str(sections.errors(None, [motion(time=np.arange(1001.0), **given)], 1)))
-    assert re.findall(r"largest ([\d.]+) mm", page)[0] == "20.0"
+    assert re.findall(r"largest ([\d.]+)\smm", page)[0] == "20.0"
 
 
 def test_a_curve_breaks_where_no_free_point_is_seen():

@@ -163,6 +163,16 @@ def test_maps_have_the_top_of_the_cloth_above_and_the_largest_error_in_full_colo
     assert [int(one) for one in shares[:3]] == [0, 100, 75]
 
 
+def test_the_legend_of_the_gap_names_what_its_bars_hold():
+    """An effect that leaves less than the noise leaves nothing unexplained, and none removes nothing."""
+    gap = diagnosis().gap
+    within = msgspec.structs.replace(gap, with_effect_mm=Figure(value=3.0))
+    alone = msgspec.structs.replace(gap, with_effect_mm=None)
+    shown = [words_on(gap_bars(one, "drag")) for one in (gap, within, alone)]
+    assert ["unexplained" in words for words in shown] == [True, False, True]
+    assert ["removed by drag" in words for words in shown] == [True, True, False]
+
+
 def test_a_chart_says_the_whole_error_and_the_worst_frame_and_draws_both_to_scale():
     """6 mm rms of frames of 2, 8 and 6 mm, on an axis to 8 mm."""
     curve = Curve("after", np.array([0.002, 0.008, 0.006]), None, "after the fit", ("rms", 0.006))

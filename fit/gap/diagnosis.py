@@ -26,7 +26,7 @@ from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.rounds import Rounds
-from fit.gap.verdict import decide, passing_effects
+from fit.gap.verdict import decide
 from fit.gap.weighed import decide_by_mass, inclusion, weigh
 from fit.gap.where import find_where
 from fit.methods import SI, Parameterisation
@@ -143,12 +143,7 @@ def diagnose(
     verdict = decide(evidence) if found is None else decide_by_mass(evidence, found)
     # Two effects may hide each other, so that neither passes alone. So pairs are tried if no single effect suffices.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
-    if (
-        found is None
-        and may_be_several
-        and search.singles
-        and (verdict.verdict == "unknown" or passing_effects(evidence))
-    ):
+    if found is None and may_be_several and search.singles:
         progress("looking for a second effect", 0.88)
         search.further_rounds(noise.mm, refined.numerics_mm)
         evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))

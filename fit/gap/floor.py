@@ -4,7 +4,7 @@ The method is simulation-extrapolation: add the noise to the data once more and 
 The growth of the squared error is the noise's own share, as seen by the whole pipeline. It is never below the points'
 own noise:
 
-    floor^2 = max(E^2(one more) - E^2(0), mean of 3 sigma_p^2)
+    floor^2 = max(mean of E^2(one more) - E^2(0), mean of 3 sigma_p^2)
 
 The noise sigma_p of each point is measured on the takes judged on. White noise w shows in sixth differences of the
 frames, and of slow takes in the points at rest. On a grid of points, noise of any colour shows. Noise is independent
@@ -14,7 +14,7 @@ neighbours M r,
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
 
 Wrinkles too fine for the mesh are no noise, hence the limit. Without a grid, slow noise is not measurable, and the
-figure that the take states is a fallback: sigma = max(w, stated). The verdict reports a contradicted stated figure. The
+figure that the take states is a fallback (`fit.recordings.noise`). The verdict reports a contradicted stated figure. The
 measured path of the hanger, which drives the cloth, also receives its own noise once more, before the smoothing. The
 noise that passes the smoothing shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
 cloth can follow it. Sixth differences measure the path's noise, because a stated figure may be the error of a constant.
@@ -74,9 +74,11 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     # If a model explains little of the motion, added noise may reduce an error by chance. The points' noise is the
     # limit.
     own = own_noise_mm(observer, noise)
-    floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2) + row_off_mm(observer) ** 2)
+    shown, row = grown - float(observer.in_mm(residual)) ** 2, row_off_mm(observer) ** 2
+    floors = np.sqrt(np.maximum(shown, own**2) + row)
+    floor = float(np.sqrt(max(shown.mean(), own**2) + row))
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])
-    return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(NOISE_REPLICAS)), own, stated)
+    return Floor(floor, float(floors.std(ddof=1) / np.sqrt(NOISE_REPLICAS)), own, stated)
 
 
 def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:

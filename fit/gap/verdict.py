@@ -15,6 +15,7 @@ from fit.gap.evidence import (
     Evidence,
     best_of,
     closes_enough,
+    edge_left_by_law,
     is_at_bound,
     is_refuted_by_edge,
     is_shown_by_edge,
@@ -22,7 +23,7 @@ from fit.gap.evidence import (
 from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
-from fit.observer.edge import is_edge_explained
+from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
 from formats import figures
 from formats.diagnosis_records import Figure, in_percent, place_of
@@ -154,7 +155,8 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
             f"These could not have been seen: {', '.join(missed[:LISTED_COMPONENTS])}{more}. {numbers}{hidden}"
         )
         return Verdict("inconclusive", [], said + describe_held_edge(evidence))
-    none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
+    where = "" if is_edge_explained(evidence.base.errors.edge) else " in the cloth below its held edge"
+    none = f"No gap{where}: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
     return Verdict("none", [], none + describe_held_edge(evidence))
 
 
@@ -188,9 +190,23 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
 
 
 def describe_held_edge(evidence: Evidence) -> str:
-    """Return a sentence if no effect was named although the base model's held edge is in the wrong position."""
+    """Return a sentence if no effect was named although the base model's held edge is in the wrong position.
+
+    It states the refitted effect that puts the edge nearest, if the edge favours one.
+    """
     edge = evidence.base.errors.edge
-    return "" if is_edge_explained(edge) else f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise."
+    if is_edge_explained(edge):
+        return ""
+    said = f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise"
+    nearer = {k: h.errors.edge for k, h in evidence.singles.items() if is_favoured_by_edge(edge, h.errors.edge, edge)}
+    if not nearer:
+        return f"{said}, and no single effect in the library explains that."
+    best = min(nearer, key=lambda k: nearer[k].shown)
+    title = evidence.observer.library[best].title
+    by_law = edge_left_by_law(evidence.observer, evidence.base, evidence.singles[best])
+    is_enough = is_edge_explained(nearer[best], by_law)
+    but = "but the evidence is too weak to name it" if is_enough else "which this effect alone does not explain"
+    return f"{said}. With {title} it is {nearer[best].mm:.1f} mm off, {but}."
 
 
 def _closed(evidence: Evidence, effect: str) -> float:

@@ -79,8 +79,11 @@ def test_the_points_own_noise_is_that_of_the_points_that_are_judged():
     assert own_noise_mm(observer, [mixed]) == pytest.approx(np.sqrt(3 * (1 + 4) / 2))
 
 
-def test_the_floor_is_the_growth_of_squares_or_the_points_own_noise_and_what_a_silhouettes_row_keeps(monkeypatch):
-    """Noise makes 3 mm 5, 4 and 3.1: 4 mm, and twice the points' own 3. The row is off by 4 mm."""
+@pytest.mark.parametrize(("own", "expected"), [(3.0, 9.0), (2.0, (16 + 7 + 0.61) / 3)])
+def test_the_floor_is_the_growth_of_squares_or_the_points_own_noise_and_what_a_silhouettes_row_keeps(
+    monkeypatch, own, expected
+):
+    """Noise makes 3 mm 5, 4 and 3.1: 7.87 mm^2 on average, or the points' own 9 or 4. The row is off by 4 mm."""
     shaken = [np.array([5.0]), np.array([4.0]), np.array([3.1])]
     off = SimpleNamespace(
         counted=np.ones((2, 1), bool), camera=SimpleNamespace(row_off=0.004), point_sd=np.array([1.0])
@@ -89,14 +92,14 @@ def test_the_floor_is_the_growth_of_squares_or_the_points_own_noise_and_what_a_s
         recordings=[off], residuals=lambda vectors, amplitudes: np.array([[3.0]]), in_mm=lambda row: float(row[0]),
         of=lambda recordings: observer,
     )  # fmt: skip
-    monkeypatch.setattr(floors, "measured_noise", lambda observer, residual: [np.array([0.003 / np.sqrt(3)])])
+    monkeypatch.setattr(floors, "measured_noise", lambda observer, residual: [np.array([1e-3 * own / np.sqrt(3)])])
     monkeypatch.setattr(floors, "noisier", lambda recording, noise, rng: recording)
     monkeypatch.setattr(floors, "residuals_together", lambda asked: [row[None] for row in shaken])
     found = noise_floor(observer, np.zeros(1), np.zeros(1), np.random.default_rng(1))
-    each = np.hypot([4.0, 3.0, 3.0], 4.0)
-    assert found.mm == pytest.approx(each.mean())
+    each = np.sqrt(np.maximum([16.0, 7.0, 0.61], own**2) + 16.0)
+    assert found.mm == pytest.approx(np.sqrt(expected + 16.0))
     assert found.error_mm == pytest.approx(np.sqrt(((each - each.mean()) ** 2).sum() / 2 / 3))
-    assert found.measured_mm == pytest.approx(3.0)
+    assert found.measured_mm == pytest.approx(own)
 
 
 def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noise():
@@ -129,7 +132,7 @@ def stilled(monkeypatch, places):
 
 
 def test_the_floor_is_the_mean_over_three_replicas_and_has_their_standard_error(monkeypatch):
-    """Each replica says sqrt(|r + n|^2 - |r|^2), with the noise drawn again as it is drawn there, or the own noise."""
+    """Each replica says |r + n|^2 - |r|^2, with the noise drawn again as it is drawn there; the own noise is less."""
     recording = a_still_take(NOISE, rate=30, seconds=1.0)
     observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
     stilled(monkeypatch, recording.points.mean(0))
@@ -137,15 +140,17 @@ def test_the_floor_is_the_mean_over_three_replicas_and_has_their_standard_error(
     (noise,) = measured_noise(observer, observer.residuals(truth_vector()[None], observer.off[None])[0])
     own = 1e3 * np.sqrt(3 * (noise[judged] ** 2).mean())
     rng, apart = np.random.default_rng(3), recording.points - recording.points.mean(0)
-    floors = []
+    floors, shown = [], []
     for _ in range(3):
         more = apart + rng.normal(size=apart.shape) * noise[:, None]
         rng.normal(size=recording.held_seen.shape)
         grown = [1e6 * (a[:, judged] ** 2).sum(2).mean() for a in (more, apart)]
-        floors.append(np.sqrt(max(grown[0] - grown[1], own**2)))
+        shown.append(grown[0] - grown[1])
+        floors.append(np.sqrt(max(shown[-1], own**2)))
     assert len(set(floors)) == 3  # none of this seed is no more than the own noise
     found = floor_of(observer, seed=3)
-    assert found.mm == pytest.approx(np.mean(floors), rel=1e-6)
+    assert np.mean(shown) != pytest.approx(own**2, rel=0.01)
+    assert found.mm == pytest.approx(np.sqrt(max(np.mean(shown), own**2)), rel=1e-6)
     assert found.error_mm == pytest.approx(np.std(floors, ddof=1) / np.sqrt(3), rel=1e-6)
     assert found.measured_mm == pytest.approx(own, rel=1e-6)
     assert found.stated_mm == pytest.approx(1e3 * np.sqrt(3 * (sd[judged] ** 2).mean()), rel=1e-6)
@@ -168,7 +173,9 @@ def test_the_noise_of_a_point_lies_between_its_white_noise_and_half_as_much_agai
     for place in ("fit.gap.floor.white_noise", "fit.recordings.noise.white_noise"):
         monkeypatch.setattr(place, lambda recording: seen)
     monkeypatch.setattr("fit.gap.floor.neighbour_noise", lambda observer, residual: [independent])
-    observer = SimpleNamespace(recordings=[SimpleNamespace(point_sd=np.full(3, stated))])
+    seen_for = np.ones((9000, 3), bool)  # five minutes: no chance is left
+    take = SimpleNamespace(point_sd=np.full(3, stated), valid=seen_for, time=np.arange(9000) / 30, duration=300.0)
+    observer = SimpleNamespace(recordings=[take])
     assert measured_noise(observer, np.zeros(3))[0] == pytest.approx(expected)
 
 

@@ -224,6 +224,35 @@ def test_an_effect_that_moves_the_held_edge_alone_is_looked_for_though_the_cloth
     assert "The held edge shows this effect" in d.sentence
 
 
+def test_of_two_effects_that_move_the_held_edge_alone_the_nearer_one_is_stated_and_none_is_named():
+    """Either effect leaves what the other one moves, so that no single one puts the edge where it was tracked."""
+    world = World(on_edge=("clock_drift", "time_offset"))
+    training, held_out = three_takes(world, {"clock_drift": 0.003, "time_offset": 0.012})
+    d = diagnosed(training, held_out, world).diagnosis
+    assert (d.verdict, d.named) == ("none", []), d.sentence
+    assert d.sentence.startswith("No gap in the cloth below its held edge: ")
+    said = re.search(
+        r"The base model puts the held edge (\S+) mm off, beyond noise\. With (.*) it is (\S+) mm off, "
+        r"which this effect alone does not explain\.",
+        d.sentence,
+    )
+    assert said is not None, d.sentence
+    assert float(said[1]) == pytest.approx(d.gap.edge_mm, abs=0.05)
+    assert 1.4 < float(said[3]) < float(said[1])
+    assert said[2] in {effect.title for effect in EFFECTS if effect.name in world.on_edge}
+
+
+def test_two_effects_that_move_the_held_edge_alone_are_named_once_the_cloth_exceeds_the_noise():
+    """They move the cloth to 3.2 mm beside 2.6 mm of noise."""
+    world = World(on_edge=("clock_drift", "time_offset"))
+    training, held_out = three_takes(world, {"clock_drift": 0.005, "time_offset": 0.02})
+    d = diagnosed(training, held_out, world).diagnosis
+    assert (d.verdict, sorted(d.named)) == ("several", ["clock_drift", "time_offset"]), d.sentence
+    assert d.gap.floor_mm.value == pytest.approx(HELD_OUT, rel=0.06)
+    assert finding(d, "clock_drift").amplitude == pytest.approx(0.005, rel=0.1)
+    assert finding(d, "time_offset").amplitude == pytest.approx(0.02, rel=0.1)
+
+
 def test_an_edge_that_leaves_the_hangers_path_is_simulated_from_where_it_was_tracked():
     """The whole cloth follows an edge that moves 5 mm beside the hanger's path, as no effect does."""
     world = World()

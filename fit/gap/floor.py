@@ -14,7 +14,7 @@ neighbours M r,
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
 
 Wrinkles too fine for the mesh are no noise, hence the limit. Without a grid, slow noise is not measurable, and the
-figure that the take states is a fallback (`fit.recordings.noise`). The verdict reports a contradicted stated figure. The
+figure that the take states is a fallback (`fit.recordings.noise`). The verdict reports a contradicted figure. The
 measured path of the hanger, which drives the cloth, also receives its own noise once more, before the smoothing. The
 noise that passes the smoothing shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
 cloth can follow it. Sixth differences measure the path's noise, because a stated figure may be the error of a constant.

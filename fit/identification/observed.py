@@ -15,7 +15,9 @@ from
 
 with E the expected cost at u (`fit.search.posterior`). N is the number of independent residuals
 (`fit.search.correlation`), or 2 / s where this is less. Here s is the root mean square of ln(cost / least cost) over
-the ends of the trials. Trials differ by chance alone, so a difference of s in the cost is no information on the cloth.
+the ends of the trials, or of all descents where that is more. Such ends differ by chance alone, so a difference of s in
+the cost is no information on the cloth. Trials stop once two of them agree, so their own scatter is too small by
+selection (decision 40). An end of a descent counts up to 5 % of the cost.
 The third is the spread of the ends of all descents of all trials, each end with the weight
 
     w_k = (cost_k / cost)^(-N/2)

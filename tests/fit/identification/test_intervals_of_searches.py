@@ -119,6 +119,25 @@ def test_draws_count_the_numbers_that_the_trials_agree_on(monkeypatch, apart, pi
     assert given["spread"][0] == pytest.approx(max(0.1 / np.sqrt(2), 0.25 * np.sqrt(share)))
 
 
+@pytest.mark.parametrize(("rise", "pieces"), [(0.03, 2 / 0.03), (0.7, 40.0), (0.001, 900.0)])
+def test_draws_count_the_numbers_that_the_ends_of_descents_agree_on(monkeypatch, rise, pieces):
+    """Two trials agree to the last bit. Another end costs e^rise times the best, of which 0.05 counts at most.
+
+    Of 900 independent numbers chance moves a cost by 2 / 900.
+    """
+    told = {}
+    monkeypatch.setattr(trials, "independent", lambda takes: 900.0)
+    monkeypatch.setattr(trials, "Emulator", lambda units, gram: None)
+    monkeypatch.setattr(
+        trials, "draw", lambda cost, places, pieces, seed: told.update(pieces=pieces) or np.array([[0.25, 0.2]])
+    )
+    intervals_of(
+        monkeypatch, rise, residuals=np.ones((6, 4)), costs=np.arange(6.0), units=np.zeros((6, 2)),
+        least=[100.0, 100.0],
+    )  # fmt: skip
+    assert told["pieces"] == pytest.approx(pieces)
+
+
 def test_draws_begin_at_the_better_half_of_the_sound_samples_by_expected_cost_and_prior(monkeypatch):
     """Of seven samples one blew up; the prior has a variance of 1 / 12 about the start, in shares of the box."""
     told = {}

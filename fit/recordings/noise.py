@@ -42,7 +42,7 @@ def point_noise(recording: Recording) -> Floats:
     if seen is None:
         return stated
     chance = by_chance(recording)
-    whole = seen**2 @ np.ones(len(seen)) > _largest(chance.mean() / len(seen), RARE) * (stated**2).sum()
+    whole = (seen**2).sum() > _largest(chance.mean() / len(seen), RARE) * (stated**2).sum()
     one = seen**2 > _largest(chance, RARE / len(seen)) * stated**2
     return np.where(whole | one, np.maximum(stated, seen), stated)
 
@@ -67,9 +67,9 @@ def white_noise(recording: Recording) -> Floats | None:
 def by_chance(recording: Recording) -> Floats:
     """Return the relative variance of each point's squared white noise by chance, (points,)."""
     if _is_fast(recording):
-        return MEDIAN_VARIANCE / AXES / np.maximum(recording.valid.sum(0) - DIFFERENCED, 1)
+        return np.asarray(MEDIAN_VARIANCE / AXES / np.maximum(recording.valid.sum(0) - DIFFERENCED, 1))
     resting = recording.valid[: _at_rest(recording, recording.time)].sum(0)
-    return 2 / AXES / np.maximum(resting - 1.0, 1.0)
+    return np.asarray(2 / AXES / np.maximum(resting - 1.0, 1.0))
 
 
 def held_noise(recording: Recording) -> Floats:

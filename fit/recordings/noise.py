@@ -27,13 +27,13 @@ from formats.arrays import Floats
 
 SLOWEST_RATE = 20.0  # frames/s: below, swings contribute to sixth differences
 FEWEST_FOR_DIFFERENCES = 11  # five sixth differences
-DIFFERENCED, AXES = 6, 3  # frames less than differences; axes of a point
+DIFFERENCED, AXES_OF_A_POINT = 6, 3  # frames less than differences; axes of a point
 FEWEST_TOGETHER = 3  # points, up to which the formula of Morris draws none of them
-# Of white noise's squared median of m sixth differences: its mean exceeds the variance by this over m, and its relative
-# variance is the second number over m. Simulated with 20,000 columns of 11 to 300 frames: 4.4 to 5.5 and 12 to 15
-# from 40 frames on.
+# Of the squared median of m sixth differences of white noise. Its mean exceeds the variance by the first number over m.
+# Its relative variance is the second number over m. Simulated with 20,000 columns of 11 to 300 frames each: 4.4 to 5.5,
+# and 12 to 15 from 40 frames on.
 MEDIAN_BIAS, MEDIAN_VARIANCE = 5.0, 13.5
-RARE = 0.05  # probability that chance alone makes a take, or one of its points, noisier than stated; as is usual
+NOISIER_BY_CHANCE = 0.05  # probability that chance makes a take, or one of its points, noisier than stated; as is usual
 
 
 def point_noise(recording: Recording) -> Floats:
@@ -42,8 +42,8 @@ def point_noise(recording: Recording) -> Floats:
     if seen is None:
         return stated
     chance = by_chance(recording)
-    whole = (seen**2).sum() > _largest(chance.mean() / len(seen), RARE) * (stated**2).sum()
-    one = seen**2 > _largest(chance, RARE / len(seen)) * stated**2
+    whole = (seen**2).sum() > _largest(chance.mean() / len(seen), NOISIER_BY_CHANCE) * (stated**2).sum()
+    one = seen**2 > _largest(chance, NOISIER_BY_CHANCE / len(seen)) * stated**2
     return np.where(whole | one, np.maximum(stated, seen), stated)
 
 
@@ -67,9 +67,9 @@ def white_noise(recording: Recording) -> Floats | None:
 def by_chance(recording: Recording) -> Floats:
     """Return the relative variance of each point's squared white noise by chance, (points,)."""
     if _is_fast(recording):
-        return np.asarray(MEDIAN_VARIANCE / AXES / np.maximum(recording.valid.sum(0) - DIFFERENCED, 1))
+        return np.asarray(MEDIAN_VARIANCE / AXES_OF_A_POINT / np.maximum(recording.valid.sum(0) - DIFFERENCED, 1))
     resting = recording.valid[: _at_rest(recording, recording.time)].sum(0)
-    return np.asarray(2 / AXES / np.maximum(resting - 1.0, 1.0))
+    return np.asarray(2 / AXES_OF_A_POINT / np.maximum(resting - 1.0, 1.0))
 
 
 def held_noise(recording: Recording) -> Floats:

@@ -21,8 +21,8 @@ from formats.arrays import Floats
 
 # Of the box, left out at each end: rarely true, often costly. Four seeds fitted the demo's takes with drag on a mesh of
 # 0.1 m. The error on them is 3.64 to 3.67 mm; with half 3.64 to 3.65, and with double 3.63 to 3.68. On a mesh of 0.05 m
-# two seeds end at costs of 1992 and 2013; with half at 2000 and 2003, and with double at 2003 and 2004. Descents of one
-# search differ as much (decision 40), so no margin is better.
+# two seeds end at costs of 1992 and 2013. With half they end at 2000 and 2003, with double at 2003 and 2004. Descents
+# of one search differ as much (decision 40), so no margin is better.
 SCATTER_MARGIN = 0.1
 # Candidates with the start: the lanes of one batch. On one core, 1 takes 0.16 s, 8 0.21, 16 0.24 and 32 0.47 s
 # (measured).

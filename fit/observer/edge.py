@@ -121,7 +121,7 @@ def edge_errors(take: Integers, frame: Integers, whitened: Floats, sd: Floats) -
         frames += len(moving)
     return EdgeErrors(
         moving=float((whitened[~still] ** 2).sum()), count=int((~still).sum()),
-        resting=float((whitened[still] ** 2).sum()) / len(takes), mm=1e3 * float(np.sqrt(squares / max(frames, 1))),
+        resting=float((whitened[still] ** 2).sum()) / len(takes), mm=1e3 * float(np.sqrt(squares / frames)),
     )  # fmt: skip
 
 
@@ -143,11 +143,14 @@ class EdgeResiduals:
         determinant = count * second - first**2
         spread = float((arm**2).sum())
         self.frame = np.flatnonzero((count >= FEWEST_STRETCH_POINTS) & (determinant > 0.1 * count * spread))
+        if not len(self.frame):
+            self.sd, self.static_sd = np.zeros((0, NUMBERS_A_FRAME)), np.zeros(0)
+            return
         weight, determinant = weight[self.frame], determinant[self.frame, None]
         self._points = on_edge
         self._middle = weight * (second[self.frame, None] - first[self.frame, None] * arm) / determinant
         self._slope = weight * (count[self.frame, None] * arm - first[self.frame, None]) / determinant
-        self._arm = float(np.sqrt(spread / max(len(arm), 1)))
+        self._arm = float(np.sqrt(spread / len(arm)))
         held = recording.held(recording.time[self.frame]).reshape(-1, 2, 3)
         self._bar = held[:, 1] - held[:, 0]
         self._bar /= np.linalg.norm(self._bar, axis=1, keepdims=True)
@@ -160,12 +163,11 @@ class EdgeResiduals:
         self.sd = np.sqrt(weights**2 @ squared + path**2)
         # An edge that was estimated from its own row has no offset from this row.
         own = FROM_ROW if recording.camera.edge is not None else recording.offset_sd
-        offsets = own * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
-        width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
+        offsets = own * np.linalg.norm(weights.sum(0) / len(weights), axis=1)
+        width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean())
         # Independent errors e of two ends leave an error e / sqrt(2) of the middle and sqrt(2) e of the distance.
         ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])
-        static = np.sqrt(offsets**2 + ends**2 + (self.sd**2).sum(0) / max(len(weights), 1) ** 2)
-        self.static_sd = static if len(weights) else np.zeros(0)
+        self.static_sd = np.sqrt(offsets**2 + ends**2 + (self.sd**2).sum(0) / len(weights) ** 2)
 
     def of(self, simulated: Floats) -> tuple[Floats, Floats]:
         """Return dynamic and static residuals, (candidates, 4 frames) and (candidates, 4), of (..., points, 3) [m]."""

@@ -195,6 +195,25 @@ def test_the_means_of_each_takes_edge_are_a_block_of_their_own():
     free = layout.block[~is_mean].max() + 1
     assert layout.block[is_mean].tolist() == [free] * NUMBERS_A_FRAME + [free + 1] * NUMBERS_A_FRAME
     assert layout.take[is_mean].tolist() == [0] * NUMBERS_A_FRAME + [1] * NUMBERS_A_FRAME
+    assert set(layout.frame[is_mean]) == set(layout.point[layout.is_edge]) == set(layout.axis[layout.is_edge]) == {-1}
+
+
+def test_an_edges_frames_count_among_their_takes_half_seconds():
+    """Eight half-seconds a take."""
+    recording, _ = a_recording()
+    layout = Observer([recording, recording], SI, LIBRARY, frequency=0.0).layout
+    block = np.repeat((TIME / BLOCK_SECONDS).astype(int), NUMBERS_A_FRAME)
+    assert layout.block[layout.is_edge & (layout.frame >= 0)].tolist() == [*block, *(8 + block)]
+
+
+def test_an_edges_frames_after_a_takes_last_judged_frame_count_in_the_half_second_of_that_frame():
+    """Points are judged for 0.4 s of 4 s: one half-second a take."""
+    recording, _ = a_recording()
+    valid = recording.valid & (~recording.judged | (TIME < 0.41)[:, None])
+    short = dataclasses.replace(recording, valid=valid)
+    layout = Observer([short, short], SI, LIBRARY, frequency=0.0).layout
+    moving = layout.is_edge & (layout.frame >= 0)
+    assert layout.block[moving].tolist() == [0] * NUMBERS_A_FRAME * len(TIME) + [1] * NUMBERS_A_FRAME * len(TIME)
 
 
 def test_the_outline_of_a_skirt_gives_no_evidence_of_how_its_edge_is_held():
@@ -230,6 +249,8 @@ def test_an_effect_is_seen_on_the_edge_where_it_removes_a_certain_error_and_half
     assert is_seen_on_edge(resting(100.0), resting(51.9), by_law=48.0 / 25)
     assert not is_seen_on_edge(resting(100.0), resting(51.9), by_law=48.2 / 25)
     assert not is_seen_on_edge(resting(50.0), resting(25.1), by_law=0.5)
+    assert not is_seen_on_edge(resting(50.0), resting(25.0))  # just a certain error: no more than that
+    assert is_seen_on_edge(resting(104.0), resting(54.0))  # 100 beyond noise, and just half of them
 
 
 def test_the_edge_shows_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_law_may_leave():
@@ -237,12 +258,14 @@ def test_the_edge_shows_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_l
     other = resting(10.0)
     assert is_favoured_by_edge(resting(35.1), other, other)
     assert not is_favoured_by_edge(resting(34.9), other, other)
+    assert not is_favoured_by_edge(resting(50.0), resting(25.0), resting(25.0))  # just a certain error
     assert is_favoured_by_edge(resting(41.3), other, resting(635.0))
     assert not is_favoured_by_edge(resting(41.2), other, resting(635.0))
 
 
 def test_an_edge_is_explained_where_no_certain_error_is_left_or_what_laws_may_leave():
     assert is_edge_explained(resting(28.9))
+    assert is_edge_explained(resting(29.0))  # just a certain error beyond noise
     assert not is_edge_explained(resting(29.1))
     assert not is_edge_explained(resting(29.1), by_law=0.5)
     assert is_edge_explained(resting(53.9), by_law=2.0)
@@ -261,6 +284,22 @@ def test_errors_of_edges_are_gathered_over_takes():
     assert edge_errors(take[:0], frame[:0], whitened[:0], sd[:0]) == EdgeErrors()
 
 
+def test_an_edge_of_a_single_frame_has_an_error_too():
+    """1 mm beside a mean of 4 mm in each of four numbers: sqrt(4 25) mm."""
+    take, frame = np.zeros(8, int), np.repeat([0, -1], 4)
+    found = edge_errors(take, frame, np.repeat([1.0, 2.0], 4), np.repeat([1e-3, 2e-3], 4))
+    assert (found.count, found.mm) == (4, pytest.approx(10.0))
+
+
+def test_points_above_each_other_on_an_edge_tell_no_stretch():
+    recording, points = a_recording()
+    line = [msgspec.structs.replace(p, at_m=(0.0, p.at_m[1])) for p in recording.garment.points]
+    thin = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, points=tuple(line)))
+    edge = EdgeResiduals(thin)
+    assert [len(a) for a in (edge.frame, edge.sd, edge.static_sd)] == [0, 0, 0]
+    assert [part.shape for part in edge.of(points[None])] == [(1, 0), (1, 0)]
+
+
 def test_an_edge_may_lie_anywhere_on_its_garment():
     recording, points = a_recording()
     aside = [msgspec.structs.replace(p, at_m=(p.at_m[0] + 0.3, p.at_m[1])) for p in recording.garment.points]
@@ -273,7 +312,7 @@ def test_a_take_without_an_edge_has_no_numbers_of_it():
     recording, points = a_recording()
     edge = EdgeResiduals(dataclasses.replace(recording, judged=np.ones(25, bool)))
     assert [part.shape for part in edge.of(points[None])] == [(1, 0), (1, 0)]
-    assert len(edge.frame) == len(edge.static_sd) == 0
+    assert len(edge.frame) == len(edge.sd) == len(edge.static_sd) == 0
 
 
 def test_an_edges_numbers_are_as_uncertain_as_their_points_and_the_paths_spline_leave_them():

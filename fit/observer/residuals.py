@@ -274,7 +274,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
     static[1] = static[1] + first_block
     count = len(moving[0])
     at = np.concatenate(static_of)
-    known = int(np.append(moving[1], static[1]).max(initial=0)) + 1
+    known = int(static[1].max(initial=first_block)) + 1
     aside = [_edge_rows(k, recordings[k], edge, first[k], known + k) for k, edge in edges.items()]
     every = [moving, static, *(rows for rows, _ in aside)]
     take, block, frame, point, axis = (np.concatenate(parts) for parts in zip(*every, strict=True))
@@ -308,4 +308,4 @@ def _thirds(recording: Recording) -> Integers:
     """Top, middle or bottom third of the garment, (points,)."""
     height = np.array([p.at_m[1] for p in recording.garment.points])
     down = 3 * (height.max() - height) / max(float(np.ptp(height)), 1e-9)
-    return np.asarray(np.clip(down, 0, 2), np.int64)
+    return np.asarray(np.minimum(down, 2), np.int64)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from fit.cloth.material import DENSITY
+from fit.cloth.model import Resolution
+from fit.effects import LIBRARY
 from fit.errors import FitError
 from fit.methods import SI
 from fit.observer.residuals import BLOWN_UP_CHARGE, Observer, trajectories_together
@@ -50,6 +52,7 @@ def test_varying_errors_are_divided_by_the_noise_and_constant_ones_by_their_prio
     assert layout.sd[~layout.is_judged] == pytest.approx(known)
     assert layout.metres(found).reshape(FRAMES, 20, 3) == pytest.approx(by[:, 5:])
     assert float(observer.in_mm(found)) == pytest.approx(np.sqrt(9 + 1))
+    assert observer.in_mm(np.stack([found, 2 * found])) == pytest.approx(np.sqrt(9 + 1) * np.array([1.0, 2.0]))
 
 
 def test_the_weighed_mass_is_spread_over_the_cloths_own_area(still):
@@ -77,6 +80,35 @@ def test_half_seconds_and_thirds_of_the_cloth_are_blocks_of_their_own_in_each_ta
     assert set(layout.frame[~judged]) == {-1}
     assert layout.static_of[judged][:3600].tolist() == [*np.tile(7200 + np.arange(60), FRAMES)]
     assert layout.static_of[judged][3600:].tolist() == [*np.tile(7260 + np.arange(60), FRAMES)]
+
+
+def test_every_judged_number_names_the_mean_of_its_own_take_and_no_other_number_names_one(still):
+    """Three takes have 3600 judged numbers each; 60 means a take stand behind all of these."""
+    layout = observer_of(still, still, still).layout
+    named = layout.static_of[layout.is_judged].reshape(3, FRAMES, 60)
+    assert (named == 3 * 3600 + 60 * np.arange(3)[:, None, None] + np.arange(60)).all()
+    assert set(layout.static_of[~layout.is_judged]) == {-1}
+
+
+def test_values_are_arranged_by_frame_point_and_axis_of_their_own_take(still):
+    """The held edge's five points come first, and have no values."""
+    values = np.arange(2 * 3600.0)
+    grids = observer_of(still, still).by_place(values)
+    for grid, own in zip(grids, values.reshape(2, FRAMES, 20, 3), strict=True):
+        assert (grid[:, 5:] == own).all()
+        assert np.isnan(grid[:, :5]).all()
+
+
+def test_a_point_that_was_seen_once_has_a_mean_of_one_frame(still):
+    """2 mm in frame 7, known to a marker's offset and the noise of a frame."""
+    valid, by = still.valid.copy(), np.zeros(still.points.shape)
+    valid[:, 12], by[:, 12] = False, np.nan
+    valid[7, 12], by[7, 12] = True, (0.002, 0.0, 0.0)
+    observer = observer_of(dataclasses.replace(still, valid=valid))
+    found, layout = residual_of(observer, by), observer.layout
+    known, mine = np.hypot(MARKER_OFFSET, SD), layout.point == 12
+    assert found[mine] == pytest.approx([0.0, 0.0, 0.0, 0.002 / known, 0.0, 0.0])
+    assert layout.sd[mine] == pytest.approx([SD] * 3 + [known] * 3)
 
 
 def test_unseen_points_have_no_residual_and_no_part_in_a_mean(still):
@@ -125,8 +157,53 @@ def test_observers_of_other_pulls_are_not_simulated_side_by_side(still):
     observer = observer_of(still)
     other = observer.with_frequency(2.0)
     assert (other.frequency, observer.frequency, other.layout) == (2.0, 0.0, observer.layout)
-    with pytest.raises(FitError, match=r"pulls of \[0.0, 2.0\] Hz"):
+    with pytest.raises(FitError, match=r"pulls of \[0.0, 2.0\] Hz") as refused:
         trajectories_together([(one, SI.initial[None], one.off[None]) for one in (observer, other)])
+    assert refused.value.where == "observers"
+
+
+def test_points_are_simulated_with_the_observers_pull_or_the_one_that_is_asked_for(still):
+    """The hanger swings by 50 mm beside points that rest: a pull leaves the cloth nearer to them."""
+    free = observer_of(still)
+    pulled = free.with_frequency(2.0)
+    asked = SI.initial[None], free.off[None]
+    (alone,), (near,) = free.trajectories(*asked), pulled.trajectories(*asked)
+    apart = [np.sqrt(np.mean((points[0] - still.points)[:, 5:] ** 2)) for points in (alone, near)]
+    assert apart[1] < 0.8 * apart[0]
+    assert free.trajectories(*asked, frequency=2.0)[0] == pytest.approx(near, abs=1e-6)
+    assert pulled.trajectories(*asked, frequency=0.0)[0] == pytest.approx(alone, abs=1e-6)
+
+
+def test_observers_side_by_side_find_what_each_finds_alone(still):
+    """One observer has a heavy garment's take. The other has two: a lighter one's, and the same."""
+    heavy = dataclasses.replace(
+        still, garment=msgspec.structs.replace(still.garment, mass_kg=4 * still.garment.mass_kg)
+    )
+    asked = [(one, SI.initial[None], one.off[None]) for one in (observer_of(heavy), observer_of(still, heavy))]
+    together = trajectories_together(asked)
+    assert [len(points) for points in together] == [1, 2]
+    for (observer, *words), points in zip(asked, together, strict=True):
+        for one, other in zip(points, observer.trajectories(*words), strict=True):
+            assert one == pytest.approx(other, abs=1e-6)
+    assert np.abs(together[1][0] - together[1][1]).max() > 1e-3
+
+
+def test_an_observer_keeps_its_mesh_for_other_takes_and_its_pull_on_another_mesh(still):
+    fine = observer_of(still).with_frequency(2.0)
+    coarse = fine.at_resolution(Resolution(spacing=0.1))
+    both = coarse.of([still, still])
+    for one in (coarse, both):
+        assert (one.resolution, one.frequency) == (Resolution(spacing=0.1), 2.0)
+        assert len(one.mesh.rest) < len(fine.mesh.rest)
+    assert both.recordings == [still, still]
+
+
+def test_the_columns_of_an_observers_effects_follow_each_other_in_a_row_of_amplitudes(still):
+    observer = Observer([still], SI, LIBRARY, frequency=0.0)
+    numbers = np.arange(len(observer.off))
+    columns = {name: numbers[where].tolist() for name, where in observer.columns.items()}
+    assert [len(columns[effect.name]) for effect in LIBRARY] == [len(effect.components) for effect in LIBRARY]
+    assert np.concatenate([columns[effect.name] for effect in LIBRARY]).tolist() == numbers.tolist()
 
 
 def test_each_take_is_simulated_with_its_own_garments_density(still):

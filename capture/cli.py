@@ -12,7 +12,7 @@ from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
 from formats.command_groups import RECORD
-from formats.plain_text import counted, plain
+from formats.plain_text import counted, plain, with_advice
 from formats.telling import know, tell, tell_entry
 from formats.terminal import CLEAR_LINE, is_watched, say
 
@@ -276,8 +276,7 @@ def record_command(
 
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
-        advice = f"; {said.advice}" if said.advice else ""
-        say(f"{whose}{time:6.1f} s  {said.words}{advice}", begin=clear)
+        say(f"{whose}{time:6.1f} s  {with_advice(said.words, said.advice)}", begin=clear)
         if lamps:
             try:
                 show_condition(lamps[0], condition)
@@ -327,7 +326,8 @@ def record_command(
         know(conditions={c.value.words: count for c, count in report.conditions.items()})
         for finding in report.findings:
             if not finding.is_grave:
-                tell_entry("findings", f"{finding.words}; {finding.advice}", words=finding.words, advice=finding.advice)
+                said = with_advice(finding.words, finding.advice)
+                tell_entry("findings", said, words=finding.words, advice=finding.advice)
         complaint = report.failure or report.doubt
         if complaint is not None:
             raise complaint

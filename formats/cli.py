@@ -182,7 +182,7 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
     from formats.judgement import judge
     from formats.left_descriptions import named
     from formats.outputs import unwritable
-    from formats.plain_text import plain
+    from formats.plain_text import plain, with_advice
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
     from formats.unfinished import ANOTHER_FOLDER
 
@@ -210,7 +210,7 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
         words += hanger_gap(take)
     findings = judge(take)
     words += "".join(f"\nWarning: {doubt}" for doubt in (*left.values(), *doubts))
-    words += "".join(f"\nWarning: {plain(one.words)}; {plain(one.advice)}" for one in findings)
+    words += "".join(f"\nWarning: {plain(with_advice(one.words, one.advice))}" for one in findings)
     tell_entry(
         "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front,
         never_seen=[p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()],

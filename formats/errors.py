@@ -18,7 +18,7 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
-from formats.plain_text import plain, shortened
+from formats.plain_text import plain, shortened, with_advice
 from formats.system_causes import FULL, ONLY_WRITING, step_to_read, step_to_write
 
 WHOLE_STAY = "whole files stay, and `fit`, `diagnose`, `blind` and `batch` go on from them"
@@ -35,11 +35,7 @@ class HangtimeError(Exception):
     def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
         self.what, self.where, self.advice = what, where, advice
         place = f"{where if isinstance(where, Path) else shortened(str(where))}: " if where is not None else ""
-        if advice and what.endswith("?"):
-            advice = f" {advice[0].upper()}{advice[1:]}"
-        elif advice:
-            advice = f"; {advice}"
-        self.words = plain(f"{what}{advice}")
+        self.words = plain(with_advice(what, advice))
         super().__init__(plain(place) + self.words)
 
 

@@ -76,6 +76,14 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
+def with_advice(what: str, advice: str) -> str:
+    """Return a statement and its next step as one sentence, or as two where the statement has its end already."""
+    if not advice:
+        return what
+    is_ended = what.endswith(("?", "!", ".")) and not what.endswith("..")  # dots also stand for what is left out
+    return f"{what} {advice[0].upper()}{advice[1:]}" if is_ended else f"{what}; {advice}"
+
+
 def first_few(words: Sequence[str], count: int) -> str:
     """Return the first words with commas between them, and the number of the others out of `count`."""
     more = count - MOST_LISTED

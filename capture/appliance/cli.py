@@ -12,6 +12,7 @@ import typer
 
 from formats.command_groups import APPLIANCE
 from formats.help_pages import OUTPUT
+from formats.plain_text import with_advice
 from formats.telling import tell, tell_fault
 
 CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
@@ -75,7 +76,7 @@ def status_command(
         write_whole(preview, picture_in(seen))
     if answer["state"] == "fault":
         for fault in answer["faults"]:
-            tell_fault(f"{fault['sentence']}; {fault['advice']}")
+            tell_fault(with_advice(fault["sentence"], fault["advice"]))
         raise typer.Exit(1)
 
 
@@ -93,7 +94,7 @@ def watch_command(
 
 
 def _in_one_line(answer: dict[str, Any]) -> str:
-    faults = "".join(f" ! {fault['sentence']}; {fault['advice']}" for fault in answer["faults"])
+    faults = "".join(f" ! {with_advice(fault['sentence'], fault['advice'])}" for fault in answer["faults"])
     return f"{answer['state']}: {answer['condition']}; lamp: {answer['lamp']}{faults}"
 
 

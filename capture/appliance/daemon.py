@@ -31,6 +31,7 @@ from firmware_host.depth_sensor import SensorFrame
 from firmware_host.errors import SensorStalledError
 from firmware_host.power import PowerSupply
 from formats.errors import HangtimeError, OutputError
+from formats.plain_text import with_advice
 
 WAIT = 0.07  # s that the loop waits for a frame: a press must count within 100 ms
 RESTING = {State.READY, State.SYNCING, State.FAULT}  # states in which only an occasional frame is processed
@@ -293,7 +294,7 @@ class Appliance:
             }  # fmt: skip
             LOG.info("kept %s", news.kept.path)
             for finding in news.findings:
-                LOG.warning("%s: %s; %s", news.kept.stem, finding.words, finding.advice)
+                LOG.warning("%s: %s", news.kept.stem, with_advice(finding.words, finding.advice))
         if news.is_over:
             self._follow(Event.SAVED)
 

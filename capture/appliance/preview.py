@@ -12,6 +12,7 @@ from capture.recording.condition import condition_of
 from capture.recording.tracking import Tracked
 from firmware_host.depth_sensor import SensorFrame
 from formats.arrays import Bytes, Unsigned
+from formats.plain_text import with_advice
 
 PICTURE_WIDTH = 320  # px of the picture; our choice: half of the sensor's, a quarter of the bytes over the air
 # RGB. Our choice: three hues that differ from one another; with equal hues a line would hide its points.
@@ -41,10 +42,10 @@ class Preview:
         condition = condition_of(sight.state, are_read=bool(np.isfinite(sight.hanger.centres).all()))
         said = condition.value
         if not sight.hanger.is_found:
-            return f"{said.words}; {said.advice}"
+            return with_advice(said.words, said.advice)
         away = float(sight.hanger.positions[:, 2].mean())
         points = f"{int(sight.cloth.valid.sum())} of {len(sight.cloth.valid)} points"
-        return f"{said.words}: hanger {away:.2f} m away, {points}" + (f"; {said.advice}" if said.advice else "")
+        return with_advice(f"{said.words}: hanger {away:.2f} m away, {points}", said.advice)
 
 
 def _png(seen: Bytes | Unsigned, sight: Tracked) -> bytes:

@@ -12,7 +12,7 @@ from capture.appliance.showing import Light
 from capture.appliance.states import State
 from capture.appliance.wall_clock import wall_time
 from capture.recording.condition import Condition
-from formats.plain_text import counted, sized
+from formats.plain_text import counted, sized, with_advice
 
 
 @dataclass
@@ -67,11 +67,11 @@ def lines(status: dict[str, Any]) -> list[str]:
     if running:
         said[0] += f" for {running['seconds']:.1f} s: {running['frames']} frames, {running['dropped']} lost; "
         said[0] += running["condition"]
-    said += [f"! {fault['sentence']}; {fault['advice']}" for fault in status["faults"]]
+    said += [f"! {with_advice(fault['sentence'], fault['advice'])}" for fault in status["faults"]]
     last = status["last_take"]
     if last:
         said.append(f"last take: {_place(last['kept']) if last['kept'] else 'not kept'}")
-        said += [f"! {finding['words']}; {finding['advice']}" for finding in last["findings"]]
+        said += [f"! {with_advice(finding['words'], finding['advice'])}" for finding in last["findings"]]
     lost = f"{status['dropped']} lost in {counted(status['gaps'], 'gap')}"
     said.append(
         f"since the start: {counted(status['frames'], 'frame')}, {lost}; "

@@ -141,13 +141,18 @@ def is_syncing(spool: Path) -> bool:
     return False
 
 
+def _ended(words: str) -> str:
+    """Return words with an end: a full stop, unless they have one."""
+    return words if words.endswith(("?", "!", ".")) else f"{words}."
+
+
 def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     """Return the status of sync as sentences, the most urgent first; now: wall-clock time with its UTC offset."""
     if status is None:
         return ["Sync has not run yet. Next: `hangtime sync now`, or wait for its timer."]
     said = []
     if status.fault is not None:
-        said.append(f"Sync fails: {status.fault.sentence}. Next: {status.fault.advice}.")
+        said.append(f"Sync fails: {_ended(status.fault.sentence)} Next: {_ended(status.fault.advice)}")
     if status.damaged:
         names = ", ".join(str(number) for number in status.damaged)
         said.append(f"The disk of this device changed takes after they were kept: {names}. Next: replace the disk.")

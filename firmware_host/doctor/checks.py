@@ -12,6 +12,7 @@ import numpy as np
 
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.usb_control.devices import UsbDevice
+from formats.plain_text import with_advice
 from formats.rig import Rig
 
 # s between the frames that a sample keeps for later checks. Our choice: about ten of 5 s, 15 MB of depth and colour at
@@ -42,7 +43,7 @@ def ok(text: str) -> Finding:
 
 def problem(what: str, advice: str) -> Finding:
     """Return the finding of a failed check: `what` states the fault, and the advice its remedy."""
-    return Finding(Verdict.PROBLEM, f"{what}; {advice}")
+    return Finding(Verdict.PROBLEM, with_advice(what, advice))
 
 
 def skipped(reason: str) -> Finding:

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from datetime import UTC, datetime
+
+import pytest
+
+from capture.appliance.cli import _in_one_line
+from capture.appliance.control import ControlServer
 from capture.appliance.status import lines
+from capture.appliance.sync_status import Fault, SyncStatus, sentences
+from tests.fit.here import hangtime_here
 
 
 def told(**changes):
@@ -26,3 +35,50 @@ def test_a_last_take_that_was_removed_since_is_said_to_be_removed(tmp_path):
     take.unlink()
     assert any(line.startswith("last take: take-000004, removed from this device since") for line in lines(kept))
     assert "last take: not kept" in lines(told(last_take={"kept": None, "findings": []}))
+
+
+@pytest.mark.parametrize(
+    ("sentence", "line"),
+    [
+        ("was 0.1 meant?", "was 0.1 meant? Mend that setting"),
+        ("the disk is full.", "the disk is full. Mend that setting"),
+        ("the disk is full", "the disk is full; mend that setting"),
+        ("no such file: a...", "no such file: a...; mend that setting"),
+    ],
+)
+def test_a_fault_and_its_next_step_are_joined_whatever_ends_the_fault(sentence, line):
+    fault = {"sentence": sentence, "advice": "mend that setting", "words": sentence}
+    last = {"kept": None, "findings": [fault]}
+    assert lines(told(faults=[fault], last_take=last)).count(f"! {line}") == 2
+    answer = {"state": "fault", "condition": "no frame yet", "lamp": "fault", "faults": [fault]}
+    assert _in_one_line(answer) == f"fault: no frame yet; lamp: fault ! {line}"
+
+
+def test_a_fault_of_sync_that_asks_ends_with_its_question():
+    fault = Fault(sentence="is the server on?", advice="look at it", since="", tries=1)
+    status = SyncStatus(at="", url="", device="", waiting=0, waiting_bytes=0, safe=0, is_encrypted=False, fault=fault)
+    said = sentences(status, datetime(2026, 1, 1, tzinfo=UTC))
+    assert said[0] == "Sync fails: is the server on? Next: look at it."
+
+
+def test_the_command_joins_a_question_and_its_step_in_its_error_too(tmp_path):
+    """The recorder's own socket answers; the recorder's state is given."""
+    fault = {"sentence": "was 0.1 meant?", "advice": "mend that setting"}
+    answers = {"status": told(state="fault", faults=[fault]), "preview": {"line": "no frame yet", "png": ""}}
+    server, is_over = ControlServer(tmp_path / "s"), threading.Event()
+
+    def serve():
+        while not is_over.wait(0.01):
+            server.serve(lambda question: answers[question["do"]])
+
+    server_thread = threading.Thread(target=serve)
+    server_thread.start()
+    try:
+        words = ("status", "--socket", str(tmp_path / "s"))
+        done, told_programs = hangtime_here(*words, folder=tmp_path), hangtime_here(*words, "--json", folder=tmp_path)
+    finally:
+        is_over.set()
+        server_thread.join()
+        server.close()
+    assert "! was 0.1 meant? Mend that setting\n" in done.stdout
+    assert told_programs.stderr == "hangtime: was 0.1 meant? Mend that setting\n"

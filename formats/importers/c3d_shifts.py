@@ -3,11 +3,13 @@
 The markers' positions show the shift. Positions behind it continue the trajectories if the frames are read `s` bytes
 later, and leap if they are read from where they should stand:
 
-    LEAP q(s) < m(0)
+    LEAP q(s) < m(0),    LEAP q(s) < r
 
 `q(s)` is the distance from the extrapolated position that nine of ten markers keep. `m(0)` is the median distance
-without a shift. Both are taken over two frames, since one frame is partly before the shift, and then over three. The
-last frame before the shift must itself lie near the one before. So one frame with exchanged markers is no shift.
+without a shift. Both are taken over two frames, since one frame is partly before the shift, and then over three. `r` is
+the markers' median distance from the origin: parts of two floats are mostly a number next to zero, which is near only
+by comparison where all markers leap far. The last frame before the shift must itself lie near the one before. So one
+frame with exchanged markers is no shift.
 
 A stale block shifts its own frames alone, so frames with bytes of one are passed over.
 
@@ -39,7 +41,7 @@ NO_NUMBER = float(np.finfo(np.float32).max)  # in any unit: the largest number o
 BEYOND_EARLIER = 1.5  # times the largest leap before; our choice: motion that begins gently leaps a few times farther
 SCANNED_AT_ONCE = 1 << 22  # bytes read at once; our choice: bounds memory, and no result depends on it
 SHIFTS_AT_ONCE = 1 << 11  # shifts looked at together; our choice: bounds memory, and no result depends on it
-IS_GONE = 0.5  # of the markers that are zeros in a frame; our choice: then most were lost or found, and none leaps
+IS_GONE = 0.5  # of the markers at one place in a frame; our choice: then most were lost or found, and none leaps
 
 Read = Callable[[int, int], bytes]  # reads as many bytes from an offset behind the first frame on
 
@@ -101,7 +103,7 @@ def _candidates(leaps: Floats) -> list[int]:
 def _leaps(read: Read, frames: FrameBytes, count: int) -> Iterator[Floats]:
     """Yield how far the markers lie from their extrapolation by two frames, in the median, (frames,).
 
-    The leap is 0 where most markers are zeros.
+    The leap is 0 where most markers have the same three numbers: zeros, or a code for missing ones.
     """
     some, at_once = None, max(SCANNED_AT_ONCE // frames.width, 1)
     for first in range(0, count - 2, at_once):
@@ -114,7 +116,8 @@ def _leaps(read: Read, frames: FrameBytes, count: int) -> Iterator[Floats]:
             places = places if first else np.concatenate([places[:1], places])
             off = np.abs(places[3:] - 3 * places[1:-2] + 2 * places[:-3]).max(2)
         off[np.isnan(off)] = np.inf
-        are_gone = (places == 0).all(2).mean(1) > IS_GONE
+        with np.errstate(invalid="ignore"):  # the mean of two infinities
+            are_gone = (places == np.median(places, axis=1, keepdims=True)).all(2).mean(1) > IS_GONE
         yield np.where(are_gone[3:] | are_gone[1:-2], 0.0, np.median(off, axis=1))
 
 
@@ -145,6 +148,7 @@ def _shift_behind(read: Read, frames: FrameBytes, before: int, count: int) -> tu
     last = last[some, :3]
     earlier = _numbers(read, frames, max(before - 1, 0), some, [0])[0, :, :3]
     steady = float(np.median(_off(last[None], [earlier])))
+    from_origin = float(np.median(_off(last[None], [np.zeros_like(last)])))
     found, off = 0, 0.0
     for steps in (2, 3):
         if before + steps >= count:
@@ -155,7 +159,7 @@ def _shift_behind(read: Read, frames: FrameBytes, before: int, count: int) -> tu
         if before + steps + 1 < count:
             following = _numbers(read, frames, before + steps + 1, some, [0])[0, :, :3]
         median, nearest = _continue(behind, following, last, earlier, steps)
-        if not len(nearest) or not LEAP * max(nearest.min(), steady) < median:
+        if not len(nearest) or not LEAP * max(nearest.min(), steady) < min(median, from_origin):
             return None
         found, off = found or 1 + int(nearest.argmin()), off + float(nearest.min())
     return off, found

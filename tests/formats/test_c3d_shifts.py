@@ -136,6 +136,10 @@ def honest(kind):
         places[:AT] = places[0]
     elif kind == "moved":
         places[AT:] += 300.0
+    elif kind == "far":
+        places[AT:] += 40_000.0
+    elif kind == "coded":
+        places[AT : AT + 20] = 9999.0
     elif kind == "turned":
         places[AT:] = places[AT:, :, [1, 2, 0]]
     elif kind == "random":
@@ -150,6 +154,12 @@ KINDS = ["fast", "lively", "exchanged", "lost", "few", "still", "moved", "turned
 @pytest.mark.parametrize("scale", [-1.0, 0.1])
 def test_honest_frames_are_no_shift(tmp_path, kind, scale):
     assert "shifted" not in read(tmp_path, made(honest(kind), scale)).warning
+
+
+@pytest.mark.parametrize("kind", ["far", "coded"])
+def test_positions_far_out_are_no_shift(tmp_path, kind):
+    """Bytes of such numbers, read from elsewhere, are near zero, and so nearer to the markers."""
+    assert "shifted" not in read(tmp_path, made(honest(kind))).warning
 
 
 @pytest.mark.parametrize("places", [np.ones((FRAMES, 5, 3)), hanging(1), hanging(4)[:2]], ids=["rest", "one", "short"])

@@ -7,9 +7,9 @@ later, and leap if they are read from where they should stand:
 
 `q(s)` is the distance from the extrapolated position that nine of ten markers keep. `m(0)` is the median distance
 without a shift. Both are taken over two frames, since one frame is partly before the shift, and then over three. `r` is
-the markers' median distance from the origin: parts of two floats are mostly a number next to zero, which is near only
-by comparison where all markers leap far. The last frame before the shift must itself lie near the one before. So one
-frame with exchanged markers is no shift.
+the markers' median distance from the origin. Parts of two floats are mostly a number next to zero, and zero is nearer
+than a leap far out. The last frame before the shift must itself lie near the one before. So one frame with exchanged
+markers is no shift.
 
 A stale block shifts its own frames alone, so frames with bytes of one are passed over.
 

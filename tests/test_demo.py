@@ -1,8 +1,9 @@
-"""`scripts/demo` skips the steps whose inputs are unchanged, and repeats the others."""
+"""The demos skip steps whose inputs are unchanged, end with what they found, and are part of every night."""
 
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 
 from firmware_host.synthetic.motion import hanger_pose
 from fit.batch.garments import STRONGER
+from tests.conftest import STILL
 from tests.repository import PACKAGES, ROOT
 
 HANGTIME = """#!/bin/sh
@@ -99,3 +101,64 @@ def test_each_take_of_the_appliances_demo_has_a_recording_of_its_own() -> None:
     shown = re.findall(r"^start_daemon (\w+)$", script, re.MULTILINE)
     assert sorted(name for name, _, _ in made) == sorted(shown)
     assert len({(motion, seed) for _, motion, seed in made}) == len(shown) == 4
+
+
+STAND_IN = r"""#!/bin/sh
+# Answers as `hangtime` does, without a sensor and without a night of fits.
+case "$1 $2" in
+    "sensor synthesise") mkdir -p "$3" && touch "$3/$5.oni" "$3/rig.toml" "$3/garment.toml" ;;
+    daemon*) exec 3<>demo/appliance/button && exec /bin/sleep 60 ;;
+    "status --json") echo '  "state": "armed",' ;;
+    batch*)
+        mkdir -p demo/appliance/results/diagnoses && cd demo/appliance/results && echo "the page" >morning.txt
+        [ -z "$VERDICT" ] || printf '{\n  "verdict": "%s",\n  "x": 1\n}\n' "$VERDICT" >diagnoses/k.json
+        exit "$ENDED" ;;
+esac
+"""
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ended", "status", "said"),
+    [
+        ("effect", 0, 0, "the night named what the simulation lacks (verdict: effect)"),
+        ("inconclusive", 0, 0, "the night said what it could not tell, and why (verdict: inconclusive)"),
+        ("none", 0, 1, "the night found no gap, though drag of air is in the recordings"),
+        ("", 0, 1, "the night diagnosed nothing; the page says why"),
+        ("effect", 3, 1, "the night left something undone; the page names it"),
+        ("", 75, 75, "the night: every take is fitted"),
+    ],
+)
+def test_the_appliances_demo_ends_with_0_only_after_a_night_with_a_verdict(
+    tmp_path: Path, verdict: str, ended: int, status: int, said: str
+) -> None:
+    """The real script, before a stand-in for `hangtime` and a `sleep` that is over at once."""
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts/demo-appliance", tmp_path / "scripts")
+    for name, text in {"hangtime": STAND_IN, "sleep": "#!/bin/sh\nexec /bin/sleep 0.01\n"}.items():
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    done = subprocess.run(
+        [tmp_path / "scripts/demo-appliance"], capture_output=True, text=True, check=False, timeout=STILL,
+        env=os.environ | {
+            "PATH": f"{tmp_path}:{os.environ['PATH']}", "HANGTIME_DEMO_COMMAND": str(tmp_path / "hangtime"),
+            "VERDICT": verdict, "ENDED": str(ended),
+        },
+    )  # fmt: skip
+    assert said in done.stdout + done.stderr
+    assert done.returncode == status, done.stdout + done.stderr
+
+
+def test_the_nightly_runs_both_demos_afresh_and_names_the_broken_one(tmp_path: Path) -> None:
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts/nightly", tmp_path / "scripts")
+    for name in ("test", "fuzz", "mutants", "demo", "demo-appliance"):
+        (tmp_path / "scripts" / name).write_text(f'#!/bin/sh\necho "{name} $*" >>calls\n')
+        (tmp_path / "scripts" / name).chmod(0o755)
+    whole = subprocess.run([tmp_path / "scripts/nightly"], capture_output=True, text=True, check=False)
+    assert whole.returncode == 0, whole.stderr
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert calls.count("demo --fresh") == calls.count("demo-appliance --fresh") == 1
+    (tmp_path / "scripts/demo-appliance").write_text("#!/bin/sh\nexit 1\n")
+    broken = subprocess.run([tmp_path / "scripts/nightly"], capture_output=True, text=True, check=False)
+    assert broken.returncode == 1
+    assert "nightly: failed: scripts/demo-appliance --fresh" in broken.stderr

@@ -162,7 +162,7 @@ def batch_command(
     from fit.batch.ending import ending_of
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store, try_writing
-    from fit.batch.summary import as_facts, lines_of, rows_of, sentence_of, write_summary
+    from fit.batch.summary import as_facts, lines_of, rows_of, said_once, sentence_of, write_summary
     from fit.folders import make_folder
     from fit.identification.calibrate import TOO_SHORT
     from fit.identification.request import Plan
@@ -231,6 +231,8 @@ def batch_command(
     tell(f"{sentence_of(rows)}\nSummary: {plain(shown)}", summary=shown, takes=as_facts(rows))
     if morning is not None:
         page = results.path("morning.html") or f"{results.url}/morning.html"
+        for line in said_once(morning.left_out):
+            say(line)
         for who, what in needs:
             say(f"{plain(who)}: {plain(what)}")
         tell(
@@ -238,6 +240,7 @@ def batch_command(
             morning=str(page),
             headline=morning.headline,
             needs=[{"who": who, "what": what} for who, what in needs],
+            left_out=[{"take": take, "why": why} for take, why in morning.left_out],
         )
     if is_interrupted:
         say("Interrupted; the same command continues.")

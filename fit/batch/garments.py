@@ -8,7 +8,8 @@ A diagnosis fits to some motions and judges on another one of the same garment. 
   the share of the error that a fit to this kind removes (`ERROR_REMOVED`).
 
 Takes whose hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
-One take that is too short would end the diagnosis of all, so it is left out as well.
+One take that is too short would end the diagnosis of all, so it is left out as well. So would two takes that share
+frames of one recording, such as a take and a cut or filtered copy of it. The longer one stays.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from fit.batch.jobs import DiagnosisJob, diagnosis_key, diagnosis_name, failure_name, report_name
 from fit.batch.kept import has_diagnosis, known_outcome
@@ -28,6 +30,9 @@ from formats.archive import take_of
 from formats.findings import SHORTEST_DIAGNOSED
 from formats.garment import Garment
 from formats.motion import kind_of, reach_of
+
+if TYPE_CHECKING:
+    from fit.recordings.copies import Track
 
 # Fits of the skirt remove this share of the mean error on motion of each kind. Source: `benchmarks/skirt.py`, with
 # 72 to 85 % on swings, 60 % on mixed motion, and 10 to 40 % on twists. The two other kinds were not measured; they bend
@@ -50,6 +55,7 @@ class Seen:
     - `is_calibrated`: whether its rig was
     - `damage`: the take's missing parts and damage, with the next step; '' for a whole take
     - `copy_of`: name of an earlier file with the same recording; '' without one
+    - `twin_of`: name of a take that holds frames of the same recording, and stays; '' without one
     """
 
     name: str
@@ -60,12 +66,15 @@ class Seen:
     is_calibrated: bool
     damage: str = ""
     copy_of: str = ""
+    twin_of: str = ""
 
     @property
     def why_left_out(self) -> str:
         """The reason why a diagnosis leaves this take out; '' for a take that can be used."""
         if self.copy_of:
             return f"{self.copy_of} is the same recording"
+        if self.twin_of:
+            return f"it holds frames of the recording that {self.twin_of} holds"
         if not self.is_calibrated:
             return "its rig was never calibrated"
         if self.kind == "still":
@@ -81,7 +90,7 @@ class Seen:
 class Wardrobe:
     """A garment with its takes, split into fitted and held-out ones, or the reason why it cannot be diagnosed.
 
-    copies: files whose recording an earlier file contains, such as recovered files; they are not among `takes`
+    copies: files whose recording another file contains, such as recovered and cut files; they are not among `takes`
     """
 
     name: str
@@ -146,14 +155,16 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
     """Return the garments of the takes that were fitted, in the order in which they first appear.
 
     A take whose recording an earlier file contains, such as a recovered file, is left out, as it adds no information.
+    So is the shorter one of two takes of a garment that share frames.
 
     Raises:
         BatchError, UnreachableError: a take cannot be read any more.
     """
+    from fit.recordings.copies import Track
     from fit.recordings.intact import damage_of
     from fit.recordings.selection import content_of
 
-    by_garment: list[tuple[Garment, list[Seen]]] = []
+    by_garment: list[tuple[Garment, list[tuple[Seen, Track]]]] = []
     first_of: dict[str, str] = {}  # the first file by its digest, and by the content of its take
     for row in rows:
         if row.state not in ("fitted", "known"):
@@ -171,17 +182,36 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
         )  # fmt: skip
         same = next((others for garment, others in by_garment if garment.as_meant == take.garment.as_meant), None)
         if same is None:
-            by_garment.append((take.garment, [seen]))
+            by_garment.append((take.garment, [(seen, Track(take))]))
         else:
-            same.append(seen)
+            same.append((seen, Track(take)))
     names = _distinct([garment.name for garment, _ in by_garment])
-    return [
-        replace(
-            wardrobe_of(name, [take for take in seen if not take.copy_of]),
-            copies=tuple(take for take in seen if take.copy_of),
-        )
-        for name, (_, seen) in zip(names, by_garment, strict=True)
-    ]
+    return [_wardrobe(name, twins_named(pairs)) for name, (_, pairs) in zip(names, by_garment, strict=True)]
+
+
+def twins_named(pairs: Sequence[tuple[Seen, Track]]) -> list[Seen]:
+    """Return a garment's takes, in their order; each that shares frames with a longer or earlier one names that one."""
+    from fit.recordings.copies import are_copies
+
+    staying: list[tuple[Seen, Track]] = []
+    twin_of: dict[str, str] = {}
+    for seen, track in sorted(pairs, key=lambda pair: -pair[0].seconds):
+        if seen.why_left_out:
+            continue
+        twin = next((other for other, its in staying if are_copies(its, track)), None)
+        if twin is None:
+            staying.append((seen, track))
+        else:
+            twin_of[seen.name] = short_name(twin.name)
+    return [replace(seen, twin_of=twin_of.get(seen.name, "")) for seen, _ in pairs]
+
+
+def _wardrobe(name: str, every: Sequence[Seen]) -> Wardrobe:
+    """Return a garment's takes without copies and twins; a twin is named where too few takes are left."""
+    copies = tuple(take for take in every if take.copy_of or take.twin_of)
+    made = wardrobe_of(name, [take for take in every if take not in copies])
+    twins = [f"{short_name(take.name)} is left out: {take.why_left_out}" for take in copies if take.twin_of]
+    return replace(made, copies=copies, missing="; ".join([made.missing, *twins]) if made.missing else "")
 
 
 def diagnoses_of(

@@ -96,6 +96,11 @@ class Morning:
     findings: tuple[Finding, ...]
     takes: tuple[TakeLine, ...]
 
+    @property
+    def left_out(self) -> tuple[tuple[str, str], ...]:
+        """The takes that no diagnosis uses, each with the sentence that says why."""
+        return tuple((take.take, take.why_left_out) for take in self.takes if take.why_left_out)
+
 
 def morning_of(
     rows: Sequence[Row], every: Sequence[Wardrobe], diagnoses: Survey, results: Store, *, made: datetime | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -130,19 +130,26 @@ def lines_of(rows: Sequence[Row], needs: Collection[tuple[str, str]] = ()) -> li
 
     needs: takes and sentences that the run says elsewhere
     """
-    takes: dict[str, list[str]] = {}
+    said: list[tuple[str, str]] = []
     before = 0
     for row in rows:
         left = [remark for remark in row.own_remarks if (short_name(row.take), remark) not in needs]
         if row.state == "known":
             before += bool(left)
             continue
-        for remark in left:
-            takes.setdefault(remark, []).append(row.take)
-    lines = [f"{plain(_few(names))}: {plain(remark)}" for remark, names in takes.items()]
+        said += [(row.take, remark) for remark in left]
+    lines = said_once(said)
     if before:
         lines.append(f"{counted(before, 'take')} fitted before: the summary has the remarks again.")
     return lines
+
+
+def said_once(remarks: Iterable[tuple[str, str]]) -> list[str]:
+    """Return lines of takes and what is said of them: each sentence once, behind the takes that it is about."""
+    takes: dict[str, list[str]] = {}
+    for take, remark in remarks:
+        takes.setdefault(remark, []).append(take)
+    return [f"{plain(_few(names))}: {plain(remark)}" for remark, names in takes.items()]
 
 
 def _few(names: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import pytest
@@ -14,7 +15,8 @@ from fit.batch.runner import survey
 from fit.batch.store import open_store
 from fit.batch.summary import rows_of
 from fit.identification.request import Plan
-from formats.archive import write_take
+from fit.recordings.intact import FRAME_FIELDS
+from formats.archive import read_take, write_take
 from formats.results import result_bytes
 from tests.fit.batch.night import SHORT
 from tests.fit.batch.test_night_of_diagnoses import a_take
@@ -35,16 +37,32 @@ class Night:
         for name in names:
             amplitude, sideways = (0.0, 0.2) if name == "side" else (0.06, 0.0)
             write_take(folder / f"takes/{name}.mcap", a_take(name, amplitude=amplitude, sideways=sideways))
-        for job in survey(self.takes, self.results, PLAN).jobs if names else ():
-            keep(self.results, result_name(job.key), result_bytes(fit_result(), folder / "k"))
+        if names:
+            self.keep_fits()
         for name in to_fit:
             write_take(folder / f"takes/{name}.mcap", a_take(name))
 
-    def diagnosis_key(self):
-        """The key of the only garment's diagnosis."""
+    def keep_fits(self):
+        """Keep a fit of every take."""
+        for job in survey(self.takes, self.results, PLAN).jobs:
+            keep(self.results, result_name(job.key), result_bytes(fit_result(), self.folder / "k"))
+
+    def add_part_of(self, take, name, frames):
+        """Add frames of a take as another take, which is fitted."""
+        whole = read_take(self.folder / f"takes/{take}.mcap")
+        part = {name: array[frames] for name in FRAME_FIELDS if (array := getattr(whole, name)) is not None}
+        write_take(self.folder / f"takes/{name}.mcap", dataclasses.replace(whole, take_id=name, **part))
+        self.keep_fits()
+
+    def diagnoses(self):
+        """The diagnoses to make."""
         found = survey(self.takes, self.results, PLAN)
         every = wardrobes(rows_of(found, self.results), found, self.takes)
-        return diagnoses_of(every, self.takes, self.results, 0).jobs[0].key
+        return diagnoses_of(every, self.takes, self.results, 0).jobs
+
+    def diagnosis_key(self):
+        """The key of the only garment's diagnosis."""
+        return self.diagnoses()[0].key
 
     def run(self, *words):
         workers = () if "--scheduler" in words else ("--workers", 1)
@@ -81,6 +99,33 @@ def test_a_night_with_a_diagnosis_that_failed_ends_with_its_own_status_and_the_m
     keep(night.results, report_name(key), b"<html></html>")
     keep(night.results, diagnosis_name(key), result_bytes(diagnosis(), tmp_path / "k"))
     assert night.run("--diagnose").returncode == 0
+
+
+@pytest.mark.parametrize("name", ["a", "z"])
+def test_a_twin_of_a_take_is_left_out_with_a_note_that_names_both_and_the_garment_is_diagnosed(tmp_path, name):
+    """The last 80 of a take's 90 frames as another take, before it and behind it in the order of names."""
+    night = Night(tmp_path, "front", "side")
+    night.add_part_of("front", name, slice(10, None))
+    (job,) = night.diagnoses()
+    assert (job.training, job.held_out) == (("front.mcap",), ("side.mcap",))
+    keep(night.results, report_name(job.key), b"<html></html>")
+    keep(night.results, diagnosis_name(job.key), result_bytes(diagnosis(), tmp_path / "k"))
+    done = night.run("--diagnose", "--json")
+    assert done.returncode == 0, done.stderr
+    why = "Left out of the diagnosis: it holds frames of the recording that front.mcap holds."
+    assert json.loads(done.stdout)["left_out"] == [{"take": f"{name}.mcap", "why": why}]
+    assert f"{name}.mcap: {why}\n" in done.stderr
+    assert why in (tmp_path / "out/morning.html").read_text()
+    assert why in (tmp_path / "out/morning.txt").read_text()
+
+
+def test_a_garment_whose_twins_leave_too_few_takes_names_them(tmp_path):
+    night = Night(tmp_path, "front")
+    night.add_part_of("front", "cut", slice(10, None))
+    (need,) = json.loads(night.run("--diagnose", "--json").stdout)["needs"]
+    assert need["what"].startswith("Not diagnosed: its only take moves face-on")
+    twin = "cut.mcap is left out: it holds frames of the recording that front.mcap holds."
+    assert need["what"].endswith(f"; {twin}")
 
 
 def test_a_take_that_failed_is_told_once_with_and_without_the_morning_page(tmp_path):

@@ -13,8 +13,8 @@ from typing import TypeVar
 from fit.batch.jobs import Outcome, diagnosis_name, digest_of, report_name, result_name
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
+from fit.identification.read_again import diagnosed_from, fit_from
 from formats.errors import NewerFormatError, ResultError
-from formats.results import diagnosis_from, fit_result_from
 
 Kept = TypeVar("Kept")
 
@@ -118,7 +118,7 @@ def has_fit(results: Store, key: str) -> bool:
         UnreachableError: the results cannot be reached now.
     """
     name = result_name(key)
-    return results.has(name) and _holds(lambda: kept(results, name, fit_result_from))
+    return results.has(name) and _holds(lambda: kept(results, name, fit_from))
 
 
 def has_diagnosis(results: Store, key: str) -> bool:
@@ -129,7 +129,7 @@ def has_diagnosis(results: Store, key: str) -> bool:
         UnreachableError: the results cannot be reached now.
     """
     name = diagnosis_name(key)
-    return results.has(name) and _holds(lambda: (kept(results, name, diagnosis_from), sound(results, report_name(key))))
+    return results.has(name) and _holds(lambda: (kept(results, name, diagnosed_from), sound(results, report_name(key))))
 
 
 def _holds(read: Callable[[], object]) -> bool:

@@ -14,10 +14,10 @@ from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.batch.summary import STATE_WORDS, UNDONE, Row, sentence_of, short_name
 from fit.errors import BatchError, UnreachableError
+from fit.identification.read_again import diagnosed_from
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.plain_text import counted
-from formats.results import diagnosis_from
 
 UNDECIDED = "inconclusive"  # a verdict: the takes cannot decide
 # The advice to a person on each verdict, if the diagnosis proposes no next recording.
@@ -191,7 +191,7 @@ def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
     if outcome.state != "diagnosed":
         return Finding(wardrobe=one, state=outcome.state, sentence=outcome.sentence)
     try:
-        found: Diagnosis = kept(results, diagnosis_name(key), diagnosis_from)
+        found: Diagnosis = kept(results, diagnosis_name(key), diagnosed_from)
     except UnreachableError:
         raise
     except (ResultError, BatchError) as error:

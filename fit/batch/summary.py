@@ -18,6 +18,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
+from fit.identification.read_again import fit_from
 from fit.identification.request import Plan
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
@@ -25,7 +26,6 @@ from formats.errors import ResultError
 from formats.figures import without_noise
 from formats.fit_records import AT_BOUND, FitParameter, FitResult, warnings_in
 from formats.plain_text import counted, plain
-from formats.results import fit_result_from
 from formats.rows import csv_text
 
 DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
@@ -96,7 +96,7 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
         result = None
         if state in ("fitted", "known"):
             try:
-                result = kept(results, result_name(key), fit_result_from)
+                result = kept(results, result_name(key), fit_from)
             except UnreachableError:
                 raise
             except (ResultError, BatchError) as error:

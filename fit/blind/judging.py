@@ -29,6 +29,7 @@ import msgspec
 
 from fit.blind.cases import Kind, Look, Truth
 from fit.blind.classifier import features_of
+from fit.blind.plants import PLANTS
 from fit.blind.rates import brier
 from fit.blind.running import DIAGNOSIS
 from formats.diagnosis_records import Diagnosis, EffectFinding
@@ -38,6 +39,7 @@ from formats.results import load_diagnosis
 BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable amplitude
 BIN_EDGES = (0.5, 1.0, 2.0, 4.0)  # times the minimum detectable amplitude; our choice: doublings
 CONFIDENT = 0.8  # probability from which a name counts as confident; our choice: as the verdict's `SURE`
+PLANTED_UNITS = {plant.id: plant.unit for plant in PLANTS}  # of the effects' amplitudes
 NAMING = frozenset({"effect", "ambiguous", "several"})
 
 
@@ -83,11 +85,12 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def answer_of(answers: Path, case: str) -> Diagnosis | None:
-    """Return the diagnosis of a case; None if it is missing or unreadable."""
+    """Return the diagnosis of a case; None if it is missing or unreadable, or has an effect in another unit."""
     try:
-        return load_diagnosis(answers / case / DIAGNOSIS)
+        said = load_diagnosis(answers / case / DIAGNOSIS)
     except ResultError:
         return None
+    return said if all(f.unit == PLANTED_UNITS.get(f.id, f.unit) for f in said.effects) else None
 
 
 def named_by(said: Diagnosis | None) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import msgspec
 import pytest
+from msgspec.structs import replace as replace_fields
 
 from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_name
 from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
@@ -110,6 +111,20 @@ def test_a_result_of_another_take_under_this_name_is_made_again(night):
     for suffix in ("", CHECKSUM_SUFFIX):
         results.write(result_name(key) + suffix, results.read(result_name("other") + suffix))
     assert state_of(night) == "waiting"
+
+
+def test_a_result_with_a_number_of_another_unit_is_made_again_though_its_checksum_fits(night):
+    """As every command refuses it: a parameter of the fit, an effect of the diagnosis."""
+    _, results = night
+    (key,) = survey(*night, PLAN).keys.values()
+    fit, found = fit_result(), diagnosis()
+    odd = [replace_fields(fit.parameters[0], unit="kN/m"), *fit.parameters[1:]]
+    keep(results, result_name(key), result_bytes(replace_fields(fit, parameters=odd), results.path("k")))
+    assert state_of(night) == "waiting"
+    other = [replace_fields(found.effects[0], unit="N"), *found.effects[1:]]
+    keep(results, diagnosis_name("k"), result_bytes(replace_fields(found, effects=other), results.path("k")))
+    keep(results, report_name("k"), b"<html>whole</html>")
+    assert not has_diagnosis(results, "k")
 
 
 def test_a_checksum_is_one_that_sha256sum_checks(night):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fit.blind.foreign.engines import OWN_GENERATOR
+from fit.blind.judging import PLANTED_UNITS
 from fit.blind.making import open_labels
 from formats.diagnosis_records import Cost, Diagnosis, EffectFinding, Figure, Gap, Where, WhereBin
 from formats.results import save_diagnosis
@@ -15,8 +16,8 @@ PLANTED = OWN_GENERATOR.plants(["hem", "time_offset"])
 def finding(name, amplitude=1.0, least=1.0, closure=0.5, **changes):
     low, high = sorted([0.9 * amplitude, 1.1 * amplitude])
     return EffectFinding(**{
-        "id": name, "group": name, "tested": True, "amplitude": amplitude, "unit": "1", "minimum_detectable": least,
-        "closure": Figure(value=closure), "amplitude_interval": (low, high), **changes,
+        "id": name, "group": name, "tested": True, "amplitude": amplitude, "unit": PLANTED_UNITS.get(name, "1"),
+        "minimum_detectable": least, "closure": Figure(value=closure), "amplitude_interval": (low, high), **changes,
     })  # fmt: skip
 
 

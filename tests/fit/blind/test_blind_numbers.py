@@ -18,8 +18,10 @@ from fit.blind.judging import Judged, conditions_of, judge, named_by
 from fit.blind.making import open_labels
 from fit.blind.page import _marks
 from fit.blind.plants import PLANTS, Planted, with_plants
+from fit.blind.running import DIAGNOSIS
 from fit.blind.scoring import rates_of, summarise
 from fit.errors import BlowUpError
+from formats.results import save_diagnosis
 from tests.fit.blind.blind_answers import NUMBERS, diagnosis, finding
 from tests.fit.blind.test_blind_foreign import outside
 from tests.fit.here import hangtime_here
@@ -142,6 +144,15 @@ def test_a_true_amplitude_is_covered_between_both_ends_of_the_interval(monkeypat
     found = judge(truth, tmp_path)
     assert found.amplitude_covered == is_covered
     assert found.amplitude_error == pytest.approx(abs(share - 1.0))
+
+
+@pytest.mark.parametrize(("unit", "verdict"), [("s", "effect"), ("ms", "inconclusive")])
+def test_an_answer_in_another_unit_than_the_effects_counts_as_none(tmp_path, unit, verdict):
+    lag = next(plant for plant in PLANTS if plant.id == "filter_lag")
+    truth = draw_truth("a", "single", (lag,), (1, 2))
+    said = diagnosis("effect", ["filter_lag"], [finding("filter_lag", truth.planted[0].amplitude, 0.01, unit=unit)])
+    save_diagnosis(tmp_path / "a" / DIAGNOSIS, said)
+    assert judge(truth, tmp_path).verdict == verdict
 
 
 def test_the_swatch_of_a_case_has_its_planted_cloth_and_a_point_in_its_middle():

@@ -77,6 +77,9 @@ def test_the_python_interface_refuses_the_same(fitted, keys, value, says):
     [
         (("effects", 0, "unit"), "N", "effects[0].unit: air_drag is in N, and Hangtime has it in 1; diagnose again"),
         (("effects", 0, "closure", "value"), 0.5, "effects[0].closure.value is 0.5, outside its own interval of 0.79"),
+        (("effects", 0, "amplitude"), 9.0, "effects[0].amplitude is 9, outside its own interval of "),
+        (("gap", "base_mm", "value"), 900.0, "gap.base_mm.value is 900, outside its own interval of "),
+        (("gap", "with_effect_mm", "value"), 0.001, "gap.with_effect_mm.value is 0.001, outside its own interval of "),
         (
             ("effects", 0, "amplitude_interval"),
             [2, 1],

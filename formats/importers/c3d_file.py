@@ -23,8 +23,10 @@ from formats.importers.c3d_blocks import (
 from formats.importers.c3d_doubled import FrameBytes, refuse_doubled_bytes
 from formats.importers.c3d_header import first_of
 from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
+from formats.importers.c3d_moved_frames import warning_of_moved_frames
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
 from formats.importers.c3d_shifts import refuse_shifted_frames
+from formats.importers.c3d_wraps import remove_wrapped
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.missing_values import (
@@ -123,9 +125,12 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         remove_missing_value_codes(positions, scale, frame_of),
     ]
     warnings.append(remove_blocks(positions, blocks, kind, layout.width, others))
+    if not layout.is_float:
+        warnings.append(remove_wrapped(positions, scale * abs(header.scale), labels, frame_of))
     warnings += [
         warning_of_incomplete(gaps.lacking, time, labels, frame_of),
         remove_jumps(time, positions, labels, frame_of),
+        warning_of_moved_frames(positions, rate, frame_of),
     ]
     warnings.append(warning_of_zeros(gaps.zeros, positions, labels, frame_of))
     return MarkerTracks(

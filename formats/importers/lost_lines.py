@@ -22,6 +22,7 @@ import numpy as np
 from formats.arrays import Booleans, Floats
 from formats.importers.broken_numbers import POSITIONS_AROUND
 from formats.importers.path_outliers import straight_lines
+from formats.importers.stated_values import missing_frames
 
 MOST_HOLES = 3  # of a file; our choice: more are gaps that a program left
 FEWEST_TIMES = 10  # our choice: fewer do not show the interval of frames
@@ -56,7 +57,7 @@ def remove_joined_lines(first: Floats, time: Floats, positions: Floats, line: Ca
     joined = [at for at in seen if not _goes_on(time, positions, at, holes)]
     positions[joined] = np.nan
     lacks = (
-        _missing(int(first[at]) + 1, int(first[at + 1]) - 1)
+        missing_frames(int(first[at]) + 1, int(first[at + 1]) - 1)
         if are_numbered and is_hole[at]
         else f"{steps[at] - usual:.3g} s are"
         for at in holes
@@ -122,8 +123,3 @@ def _goes_on(time: Floats, positions: Floats, at: int, holes: list[int]) -> bool
     is_led = np.isfinite(off[own]) & (np.isfinite(others).sum(0) >= FEWEST_DEVIATIONS)
     usual = np.fmax.reduce(others[:, is_led], initial=0.0)
     return bool(is_led.any() and (off[own, is_led] <= FARTHER * usual).all())
-
-
-def _missing(begin: int, end: int) -> str:
-    """Return missing frame numbers in words, from the first to the last."""
-    return f"frame {begin} is" if begin == end else f"frames {begin} to {end} are"

@@ -81,7 +81,7 @@ def _trc(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted) -
     body = rows[4 if rows[4][0].strip().isdigit() else 5 :]  # some programs leave out the line of X1, Y1, Z1
     metres = metres_of(stated.get("units", ""), unit, path)
     count_of_frames = whole_number(stated.get("numframes", ""), "number of frames", path, len(body))
-    warning = warning_of_count(len(body), count_of_frames, wanted.frames, path)
+    warning = warning_of_count(body, count_of_frames, wanted.frames, path)
     table = Table(2 + 3 * count, range(2, 2 + 3 * count, 3), names, metres, lambda first: first[:, 1])
     frames = read_frames(body, table, path, wanted)
     rate = rate_beside_times(stated.get("datarate", ""))
@@ -181,7 +181,7 @@ def _motive(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wanted
     body = rows[begin + 1 :]
     total = stated.get("total exported frames", "")
     count = whole_number(total, "number of frames", path, len(body)) if total.strip() else len(body)
-    warning = warning_of_count(len(body), count, wanted.frames, path)
+    warning = warning_of_count(body, count, wanted.frames, path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     labels = [cell_at(names, k, as_is=True) for k in at]
     frames = read_frames(body, Table(len(axes), at, labels, metres, lambda first: first[:, 1]), path, wanted)

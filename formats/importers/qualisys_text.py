@@ -74,7 +74,8 @@ def read_qualisys(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: 
     while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
         end -= 1
     body = body[:end]
-    warning = warning_of_count(end, count_of_frames, wanted.frames, path)
+    are_numbered = clock_cells[:1] == (NUMBER_TITLE,)
+    warning = warning_of_count(body, count_of_frames, wanted.frames, path, are_numbered=are_numbered)
     begin = len(clock_cells)
 
     def clock(first: Floats) -> Floats:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
+from formats.importers.marker_lines import Rows
 from formats.importers.number_cells import CELL_SHOWN, DECIMALS, is_number, number_of, with_point
-from formats.plain_text import counted
+from formats.plain_text import MOST_LISTED, counted, first_few
 from formats.plausible import USABLE_RATES
 
 # The next step for a file that holds fewer frames than it states. A program that shortens a recording may leave the
@@ -82,21 +83,51 @@ def rate_beside_times(cell: str) -> float | None:
     return rate if rate > 0 else None
 
 
-def warning_of_count(found: int, stated: int, wanted: int | None, path: Path) -> str:
+def warning_of_count(rows: Rows, stated: int, wanted: int | None, path: Path, *, are_numbered: bool = True) -> str:
     """Return a warning of a file with more frames than it states, '' where no further frame is wanted.
 
     Programs that cut or join recordings may leave the old count. All wanted frames in the file are read.
 
+    - `rows`: the frames' lines; `are_numbered`: they begin with the frame's number
+
     Raises:
         TakeError: the file holds fewer frames than it states.
     """
+    found = len(rows)
     read = found if wanted is None else min(wanted, found)
     if read > stated:
         which = "all of them" if read == found else f"the first {read}"
         return f"the file states {counted(stated, 'frame')} and holds {found}; {which} were read"
     if found < stated:
+        if are_numbered and (lost := _lost_within(rows, stated - found)):
+            raise TakeError(
+                f"holds {found} of the {stated} frames that it states: {lost}", where=path,
+                advice="copy or export the file again",
+            )  # fmt: skip
         raise TakeError(
             f"holds {found} of the {stated} frames that it states", where=path,
             advice=FEWER_FRAMES,
         )  # fmt: skip
     return ""
+
+
+def _lost_within(rows: Rows, count: int) -> str:
+    """Return which `count` frames are missing between which lines, by their numbers; '' where these show others."""
+    try:
+        numbers = np.array([int(line.partition(rows.separator)[0].strip(' "')) for line in rows.lines], float)
+    except ValueError:  # a cell that holds no whole number
+        return ""
+    lost = np.diff(numbers) - 1
+    holes = np.flatnonzero(lost).tolist()
+    if not holes or (lost < 0).any() or lost.sum() != count:
+        return ""
+    each = [
+        f"{missing_frames(int(numbers[at]) + 1, int(numbers[at + 1]) - 1)} missing behind line {rows.numbers[at]}"
+        for at in holes[:MOST_LISTED]
+    ]
+    return first_few(each, len(holes))
+
+
+def missing_frames(begin: int, end: int) -> str:
+    """Return missing frame numbers in words, from the first to the last."""
+    return f"frame {begin} is" if begin == end else f"frames {begin} to {end} are"

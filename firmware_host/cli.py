@@ -116,6 +116,9 @@ def synthesise(
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
     ] = None,
     seconds: Seconds = 8.0,  # s; our choice: rest at both ends, and some swings between
+    rest: Annotated[
+        float, typer.Option("--rest", metavar="SECONDS", min=0.0, help="Seconds at rest before the hand begins.")
+    ] = 1.0,  # s; as `firmware_host.synthetic.motion.START`
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
     fabric: Annotated[
@@ -133,7 +136,7 @@ def synthesise(
     paths = make_recording(
         out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
         garment=garment, fabric=fabric, progress=lambda stage, share: progress.show(share, stage),
-        overwrite=overwrite,
+        overwrite=overwrite, rest=rest,
     )  # fmt: skip
     progress.end()
     tell("\n".join(map(str, paths)), files=list(map(str, paths)))

@@ -83,12 +83,14 @@ def test_the_appliances_demo_shows_three_strengths_of_one_motion_wherever_its_ta
     """A busy machine starts a take up to 5 s later; the night then found two strengths and nothing to judge on."""
     script = (ROOT / "scripts/demo-appliance").read_text()
     recordings = re.findall(r"^synthesise (gentle|swing|mixed) (\w+) (\d+) (\d+)$", script, re.MULTILINE)
+    (rest,) = map(float, re.findall(r"--rest (\S+)", script))
+    assert re.findall(r"^take (\d+)$", script, re.MULTILINE) == ["10"] * 3  # and 2 s before the press
     reaches = {}
     for name, motion, length, seed in recordings:
         seconds = float(length)
         time = np.arange(0.0, seconds, 1 / 30)
-        moved = hanger_pose(motion, time, int(seed), seconds).displacement
-        shown = [moved[(time >= begin) & (time <= begin + 10.0)] for begin in np.arange(0.0, 5.0, 0.25)]
+        moved = hanger_pose(motion, time, int(seed), seconds, rest).displacement
+        shown = [moved[(time >= begin) & (time <= begin + 12.0)] for begin in np.arange(0.0, 5.0, 0.25)]
         reaches[name] = [math.hypot(*part.std(axis=0)) for part in shown]
     for weaker, stronger in (("gentle", "swing"), ("swing", "mixed")):
         assert min(reaches[stronger]) > STRONGER * max(reaches[weaker])

@@ -16,6 +16,7 @@ from formats.arrays import Floats
 # s. Our choice: a second at rest shows the first shape, and a hand starts and stops within half a swing. Half and
 # double were not tried.
 START, RAMP = 1.0, 0.5
+SHORTEST_MOVING = 1.0  # s; our choice: half a swing of the slowest motion, 0.5 Hz
 STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s; our choice: a third is left in which the swing decays
 # m, root mean square of the jitter. Our choice: below a pixel at 1.6 m, 2.8 mm. It was not measured, and half and
 # double were not tried.
@@ -55,8 +56,10 @@ HANGER_MOTIONS: dict[str, tuple[Sine, ...]] = {
 }  # fmt: skip
 
 
-def hanger_pose(motion: str, time: Floats, seed: int, seconds: float) -> HangerPose:
+def hanger_pose(motion: str, time: Floats, seed: int, seconds: float, rest: float = START) -> HangerPose:
     """Return the hanger's pose of a named motion at times [s], (n,), in a recording of so many seconds.
+
+    rest: the seconds before the hand begins
 
     Raises:
         SensorAddressError: there is no such motion.
@@ -68,17 +71,17 @@ def hanger_pose(motion: str, time: Floats, seed: int, seconds: float) -> HangerP
             advice=f"choose one of {', '.join(sorted(HANGER_MOTIONS))}",
         )
     stop = STOP_SHARE * seconds
-    moving = stop - START
+    moving = stop - rest
     parts = {axis: np.zeros_like(time) for axis in ("x", "y", "z", "yaw", "roll")}
     for sine in HANGER_MOTIONS[motion]:
-        begin, end = START + sine.first * moving, START + sine.last * moving
+        begin, end = rest + sine.first * moving, rest + sine.last * moving
         parts[sine.axis] += sine.amplitude * np.sin(2 * np.pi * sine.hertz * (time - begin)) * _window(time, begin, end)
     rng = np.random.default_rng([seed, 77])
     for axis in ("x", "y", "z"):
         for _ in range(3):
             hertz, phase = rng.uniform(2, 4), rng.uniform(0, 2 * np.pi)
             wave = np.sin(2 * np.pi * hertz * time + phase)
-            parts[axis] += HAND_JITTER * np.sqrt(2 / 9) * wave * _window(time, START, stop)
+            parts[axis] += HAND_JITTER * np.sqrt(2 / 9) * wave * _window(time, rest, stop)
     return HangerPose(np.stack([parts["x"], parts["y"], parts["z"]], 1), parts["yaw"], parts["roll"])
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from firmware_host.errors import SensorAddressError
 from firmware_host.oni_writer import OniWriter
 from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.motion import START
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
@@ -23,7 +24,7 @@ def make_recording(
     # Seconds; our choice: as `hangtime sensor synthesise` has it
     seconds: float = 8.0, seed: int = 1, garment: str = "skirt", fabric: str = "plain",
     progress: Progress = lambda stage, share: None,
-    overwrite: bool = False,
+    overwrite: bool = False, rest: float = START,
 ) -> list[Path]:  # fmt: skip
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
@@ -49,7 +50,7 @@ def make_recording(
     with output_folder(out):
         world = make_world(
             motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,
-            progress=lambda stage, share: progress(stage, 0.3 * share),
+            rest=rest, progress=lambda stage, share: progress(stage, 0.3 * share),
         )  # fmt: skip
         partial = recording.with_name(recording.name + ".partial")
         meta = {
@@ -57,6 +58,7 @@ def make_recording(
             "effect": effect,
             "amplitude": TYPICAL[effect] if amplitude is None else amplitude,
             "seconds": seconds,
+            "rest": rest,
             "seed": seed,
             "garment": garment,
             "fabric": fabric,

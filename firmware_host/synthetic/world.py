@@ -19,7 +19,7 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import COLUMNS, ROWS, ClothPhysics, simulate
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.lengths import LONGEST_RECORDING, SHORTEST_RECORDING
-from firmware_host.synthetic.motion import hanger_pose
+from firmware_host.synthetic.motion import SHORTEST_MOVING, START, STOP_SHARE, hanger_pose
 from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.render import Renderer, View
 from firmware_host.synthetic.scene import CAMERA, FPS, HANGER_REST, Placement, demo_garment, place
@@ -129,11 +129,12 @@ class World:
 def make_world(
     *, motion: str, effect: str, amplitude: float | None, seconds: float, seed: int,
     progress: Progress = lambda stage, share: None, garment: Garment | None = None, fabric: str = PLAIN,
+    rest: float = START,
 ) -> World:  # fmt: skip
     """Simulate the demo's skirt, or another garment, under a named motion with a planted effect.
 
     The effect has an amplitude or, where none is given, its typical one. A garment that has physics of its own takes
-    the plain fabric alone.
+    the plain fabric alone. The hand begins after `rest` seconds.
 
     Raises:
         SensorAddressError: there is no such effect, motion or fabric, the garment takes no other fabric than the plain
@@ -155,6 +156,13 @@ def make_world(
             f"the synthetic world cannot last for {seconds:g} seconds",
             where="--seconds",
             advice=f"give {SHORTEST_RECORDING:g} to {LONGEST_RECORDING:g}",
+        )
+    longest_rest = max(STOP_SHARE * seconds - SHORTEST_MOVING, START)  # in the shortest worlds nothing moves
+    if not 0 <= rest <= longest_rest:
+        raise SensorAddressError(
+            f"the hand cannot rest for the first {rest:g} of {seconds:g} seconds",
+            where="--rest",
+            advice=f"give 0 to {longest_rest:g}, or a longer recording",
         )
     if not np.isfinite(size):
         raise SensorAddressError(
@@ -182,7 +190,7 @@ def make_world(
     rows, columns = NODES_OF_BODY.get(garment.kind, (ROWS, COLUMNS))
 
     def placed(times: Floats) -> Placement:
-        pose = hanger_pose(motion, times, seed, seconds)
+        pose = hanger_pose(motion, times, seed, seconds, rest)
         return place(pose.displacement, pose.yaw, pose.roll)
 
     seen = np.maximum(time - size, 0.0) if effect == "time_offset" else time

@@ -61,6 +61,27 @@ def test_a_hand_jitters_by_a_millimetre_and_rests_before_and_after():
     assert (hertz.min(), hertz.max()) == pytest.approx((2.94, 2.96), abs=1.06)
 
 
+@pytest.mark.parametrize("motion", sorted(HANGER_MOTIONS))
+def test_a_hand_that_rests_longer_stops_at_the_same_time(motion):
+    """From 3 s on, a recording that rests for 3 s has a second's sines later and in a shorter moving time."""
+    time = np.linspace(0, 12, 1201)
+    pose = hanger_pose(motion, time, seed=3, seconds=12.0, rest=3.0)
+    whole = np.column_stack([pose.displacement, pose.yaw, pose.roll])
+    assert not whole[(time <= 3.0) | (time >= 0.65 * 12)].any()
+    assert whole[(time > 3.0) & (time < 3.6)].any(axis=1).all()
+    first = next(sine for sine in HANGER_MOTIONS[motion] if sine.first == 0)
+    column = ["x", "y", "z", "yaw", "roll"].index(first.axis)
+    at = np.array([3.0 + 0.75 / first.hertz])
+    others = sum(
+        sine.amplitude * np.sin(2 * np.pi * sine.hertz * (at - 3.0 - sine.first * 4.8))
+        for sine in HANGER_MOTIONS[motion]
+        if sine.axis == first.axis and 3.0 + sine.first * 4.8 + 0.5 < at < 3.0 + sine.last * 4.8 - 0.3
+    )
+    found = hanger_pose(motion, at, seed=3, seconds=12.0, rest=3.0)
+    value = np.column_stack([found.displacement, found.yaw, found.roll])[0, column]
+    assert value == pytest.approx(float(others[0]), abs=MOST_JITTER)
+
+
 def test_the_ramps_are_quintic():
     """A quarter of the rise of 0.5 s: 0.25^3 (10 - 3.75 + 0.375) is 0.1035; of the fall of 0.3 s too."""
     time = np.array([1 + 0.125, 7.15 - 0.075])

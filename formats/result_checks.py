@@ -21,6 +21,7 @@ POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of eve
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
 DRAWN_ENDS = "tempering"  # its ends are quantiles of draws, and its value, the best draw, may lie outside
+NOMINAL = "thickness"  # where it is fitted, stiffnesses are at the nominal one, and not the material's
 ROUNDING = 1e-9  # relative: a bound goes through a logarithm and back, with an error of 1e-15
 SHARES = ("probability", "p_value", "share")  # fields that must be from 0 to 1
 LEAST_ZERO = ("mean_m", "max_m", "per_frame_m", "seconds")  # fields, or lists, that must not be below 0
@@ -67,9 +68,10 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
     for name, value in result.material.items():
         if _has_no_cloth(name, value):
             refuse(f"no cloth has {name} = {value:g}")
+    has_material = not (result.effects or any(p.name == NOMINAL for p in result.parameters))
     for parameter in result.parameters:
         stated = {"effects": result.effects.get(parameter.name)}
-        if not result.effects:  # an effect on the cloth changes its material
+        if has_material:  # an effect on the cloth changes its material
             stated["material"] = result.material.get(parameter.name)
         for field, other in stated.items():
             if other is not None and not _is_same(other, parameter.fitted):

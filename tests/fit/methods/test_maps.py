@@ -21,6 +21,9 @@ from fit.methods import (
     find_method,
 )
 from fit.methods.fabrics import FABRICS, find_fabric
+from formats.fit_records import FitParameter
+from formats.result_checks import check_result
+from tests.fit.report.report_scene import fit_result
 from tests.fit.scenes import sheet
 
 
@@ -39,6 +42,20 @@ def test_every_number_of_blenders_cloth_goes_to_its_own_term():
     assert columns(found, mat.MEMBRANE_TIME, mat.BENDING_TIME) == pytest.approx([5e-6, 2e-3])
     assert columns(found, mat.VELOCITY) == pytest.approx([0.02 * 4 / 0.4 - 25 * np.log(0.92)])
     assert sum(value != 0 for value in found.values()) == 7
+
+
+@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
+def test_a_fit_may_end_at_any_value_of_its_method(method):
+    """The check of a result compares the material with a parameter of the same name."""
+    share = np.linspace(0.3, 0.8, len(method.parameters))
+    parameters = [
+        FitParameter(name=p.name, unit=p.unit, initial=p.initial, minimum=p.minimum, maximum=p.maximum,
+                     fitted=p.minimum + one * (p.maximum - p.minimum))
+        for p, one in zip(method.parameters, share, strict=True)
+    ]  # fmt: skip
+    material = row(method, [p.fitted for p in parameters])
+    found = msgspec.structs.replace(fit_result(), method=method.name, parameters=parameters, effects={})
+    check_result(msgspec.structs.replace(found, material=material), "fit.json")
 
 
 def test_a_weighed_garment_has_mass_1():

@@ -112,14 +112,15 @@ def fit_command(
         ),
     ] = "",
     iterations: Annotated[
-        int,
+        int | None,
         typer.Option(
             "--iterations",
             min=1,
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares "
             "searches have none.",
+            show_default=str(PRINTED_ITERATIONS),
         ),
-    ] = PRINTED_ITERATIONS,
+    ] = None,
     gamma: Annotated[
         float | None,
         typer.Option(

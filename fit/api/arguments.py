@@ -16,7 +16,6 @@ from typing import Any, TypedDict, TypeVar, cast, get_type_hints
 import numpy as np
 
 from fit.errors import FitError
-from fit.search import PRINTED_ITERATIONS
 from formats.errors import HangtimeError, of_system
 
 # Options of the command line, without `--`, and the equivalent arguments.
@@ -38,7 +37,7 @@ class PlanOptions(TypedDict, total=False):
     effects: Sequence[str]
     bounds: Sequence[str]
     search: str
-    iterations: int
+    iterations: int | None
     gamma: float | None
     spacing: float | None
     seed: int
@@ -48,7 +47,7 @@ class PlanOptions(TypedDict, total=False):
 
 # The defaults of `fit.identification.request.Plan`, which is not imported before a call needs it.
 PLAN_DEFAULTS: Mapping[str, object] = {
-    "method": "si", "effects": (), "bounds": (), "search": "", "iterations": PRINTED_ITERATIONS,
+    "method": "si", "effects": (), "bounds": (), "search": "", "iterations": None,
     "gamma": None, "spacing": None, "seed": 0, "fabric": None, "engine": "own",
 }  # fmt: skip
 OF_A_SEARCH = {"search", "iterations", "gamma", "seed"}

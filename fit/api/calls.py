@@ -93,7 +93,7 @@ def fit(
     - `method`: the parameters to fit, as `--method`
     - `effects`: names of effects of which the size is fitted too, as `--effect`
     - `bounds`: NAME=LOW:HIGH, one text a parameter
-    - `search`, `iterations`, `gamma`, `seed`: of the search; an empty `search` is the method's own
+    - `search`, `iterations`, `gamma`, `seed`: of the search; an empty `search` is the method's own, None its default
     - `spacing`: of the mesh [m]; None is the method's own
     - `fabric`: start from the table values of this fabric
     - `engine`: the simulator, `own` or `blender`

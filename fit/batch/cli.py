@@ -123,14 +123,15 @@ def batch_command(
         str, typer.Option("--search", help="Search for the parameters.", show_default="the method's own")
     ] = "",
     iterations: Annotated[
-        int,
+        int | None,
         typer.Option(
             "--iterations",
             min=1,
             help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares searches "
             "have none.",
+            show_default=str(PRINTED_ITERATIONS),
         ),
-    ] = PRINTED_ITERATIONS,
+    ] = None,
     gamma: Annotated[
         float | None,
         typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="the method's own"),

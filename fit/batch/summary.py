@@ -241,7 +241,7 @@ def _spent(rows: Sequence[Row], plan: Plan) -> str:
 
 def _has_short_intervals(rows: Sequence[Row], plan: Plan) -> bool:
     """Return whether the page shows intervals that are known to be too short."""
-    return has_short_intervals(plan.search, plan.iterations) and any(row.result for row in rows)
+    return has_short_intervals(plan.search, plan.iterations or 0) and any(row.result for row in rows)
 
 
 def _line(row: Row, names: list[str]) -> dict[str, object]:

@@ -25,6 +25,7 @@ from fit.errors import FitError
 from fit.recordings.held_edge import place_along
 from formats.arrays import Floats, Indices, Integers
 from formats.garment import Garment
+from formats.meant_units import NEAR_A_RANGE
 
 # m; our choice: layers begin 40 mm apart, eight times the 5 mm that contact keeps them apart, and settle from there.
 # Half and double were not tried.
@@ -136,9 +137,10 @@ def check_mesh(garment: Garment, spacing: float, most: int = MOST_SIMULATED_NODE
         about = f"about {nodes:.0f}" if nodes < MOST_STATED_NODES else f"more than {MOST_STATED_NODES:.0f}"
         what += f", and gives it {about} nodes where {most} are the most"
     meant = [
-        f"{spacing * size:g} for {spacing:g} {unit}"
+        f"{in_metres:g} for {in_metres / size:g} {unit if round(in_metres / size, 9) != 1 else unit[:-1]}"
         for unit, size in SPACING_UNITS.items()
-        if finest <= spacing * size <= coarsest
+        for in_metres in [spacing * size if spacing > coarsest else spacing / size]  # a tiny one was converted twice
+        if max(finest, size) <= in_metres <= coarsest and not finest / NEAR_A_RANGE <= spacing < finest
     ]
     raise FitError(
         what, where=garment.name,

@@ -27,7 +27,6 @@ from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.fit_records import FitResult
 from formats.interrupts import held
-from formats.meant_units import UNITS
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
@@ -36,6 +35,7 @@ BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2", ".
 Show = Callable[[float, str], None]
 # m, from the thinnest foil to quilted wadding. Our choice: outside is a thickness in another unit.
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02
+THICKNESS_UNITS = (("millimetres", 1e-3), ("micrometres", 1e-6))  # m each; no ruler of inches shows a thickness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,7 +219,7 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
         raise out_of_range(
             order.thickness, LEAST_THICKNESS, MOST_THICKNESS, f"no fabric is {1e3 * order.thickness:g} mm thick",
-            where="--thickness", unit="m, as in 0.0005", units=UNITS[:1],  # no ruler of inches shows it
+            where="--thickness", unit="m, as in 0.0005", units=THICKNESS_UNITS,
         )  # fmt: skip
     check_spacing(order.spacing)
     _check_used(order, kind)

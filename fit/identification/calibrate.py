@@ -29,7 +29,7 @@ from fit.identification.combinations import describe_combinations
 from fit.identification.free_intervals import blocks_of, free_intervals
 from fit.identification.notes_on_values import notes_on_values
 from fit.identification.observed import begin_observed
-from fit.identification.request import Request, notes_on_gamma
+from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
 from fit.identification.trivial import describe_trivial, trivial_figures
 from fit.methods import distance as objective
@@ -41,8 +41,7 @@ from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
 from fit.runtime import one_thread_of_algebra
-from fit.search.annealing import AnnealingSettings
-from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
+from fit.search.choice import ANNEALED, OBSERVED, Task, begin, has_short_intervals
 from fit.search.intervals import Intervals, check_blocks, draw_intervals
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
@@ -335,12 +334,12 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(LAYERED)
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
-    notes += notes_on_gamma(request, model.objectives[0])
+    if request.search in ANNEALED:
+        unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
+        notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if request.search in OBSERVED and model.objectives[0].name != "D":
         name = model.objectives[0].name
         notes.append(f"{request.search} minimises the points' residuals; {name} is reported, not minimised.")
-    if request.search in OBSERVED and (asked := request.settings.iterations) != AnnealingSettings().iterations:
-        notes.append(f"{request.search} has no number of iterations; the given {asked} is ignored.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
     notes += notes_on_values(described)

@@ -13,7 +13,6 @@ from fit.effects import find_effects
 from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import FitError
 from fit.methods import Parameter, Parameterisation, find_method
-from fit.methods.distance import Objective
 from fit.methods.fabrics import find_fabric
 from fit.search import PRINTED_ITERATIONS
 from fit.search.annealing import AnnealingSettings
@@ -85,7 +84,7 @@ class Plan:
     effects: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()  # NAME=LOW:HIGH
     search: str = ""  # the method's own where empty; annealing for another engine's cloth
-    iterations: int = PRINTED_ITERATIONS
+    iterations: int | None = None  # PRINTED_ITERATIONS where None; a search without a number of them keeps None
     gamma: float | None = None  # the method's own where None
     spacing: float | None = None  # m; the method's own where None
     seed: int = 0
@@ -93,7 +92,7 @@ class Plan:
     engine: str = OWN_ENGINE
 
     def __post_init__(self) -> None:
-        """Fill in the default search, so that plans with the same effect are equal.
+        """Fill in the default search and its iterations, so that plans with the same effect are equal.
 
         Raises:
             FitError: an unknown method.
@@ -101,6 +100,8 @@ class Plan:
         if not self.search:
             chosen = find_method(self.method).search if self.engine == OWN_ENGINE else "annealing"
             object.__setattr__(self, "search", chosen)
+        if self.iterations is None and self.search not in OBSERVED:
+            object.__setattr__(self, "iterations", PRINTED_ITERATIONS)
 
     def request(self) -> Request:
         """Return the request for the fitter.
@@ -113,7 +114,8 @@ class Plan:
         if self.fabric is not None:
             method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
         made = request_of(
-            method, list(self.effects), iterations=self.iterations, seed=self.seed, gamma=self.gamma,
+            method, list(self.effects), seed=self.seed, gamma=self.gamma,
+            iterations=PRINTED_ITERATIONS if self.iterations is None else self.iterations,
             spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
             engine=self.engine, search=self.search,
         )  # fmt: skip
@@ -122,11 +124,11 @@ class Plan:
 
 
 def _check_used(plan: Plan) -> None:
-    """Refuse a setting that the plan's search does not use; the default number of iterations always passes."""
+    """Refuse a setting that the plan's search does not use."""
     name, advice = plan.search, "leave it out, or choose another --search, as annealing"
     if plan.gamma is not None and name not in ANNEALED:
         raise FitError(f"changes nothing here: {name} does not use gamma", where="--gamma", advice=advice)
-    if name in OBSERVED and plan.iterations != PRINTED_ITERATIONS:
+    if name in OBSERVED and plan.iterations is not None:
         what = f"changes nothing here: {name} has no number of iterations"
         raise FitError(what, where="--iterations", advice=advice)
 
@@ -218,17 +220,6 @@ def _check_gamma(gamma: float) -> None:
             f"gamma is {gamma:g}, at which annealing takes every step or none that is worse", where="--gamma",
             advice=f"give {LEAST_GAMMA:g} to {MOST_GAMMA:g}, for example 1e5",
         )  # fmt: skip
-
-
-def notes_on_gamma(request: Request, objective: Objective) -> list[str]:
-    """Return what a result says of its gamma: whose choice it is, or that the search does not use the given one."""
-    gamma = request.settings.gamma
-    if request.search in ANNEALED:
-        unit = {"m": "metre"}.get(objective.unit, f"unit of {objective.name}")
-        return [f"gamma = {gamma:g} per {unit} is our choice; the paper gives none."]
-    if gamma != request.method.gamma:
-        return [f"{request.search} does not use gamma; the given {gamma:g} is ignored."]
-    return []
 
 
 def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:

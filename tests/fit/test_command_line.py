@@ -140,6 +140,7 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
             "cma-es does not use gamma; leave it out, or choose",
         ),
         (("fit", "a.mcap", "--iterations", "8"), "--iterations: changes nothing here: least-squares has no number of"),
+        (("fit", "a.mcap", "--iterations", "350"), "--iterations: changes nothing here: least-squares has no number"),
         (("fit", "a.mcap", "--seed", "-1"), "-1 is outside the range: the value must be at least 0"),
         (("diagnose", "a.mcap", "--seed", "-1"), "-1 is outside the range: the value must be at least 0"),
         (("diagnose", "a.mcap", "--without", "gremlins"), "there is no effect named 'gremlins'"),

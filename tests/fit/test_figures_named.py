@@ -16,6 +16,7 @@ from fit.batch.morning import morning_of
 from fit.batch.runner import Survey
 from fit.batch.store import open_store
 from fit.batch.summary import STATE_WORDS, Row, as_csv, as_facts, as_html
+from fit.cloth.mesh import check_mesh
 from fit.errors import FitError
 from fit.export.kinds import Order, contents
 from fit.export.new_motion import check_motion
@@ -25,6 +26,7 @@ from fit.methods import METHODS
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.fit.scenes import sheet
 
 
 def row(state="fitted", result=None):
@@ -90,6 +92,13 @@ def test_the_nights_table_has_no_rounding_noise_of_a_bound(method):
         (lambda: check_motion("twist", 6000.0), r"^--seconds: 6000 s is no length .*; were milliseconds meant\? Give "),
         (lambda: contents(Order(result=a_fit(), thickness=0.5), "usd-physics", "a.usda"),
          r"^--thickness: no fabric is 500 mm thick; were millimetres meant\? Give 1e-05 to 0.02 m, as in 0.0005$"),
+        (lambda: contents(Order(result=a_fit(), thickness=50.0), "usd-physics", "a.usda"),
+         r"^--thickness: no fabric is 50000 mm thick; were micrometres meant\? Give 1e-05 to 0.02 m, as in 0.0005$"),
+        (lambda: check_mesh(sheet(), 0.0001), r"; the spacing is in metres: 0\.1 for 100 millimetres or 0\.01 for 1 "),
+        (lambda: check_mesh(sheet(), 0.00005), r"; the spacing is in metres: 0\.05 for 50 millimetres$"),
+        (lambda: check_mesh(sheet(), 0.0013), r"choose a spacing from 0\.0022 m to half of its smaller side$"),
+        (lambda: check_mesh(sheet(), 50.0), r"; the spacing is in metres: 0\.05 for 50 millimetres$"),
+        (lambda: check_mesh(sheet(), 0.25), r"to half of its smaller side$"),
     ],
 )  # fmt: skip
 def test_a_typed_number_out_of_its_range_asks_for_the_unit_that_was_probably_meant(check, sentence):

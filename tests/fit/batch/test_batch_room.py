@@ -161,6 +161,7 @@ def test_three_hundred_workers_of_one_processor_are_one_and_the_batch_says_so(tm
         (("--dashboard-port", "0", "--scheduler", "tcp://127.0.0.1:9"), "--dashboard-port: changes nothing here"),
         (("--gamma", "1e4"), "--gamma: changes nothing here: least-squares does not use gamma"),
         (("--iterations", "20"), "--iterations: changes nothing here: least-squares has no number of iterations"),
+        (("--iterations", "350"), "--iterations: changes nothing here: least-squares has no number of iterations"),
         (("--iterations", "0"), "the value must be at least 1"),
         (("--iterations", "999999999999"), "--iterations"),
         (("--gamma", "nan"), "--gamma: gamma is nan; give a number above 0"),

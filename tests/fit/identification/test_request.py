@@ -126,3 +126,14 @@ def test_a_plan_hands_on_all_that_it_was_given():
     plain = Plan(method="kinect-skirt").request()
     assert (plain.resolution.spacing, plain.settings.gamma) == (KINECT_SKIRT.spacing, KINECT_SKIRT.gamma)
     assert plain.settings.iterations == 350
+
+
+@pytest.mark.parametrize("search", ["least-squares", "short-windows"])
+def test_a_search_without_iterations_refuses_every_number_of_them_and_none_is_no_number(search):
+    for count in (349, 350):
+        with pytest.raises(FitError, match=rf"^--iterations: changes nothing here: {search} has no number of iterat"):
+            Plan(search=search, iterations=count).request()
+    assert Plan(search=search).request().search == search
+    assert Plan(search="annealing") == Plan(search="annealing", iterations=350)
+    with pytest.raises(FitError, match="give a whole number from 1 to 1000000"):
+        Plan(search=search, iterations=0).request()

@@ -10,7 +10,6 @@ from pathlib import Path
 from fit.kernel_cache.index import INDEX, LARGEST_INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.notes import NOTED, hash_of, noted_hashes
 from formats.plain_text import plain
-from formats.terminal import say
 
 # s; our choice: Taichi holds its lock for milliseconds, and other processes give up after 0.2 s. So the lock of a
 # process that still writes stays, even on a disk that is 1000 times as slow. Until then each process compiles every
@@ -40,6 +39,8 @@ def mend_cache(folder: Path) -> None:
         if age > STALE_LOCK:
             lock.unlink()
         elif age > TOLD_LOCK:
+            from formats.terminal import say  # a result does not depend on the modules of the terminal
+
             say(
                 f"Another program seems to write compiled kernels, and has locked them for {age:.0f} s. So this one "
                 f"compiles its own anew. If no other Hangtime runs, remove {plain(lock)}."

@@ -193,13 +193,13 @@ def check_garment(garment: Garment, where: object) -> None:
     if len(outline) < 3:
         refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
     _check_units_of_places(garment, outline, refuse)
-    if garment.area_m2 < 1e-4:
-        whose = ", less its holes," if holes else ""
-        refuse(f"outline_m{whose} encloses hardly any area ({garment.area_m2:.2g} m2)")
     if (twice := corner_twice(outline)) is not None:
         refuse(f"outline_m has the corner {twice} twice: leave one out; the last corner is joined to the first anyway")
     if crosses_itself(outline):
         refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
+    if garment.area_m2 < 1e-4:
+        whose = ", less its holes," if holes else ""
+        refuse(f"outline_m{whose} encloses hardly any area ({garment.area_m2:.2g} m2)")
     if (touched := touches_itself(outline)) is not None:
         refuse(f"outline_m touches itself at its corner {touched}: cloth needs some width there")
     _check_held_edge(garment, refuse)

@@ -28,7 +28,7 @@ from formats.arrays import Floats
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.importers.clock_shift import LEAST_NEARER, SHIFT_STEP, find_clock_shift
-from formats.importers.npz import load_arrays
+from formats.importers.npz import kind_of, load_arrays
 from formats.missing import span_words
 from formats.plausible import check_plausible_times
 from formats.sights import LARGEST_SHIFT
@@ -101,8 +101,8 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
         needed = tuple(poses if size is None else size for size in shape)
         if data[name].shape != needed or data[name].dtype.kind not in "iuf":
             raise TakeError(
-                f"the array {name!r} has shape {data[name].shape} of {data[name].dtype}, not {needed} numbers",
-                where=path, advice=ARM_TO_GIVE,
+                f"the array {name!r} has shape {data[name].shape} of {kind_of(data[name])}, "
+                f"not {needed} of real numbers", where=path, advice=ARM_TO_GIVE,
             )  # fmt: skip
         if not np.isfinite(data[name].astype(float)).all():
             raise TakeError(

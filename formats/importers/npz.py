@@ -29,6 +29,14 @@ SEARCHED = 1 << 24  # bytes of a file's end in which an archive's end is sought;
 FREELY_UNPACKED = 1 << 27
 RATIO = 50  # unpacked to packed bytes beyond; our choice: 2 mm of noise pack 1.1 times, and a bomb of zeros 1000 times
 
+# Kinds of arrays by numpy's letters, in words.
+KINDS = {"b": "true and false", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "times of day"}
+
+
+def kind_of(array: NDArray[Any]) -> str:
+    """Return what an array holds, in words."""
+    return "numbers" if array.dtype.kind in "iuf" else KINDS.get(array.dtype.kind, "records")
+
 
 def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
     """Return the named arrays of an archive; other arrays are not read.

@@ -29,7 +29,7 @@ from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
 from formats.importers.folders import refuse_folder
 from formats.importers.marker_files import FILE_ENDINGS
-from formats.importers.npz import load_arrays
+from formats.importers.npz import kind_of, load_arrays
 from formats.importers.path_outliers import refuse_jumps
 from formats.importers.units import other_unit
 from formats.meant_units import unit_of
@@ -285,7 +285,7 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             raise TakeError(f"the array {name!r} has shape {found}, not {needed}", where=path, advice=WHAT_TO_GIVE)
         if data[name].dtype.kind not in "biuf":
             raise TakeError(
-                f"the array {name!r} holds {data[name].dtype}, not numbers", where=path, advice=WHAT_TO_GIVE
+                f"the array {name!r} holds {kind_of(data[name])}, not real numbers", where=path, advice=WHAT_TO_GIVE
             )
     if not frames:
         raise TakeError("has no frames", where=path, advice="export it again")

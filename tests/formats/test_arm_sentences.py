@@ -74,8 +74,8 @@ def test_a_path_in_another_order_or_position_is_refused_with_what_to_give(tmp_pa
     [
         ({"tcp_t": np.zeros(96)}, "its time does not increase from pose to pose; mend 'tcp_t'"),
         ({"tcp_pose": np.zeros((96, 6))},
-         f"the array 'tcp_pose' has shape (96, 6) of float64, not (96, 7) numbers; {GIVE}"),
-        ({"tcp_t": np.full(96, "x")}, f"the array 'tcp_t' has shape (96,) of <U1, not (96,) numbers; {GIVE}"),
+         f"the array 'tcp_pose' has shape (96, 6) of numbers, not (96, 7) of real numbers; {GIVE}"),
+        ({"tcp_t": np.full(96, "x")}, f"the array 'tcp_t' has shape (96,) of text, not (96,) of real numbers; {GIVE}"),
         ({"tcp_pose": np.ones((96, 7))}, "a rotation in 'tcp_pose' is no unit quaternion x y z w; export it again"),
         ({"tcp_to_corner_m": np.full((2, 3), np.nan)},
          "the array 'tcp_to_corner_m' holds a value that is not finite; export it again"),

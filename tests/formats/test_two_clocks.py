@@ -104,7 +104,7 @@ def test_marks_of_frames_say_what_was_measured_in_them(tmp_path):
         ({"tcp_t": np.zeros(96)}, "its time does not increase from pose to pose"),
         (
             {"tcp_pose": np.zeros((96, 6))},
-            r"the array 'tcp_pose' has shape \(96, 6\) of float64, not \(96, 7\) numbers",
+            r"the array 'tcp_pose' has shape \(96, 6\) of numbers, not \(96, 7\) of real numbers",
         ),
         ({"tcp_pose": np.full((96, 7), 1e300)}, r"a place lies 1e\+300 m away; give metres, at most 1000"),
         ({"tcp_pose": np.full((96, 7), 1e300) * [0, 0, 0, 1, 1, 1, 1]}, "a rotation in 'tcp_pose' is no unit quat"),

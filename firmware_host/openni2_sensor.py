@@ -20,7 +20,7 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
 from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summarise
 from formats.blocks import LATEST
-from formats.plain_text import plain
+from formats.plain_text import counted, plain
 from formats.plausible import FASTEST, RATE_WITHIN, SLOWEST
 from formats.rig import Sensor
 
@@ -85,10 +85,19 @@ class OpenNI2Sensor(DepthSensor):
                 return self._openni2.Device(uri.encode())
         except (self._openni2.OpenNIError, AssertionError) as error:
             if self._path is not None:
-                raise RecordingError("OpenNI2 cannot open it", where=self._path, advice=COPY_AGAIN) from error
+                raise self._unopened(self._path) from error
             raise SensorUnavailableError(
                 f"the sensor does not open ({openni2_library.reason(error)})", where=self._uri, advice=REPLUG
             ) from error
+
+    def _unopened(self, path: Path) -> RecordingError:
+        """Return the error of a recording that the player does not open: its list of frames is at its end."""
+        if self._summary is None or self._summary.is_complete:
+            return RecordingError("OpenNI2 cannot open it", where=path, advice=COPY_AGAIN)
+        frames = counted(self._summary.depth_frames, "depth frame")
+        return RecordingError(
+            f"the recording is cut off at byte {path.stat().st_size}, after {frames}", where=path, advice=COPY_AGAIN
+        )
 
     def _refused(self, what: str, advice: str = "") -> SensorError:
         """Return the error of a device or recording without the needed streams."""

@@ -79,8 +79,10 @@ def test_a_recording_that_lost_power_plays_all_but_its_last_whole_frame(tmp_path
 def test_a_finished_recording_cut_by_a_broken_copy_is_refused(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "a.oni", 6)
     last = [r for r in read_records(path) if r.type == RecordType.NEW_DATA][-2]
-    path.write_bytes(path.read_bytes()[: payload_of(last).start + 10])
-    with pytest.raises(RecordingError, match="OpenNI2 cannot open it; copy the recording again"):
+    size = payload_of(last).start + 10
+    path.write_bytes(path.read_bytes()[:size])
+    told = f"the recording is cut off at byte {size}, after 5 depth frames; copy the recording again from its source"
+    with pytest.raises(RecordingError, match=told):
         OpenNI2Sensor(path)
 
 

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from fit.report.effects import meaning_of
 from fit.report.motion import ReportMotion, rms_of
 from fit.report.templating import piece
-from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval
+from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval, unbroken
 from formats.diagnosis_records import Diagnosis, in_percent
 from formats.fit_records import FitResult
 
@@ -33,10 +33,11 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequenc
     if diagnosis is not None:
         sentence = diagnosis.sentence
         tone, tag = VERDICT_TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
-        figures = _gap_figures(diagnosis) + _fit_beside(fit, motions)
+        figures = _gap_figures(diagnosis) + _fit_beside(fit, diagnosis, motions)
     else:
         sentence = _fit_sentence(fit, motions)
         figures = fit_figures(fit, motions) if fit is not None else []
+    figures = [(name, unbroken(value), unbroken(detail)) for name, value, detail in figures]
     # The first sentence is large, the rest smaller.
     first, separator, rest = sentence.partition(". ")
     return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, figures)
@@ -102,15 +103,16 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     return figures
 
 
-def _fit_beside(fit: FitResult | None, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
-    """Return the error of a fit that is shown with a diagnosis, by the diagnosis' error measure."""
+def _fit_beside(
+    fit: FitResult | None, diagnosis: Diagnosis, motions: Sequence[ReportMotion]
+) -> list[tuple[str, str, str]]:
+    """Return the error of a fit that is shown with a diagnosis, by its error measure, unless it is the base model's."""
     judged, on = _judged(motions)
     error = rms_of(judged, "fit")
-    return (
-        []
-        if fit is None or error is None
-        else [(f"the fit ({fit.method}) misses by", millimetres(error), f"{RMS}, {on}")]
-    )
+    if fit is None or error is None or millimetres(error) == tenths(diagnosis.gap.base_mm.value):
+        return []
+    name = f"the fit ({fit.method}) misses by"
+    return [(name, millimetres(error), f"{RMS}, {on}; with the values that hangtime fit found before")]
 
 
 def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str:

@@ -15,12 +15,11 @@ import numpy as np
 from markupsafe import Markup
 
 from fit.report.templating import NOTHING, piece
-from fit.report.text import number, percent, tenths, tenths_interval, words
+from fit.report.text import NO_BREAK, number, percent, tenths, tenths_interval, words
 from formats.arrays import Floats
 from formats.diagnosis_records import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
 from formats.figures import round_step
 
-NO_BREAK = "\u00a0"  # a space at which no line breaks: a unit stays beside its number
 MOST_LABELS = 12  # vertices that are labelled with their error; more would overlap
 
 Part = tuple[str, float, float]  # of a bar: its kind, where it begins and where it ends

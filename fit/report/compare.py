@@ -18,7 +18,7 @@ from fit.report.tables import row_of, table
 from fit.report.templating import piece, render
 from fit.report.text import interval, number, percent, tenths
 from formats.archive import read_take
-from formats.diagnosis_records import Diagnosis
+from formats.diagnosis_records import Diagnosis, in_percent
 from formats.fault_words import doubts_of
 from formats.fit_records import ErrorFigure, FitParameter, FitResult
 from formats.summary import summarise
@@ -179,7 +179,7 @@ def _diagnosis_rows(diagnosis: Diagnosis) -> dict[str, str]:
     for effect in sorted(diagnosis.effects, key=lambda e: -(e.probability or 0.0)):
         if effect.id in diagnosis.named or (effect.probability or 0.0) >= 0.1:
             unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
-            chance = f", probability {percent(effect.probability)}" if effect.probability is not None else ""
+            chance = f", probability {in_percent(effect.probability)}" if effect.probability is not None else ""
             ends = f" ({interval(effect.amplitude_interval)})" if effect.amplitude_interval else ""
             rows[effect.id.replace("_", " ")] = f"{number(effect.amplitude)}{unit}{ends}{chance}"
     for parameter in diagnosis.base_parameters:

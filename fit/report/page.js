@@ -137,7 +137,7 @@
     ink.stroke(); ink.globalAlpha = 1;
   }
 
-  const millimetres = (size) => (Number.isFinite(size) ? `${(1e3 * size).toFixed(1)} mm` : "no free point seen");
+  const millimetres = (size) => (Number.isFinite(size) ? `${(1e3 * size).toFixed(1)}\u00a0mm` : "no free point seen");
   const nameOf = (run) => box.querySelector(`[data-run="${run}"]`).textContent;
 
   function drawPane(motion, name, frame, width, height, label) {

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.templating import piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
-from formats.diagnosis_records import EffectFinding, place_of
+from formats.diagnosis_records import EffectFinding, in_percent, place_of
 from formats.fit_records import FitParameter, verdict_on
 
 
@@ -118,7 +118,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     return Row(
         name=piece("tables.html", "effect", name, about, is_named),
         cells=(
-            percent(effect.probability),
+            MISSING if effect.probability is None else in_percent(effect.probability),
             piece("tables.html", "amplitude", size, unit, spread, meaning),
             piece("tables.html", "closure", closed, ends),
             probability(effect.p_value),

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from datetime import UTC, datetime
 
 from markupsafe import Markup, escape
 
+NO_BREAK = "\u00a0"  # a space at which no line breaks: a unit stays beside its number
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:mm|cm|m|m/s|ms|s|kg|g|kg/m\^?2|N|N/m|N m|Pa|Hz|1/s|1/m|%|\u2192)(?![A-Za-z]))")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MISSING = "–"
 
@@ -58,6 +61,11 @@ def tenths_interval(ends: tuple[float, float] | None, unit: str = "mm") -> str:
     if ends is None or not all(math.isfinite(end) for end in ends):
         return ""
     return f"{ends[0]:.1f} to {ends[1]:.1f} {unit}"
+
+
+def unbroken(figure: str) -> str:
+    """Return a figure of which no line begins with a unit or an arrow."""
+    return BEFORE_UNIT.sub(NO_BREAK, figure)
 
 
 def percent(share: float | None) -> str:

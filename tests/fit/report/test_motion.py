@@ -130,7 +130,7 @@ def test_the_figures_of_charts_and_answer_are_of_one_measure():
     answer = str(verdict(fit_result(), None, [replace(m, runs=_renamed(m)) for m in both]))
     held_out = rms_of(both[:1], "base")
     assert f"misses the real cloth by {1e3 * held_out:.1f} mm (root mean square) on motion not used to fit" in answer
-    assert f"→ {1e3 * held_out:.1f} mm" in answer
+    assert f"→ {1e3 * held_out:.1f}\u00a0mm" in answer
     assert "mean distance" not in answer
 
 

@@ -142,8 +142,8 @@ def test_the_player_begins_side_by_side_at_the_worst_frame_without_a_word_on_the
     assert f"{motion().time[worst]:.2f} of 5.97 s" in page
     count = 2 if 40 <= worst < 52 else 3
     shown = re.search(
-        r"Error now, base model: ([\d.]+) mm \(root mean square of (\d) free points\), largest ([\d.]+) mm at "
-        r"[a-z ]+; with air drag: ([\d.]+) mm\.", page
+        r"Error now, base model: ([\d.]+)&nbsp;mm \(root mean square of (\d) free points\), largest ([\d.]+)&nbsp;mm "
+        r"at [a-z ]+; with air drag: ([\d.]+)&nbsp;mm\.", page
     )  # fmt: skip
     assert int(shown[2]) == count
     assert float(shown[1]) == pytest.approx(by_hand(worst, "base"), abs=0.15)  # positions are rounded to 0.1 mm

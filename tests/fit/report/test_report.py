@@ -131,7 +131,9 @@ def test_of_two_tables_of_parameters_the_second_says_why_its_values_differ():
 def test_a_gap_on_the_points_as_tracked_stands_beside_the_one_without_the_cameras_faults():
     gap = msgspec.structs.replace(diagnosis().gap, raw_mm=20.0, closure_from_raw=0.95)
     page = render_report(fit=None, diagnosis=diagnosis(gap=gap))
-    assert "base model on the points as tracked</dt><dd>20.0 mm<small>95 % of the gap from there closed" in page
+    assert (
+        "base model on the points as tracked</dt><dd>20.0\u00a0mm<small>95\u00a0% of the gap from there closed" in page
+    )
     assert "as tracked" not in render_report(fit=None, diagnosis=diagnosis())
 
 
@@ -328,7 +330,7 @@ def test_a_size_whose_interval_holds_zero_is_shown_as_that_interval_unless_its_e
 
 def test_the_figures_at_the_top_hold_the_probability_of_a_named_effect_in_rows_of_like_length():
     page = html.unescape(render_report(fit=None, diagnosis=diagnosis()))
-    assert "<dt>probability of air drag</dt><dd>94 %<small>that the model lacks the effect</small>" in page
+    assert "<dt>probability of air drag</dt><dd>94\u00a0%<small>that the model lacks the effect</small>" in page
     assert '<dl class="figures of-3">' in page  # of six figures
 
 

@@ -248,7 +248,7 @@ def test_errors_of_a_fit_alone_run_on_from_take_to_take_without_the_way_back():
     page = str(sections.errors(msgspec.structs.replace(fit_result(), error=errors), [], 0))
     assert page.count("<figure") == 1
     assert "takes used to fit" in page
-    assert "mean 40.0 mm" in page
+    assert "mean 40.0\u00a0mm" in page
     (line,) = re.findall(r'class="is-after" d="([^"]*)"', page)
     across = [float(x) for x in re.findall(r"[ML]([\d.]+) ", line)]
     assert across == pytest.approx([0, 25, 50, 75, 100], abs=0.01)  # the third frame is missing
@@ -327,3 +327,13 @@ def test_a_picture_that_is_there_is_replaced_only_where_that_is_asked_for(tmp_pa
     may_draw(tmp_path / "b.png", overwrite=False)
     with pytest.raises(OutputError, match="already there"):
         may_draw(tmp_path / "a.png", overwrite=False)
+
+
+def test_an_effect_that_no_draw_favours_is_not_impossible_in_any_table():
+    """A probability of 0.002 is less than 1 %, and one of 0.998 more than 99 %, as in the sentence."""
+    for value, shown in ((0.002, "less than 1 %"), (0.998, "more than 99 %"), (0.2, "20 %")):
+        found = diagnosis()
+        first = msgspec.structs.replace(found.effects[0], probability=value)
+        found = msgspec.structs.replace(found, effects=[first, *found.effects[1:]])
+        assert f" {shown} " in words_on(effect_table([first], found.named))
+        assert _diagnosis_rows(found)[first.id.replace("_", " ")].endswith(f"probability {shown}")

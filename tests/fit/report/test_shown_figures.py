@@ -22,7 +22,7 @@ from fit.report.effects import meaning_of
 from fit.report.methods import method_figures, search_history
 from fit.report.residual_picture import draw_residuals, views_of
 from fit.report.tables import effect_table, parameter_table
-from fit.report.text import duration, millimetres, probability
+from fit.report.text import duration, millimetres, probability, unbroken
 from formats.diagnosis_records import Figure, ForceAt, Gap, VertexResidual, WhereBin
 from formats.fit_records import ErrorFigure, FitParameter, ObjectiveFigure, TrivialFigure
 from tests.fit.export.exported import a_fit
@@ -108,7 +108,28 @@ def test_errors_of_motions_are_of_held_out_takes_alone_where_there_are_any():
     shown = {name: value for name, value, _ in fit_figures(fit_result(), both)}
     assert shown == {"fit, held-out takes": "60.0 → 30.0 mm", "fit, takes used to fit": "50.0 → 20.0 mm"}
     beside = words_on(verdict(fit_result(), diagnosis(), both))
-    assert "the fit (kinect-skirt) misses by 60.0 mm root mean square, on motion not used to fit" in beside
+    own = "root mean square, on motion not used to fit; with the values that hangtime fit found before"
+    assert f"the fit (kinect-skirt) misses by 60.0 mm {own}" in beside
+
+
+@pytest.mark.parametrize(("base", "is_shown"), [(60.0, False), (60.04, False), (60.2, True)])
+def test_a_fit_that_misses_by_as_much_as_the_base_model_has_no_figure_of_its_own(base, is_shown):
+    gap = msgspec.structs.replace(GAP, base_mm=Figure(value=base))
+    shown = words_on(verdict(fit_result(), diagnosis(gap=gap), [offset_motion(0.06, 0.03, is_held_out=True)]))
+    assert f"base model misses by {base:.1f} mm" in shown
+    assert ("the fit (kinect-skirt) misses by 60.0 mm" in shown) == is_shown
+
+
+def test_no_figure_at_the_top_breaks_before_its_unit_or_arrow():
+    fitted = str(verdict(fit_result(), None, [offset_motion(0.06, 0.03, is_held_out=True)]))
+    assert "<dd>60.0\u00a0\u2192 30.0\u00a0mm<" in fitted
+    page = str(verdict(None, diagnosis(gap=GAP)))
+    figures = re.findall(r"<dd>(.*?)</dd>", page)
+    assert "10.0\u00a0mm<small>" in figures[0]
+    assert any("<small>1.7 to 2.4\u00a0mm</small>" in figure for figure in figures)
+    assert any("66\u00a0%<small>51 to 82\u00a0%</small>" in figure for figure in figures)
+    assert not [figure for figure in figures if re.search(r"\d (mm|%|\u2192)", figure)]
+    assert unbroken("2 minutes of 3 mmol; 5 m/s, 4 kg") == "2 minutes of 3 mmol; 5\u00a0m/s, 4\u00a0kg"
 
 
 def parts_of(page):

@@ -20,7 +20,7 @@ from capture.appliance.preview import Preview
 from capture.appliance.running_take import TakeInProgress
 from capture.appliance.sensor_keeper import SensorKeeper
 from capture.appliance.showing import Light, lamp_signal
-from capture.appliance.states import Event, State, StateMachine
+from capture.appliance.states import WITH_TAKE, Event, State, StateMachine
 from capture.appliance.status import Counts, report
 from capture.appliance.sync_news import SyncNews
 from capture.recording.condition import Condition
@@ -300,7 +300,7 @@ class Appliance:
 
     def _on_room(self, room: int, now: float) -> None:
         self.counts.free_bytes = room
-        least = LEAST_ROOM if self.machine.state is State.RECORDING else self._config.spool.least_free_mb * 1_000_000
+        least = LEAST_ROOM if self.machine.state in WITH_TAKE else self._config.spool.least_free_mb * 1_000_000
         if room >= least:
             self.faults.clear("disk_full")
             return

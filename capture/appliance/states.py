@@ -20,6 +20,9 @@ class State(Enum):
     FAULT = "fault: nothing can be recorded until it is mended"
 
 
+WITH_TAKE = (State.RECORDING, State.SAVING)  # while a take is on its way to the disk
+
+
 class Event(Enum):
     """The events that cause transitions."""
 

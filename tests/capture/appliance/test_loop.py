@@ -256,6 +256,15 @@ def test_a_fault_of_the_sensor_within_a_minute_of_too_low_a_voltage_blames_the_s
     assert ready.faults["sensor"].sentence == "usb: it is away"
 
 
+def test_a_look_from_the_end_of_a_take_asks_for_no_more_room_than_the_take(armed):
+    """The disk thread makes room once the take is kept."""
+    armed.ask("start")
+    armed.ask("stop")
+    armed.disk.coming.append(DiskNews(room=19_999_999))
+    armed.it.step()
+    assert (armed.state, armed.faults) == (State.SAVING, {})
+
+
 def test_the_house_is_kept_once_a_second_and_the_disk_looked_at_while_it_is_busy_too(ready):
     before = len(ready.disk.of("look"))
     ready.it._last_house = ready.now

@@ -172,11 +172,11 @@ def cloth_map(vertices: Sequence[VertexResidual], outline: Floats | None = None)
         }
         for (x, y), v in zip(places, values, strict=True)
     ]  # fmt: skip
-    labels = []
+    labels = []  # above the middle of their spots: the outline runs through that of spots at an edge
     if len(known) <= MOST_LABELS:
         extent[0] += 7 * spot
         labels = [
-            {"x": _fine(x + 1.4 * spot), "y": _fine(y + 0.45 * spot), "size": _fine(1.25 * spot), "text": tenths(v)}
+            {"x": _fine(x + 1.4 * spot), "y": _fine(y - 0.45 * spot), "size": _fine(1.25 * spot), "text": tenths(v)}
             for (x, y), v in zip(places, values, strict=True)
         ]
     box = _box(shape.min(axis=0) - 1.5 * spot, extent)

@@ -31,6 +31,7 @@ from fit.report.text import MISSING, duration, instant, number, percent, words
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import ErrorFigure, FitResult, warnings_in
+from formats.plain_text import counted
 
 OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
@@ -204,7 +205,8 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
         body += lead(intro) + effect_bars(diagnosis.gap, refitted, diagnosis.named)
         body += effect_table(refitted, diagnosis.named)
     if others:
-        about = f"{len(others)} effects of which the residual shows hardly anything, and how small each could be seen"
+        many = counted(len(others), "effect")
+        about = f"{many} of which the residual shows hardly anything, and how small each could be seen"
         body += piece("parts.html", "details", about, effect_table(others, diagnosis.named), not refitted)
     return body
 

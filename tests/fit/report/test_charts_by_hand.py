@@ -87,7 +87,7 @@ def test_a_map_of_force_has_discs_and_bars_to_one_scale_inside_its_box():
 
 
 def test_spots_of_errors_have_labels_beside_them_while_they_are_few():
-    """Of 12 places a spot is 0.06 x 0.4 m, labelled 1.4 spots to the right and 0.45 down; of 13 no place is."""
+    """Of 12 places a spot is 0.06 x 0.4 m, labelled 1.4 spots to the right and 0.45 up; of 13 no place is."""
     for count in (12, 13):
         vertices = [VertexResidual(at_m=(0.03 * k - 0.18, -0.2), value_mm=1.0 + k) for k in range(count)]
         page = cloth_map(vertices, SQUARE)
@@ -101,7 +101,7 @@ def test_spots_of_errors_have_labels_beside_them_while_they_are_few():
         if labels:
             first = labels[0]
             assert [float(first[key]) for key in ("x", "y", "font-size")] == pytest.approx(
-                [-0.18 + 1.4 * 0.024, 0.2 + 0.45 * 0.024, 0.03], abs=1e-4
+                [-0.18 + 1.4 * 0.024, 0.2 - 0.45 * 0.024, 0.03], abs=1e-4
             )
     unknown = [VertexResidual(at_m=(0.0, -0.1), value_mm=math.nan), VertexResidual(at_m=(math.nan, 0.0), value_mm=1.0)]
     assert str(cloth_map(unknown, SQUARE)) == ""

@@ -300,7 +300,7 @@ def test_effects_with_a_closure_or_a_name_are_refitted_and_the_others_are_counte
     drag, hem, offset, slip = diagnosis().effects
     hem = msgspec.structs.replace(hem, closure=None)
     page = words_on(sections.effects(diagnosis(effects=[drag, hem, offset, slip], named=["hem"])))
-    assert "1 effects of which the residual shows hardly anything" in page
+    assert "1 effect of which the residual shows hardly anything" in page
     page = words_on(sections.effects(diagnosis(effects=[drag, hem, offset, slip], named=[])))
     assert "2 effects of which the residual shows hardly anything" in page
     alone = sections.effects(diagnosis(effects=[slip], named=[]))

@@ -15,7 +15,7 @@ import numpy as np
 
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
-from formats.fit_records import TRIVIAL_NAMES, Combination, FitParameter, FitResult
+from formats.fit_records import TRIVIAL_NAMES, Combination, ErrorFigure, FitParameter, FitResult
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 NOT_BELOW_0 = ("shear_stiffness", "membrane_damping_time", "bending_damping_time", "velocity_damping", "viscosity_time")
@@ -65,9 +65,13 @@ def _check_fit(result: FitResult, refuse: Any) -> None:
     for number, one in enumerate(result.trivial):
         if one.name not in TRIVIAL_NAMES:
             refuse(f"trivial[{number}].name: there is no predictor named {one.name!r}")
+        _check_error(one.train, f"trivial[{number}].train", refuse)
+        _check_error(one.held_out, f"trivial[{number}].held_out", refuse)
     for name, value in result.material.items():
         if _has_no_cloth(name, value):
             refuse(f"no cloth has {name} = {value:g}")
+    for name in result.error.__struct_fields__:
+        _check_error(getattr(result.error, name), f"error.{name}", refuse)
     has_material = not (result.effects or any(p.name == NOMINAL for p in result.parameters))
     for parameter in result.parameters:
         stated = {"effects": result.effects.get(parameter.name)}
@@ -106,6 +110,17 @@ def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any, *
         _check_least(p, at, refuse)
         if p.name in [other.name for other in parameters[:number]]:
             refuse(f"{at}: {p.name} is there twice")
+
+
+def _check_error(figure: ErrorFigure | None, at: str, refuse: Any) -> None:
+    """Refuse a mean error below or above those of all frames, and frames without their times."""
+    if figure is None or not figure.per_frame_m:
+        return
+    if len(figure.per_frame_m) != len(figure.time_s):
+        refuse(f"{at} has the errors of {len(figure.per_frame_m)} frames and {len(figure.time_s)} times")
+    low, high = min(figure.per_frame_m), max(figure.per_frame_m)
+    if not low * (1 - ROUNDING) <= figure.mean_m <= high * (1 + ROUNDING):
+        refuse(f"{at}.mean_m is {figure.mean_m:g}, and its frames have {low:g} to {high:g}")
 
 
 def _check_least(p: FitParameter, at: str, refuse: Any) -> None:

@@ -21,6 +21,7 @@ LARGEST_RESULT = 1 << 27  # bytes: a fit has 138 a frame, so 970,000 frames, whi
 FREE_PARTS, BYTES_A_PART = 1 << 19, 12  # values that any file may have, and bytes for each further one; a fit has 25
 
 Result = TypeVar("Result", FitResult, Diagnosis)
+KINDS_OF_RESULTS: dict[type[FitResult | Diagnosis], str] = {FitResult: "fit result", Diagnosis: "diagnosis"}
 
 
 def save_fit_result(path: Path, result: FitResult) -> None:
@@ -113,7 +114,7 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     except (msgspec.MsgspecError, RecursionError) as error:
         _refuse_other_version(raw, kind, where)
         words = "the file is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
-        raise ResultError(f"is not a {kind.__name__}: {words}", where=where, advice="make it again") from error
+        raise ResultError(f"is not a {KINDS_OF_RESULTS[kind]}: {words}", where=where, advice="make it again") from error
     check_result(record, where)
     return record
 

@@ -338,7 +338,7 @@ def test_a_fit_that_is_refused_leaves_no_folder_for_its_search(takes, tmp_path):
 
 def test_a_file_that_is_no_result_is_named(tmp_path):
     (tmp_path / "other.json").write_text("{}")
-    with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a FitResult"):
+    with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a fit result"):
         hangtime.load(tmp_path / "other.json")
 
 

@@ -90,7 +90,9 @@ def load_either(path: Path) -> FitResult | Diagnosis:
         try:
             return load_diagnosed(path)
         except HangtimeError as no_diagnosis:
-            is_diagnosis = no_fit.what.startswith("is not a Fit") and not no_diagnosis.what.startswith("is not a Diag")
+            is_diagnosis = no_fit.what.startswith("is not a fit result") and not no_diagnosis.what.startswith(
+                "is not a diagnosis"
+            )
             raise (no_diagnosis if is_diagnosis else no_fit) from None
 
 

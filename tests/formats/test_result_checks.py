@@ -9,7 +9,7 @@ import pytest
 
 from formats.diagnosis_records import Figure
 from formats.errors import ResultError
-from formats.fit_records import Combination
+from formats.fit_records import Combination, TrivialFigure
 from formats.result_checks import as_plain, check_result
 from tests.fit.report.report_scene import diagnosis, fit_result
 
@@ -35,6 +35,16 @@ def with_effect(**changes):
     return diagnosis(effects=[msgspec.structs.replace(first, **changes), *others])
 
 
+def with_error(figure="train_after", *, sheet=False, **changes):
+    """A fit with other errors, of its own or of the rigid sheet that hangs."""
+    fit = fit_result()
+    changed = msgspec.structs.replace(fit.error.train_after, **changes)
+    if sheet:
+        one = TrivialFigure(name="vertical", train=changed, parameters={})
+        return msgspec.structs.replace(fit, trivial=[one])
+    return msgspec.structs.replace(fit, error=msgspec.structs.replace(fit.error, **{figure: changed}))
+
+
 def with_material(**values):
     return msgspec.structs.replace(fit_result(), material=values)
 
@@ -57,6 +67,9 @@ def with_material(**values):
         with_combination(2.0, 2.0),
         msgspec.structs.replace(with_mass(fitted=2.1), search="tempering"),  # the best draw, beyond its quantiles
         msgspec.structs.replace(with_combination(2.5, 3.0), search="tempering"),
+        with_error(mean_m=0.02, per_frame_m=[0.02, 0.03], time_s=[0.0, 1.0]),
+        with_error(mean_m=0.03 * (1 + 5e-10), per_frame_m=[0.02, 0.03], time_s=[0.0, 1.0]),
+        with_error("held_out_after", mean_m=9.0, per_frame_m=[], time_s=[]),
         with_effect(probability=0.0),
         with_effect(probability=1.0),
         with_effect(probability=-1e-9, p_value=1 + 1e-9),
@@ -70,6 +83,13 @@ def test_numbers_at_their_bounds_are_a_result(record):
 @pytest.mark.parametrize(
     ("record", "says"),
     [
+        (with_error(mean_m=0.031, per_frame_m=[0.02, 0.03], time_s=[0.0, 1.0]),
+         "error.train_after.mean_m is 0.031, and its frames have 0.02 to 0.03"),
+        (with_error("held_out_before", mean_m=0.019, per_frame_m=[0.02, 0.03], time_s=[0.0, 1.0]),
+         "error.held_out_before.mean_m is 0.019, and its frames have 0.02 to 0.03"),
+        (with_error(sheet=True, mean_m=46.7),
+         "trivial[0].train.mean_m is 46.7, and its frames have 0.0267002 to 0.0666957"),
+        (with_error(time_s=[0.0]), "error.train_after has the errors of 120 frames and 1 times"),
         (with_mass(initial=0.15 - 11e-9), "initial: mass is 0.15, outside its own bounds of 0.15 to 10"),
         (with_mass(fitted=10 + 11e-9), "fitted: mass is 10, outside its own bounds of 0.15 to 10"),
         (with_mass(interval_low=None, interval_high=2.0), "the interval of mass has not a lower and an upper end"),

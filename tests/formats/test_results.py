@@ -276,6 +276,6 @@ def test_a_result_is_read_from_bytes_and_an_error_says_whence_they_are(tmp_path,
     assert raw.endswith(b"}\n")
     with pytest.raises(ResultError) as refused:
         read(b"{}", "the store")
-    kind = type(record).__name__
+    kind = "fit result" if isinstance(record, FitResult) else "diagnosis"
     assert str(refused.value).startswith(f"the store: is not a {kind}: the field `format` is missing")
     assert refused.value.advice == "make it again"

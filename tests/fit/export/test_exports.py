@@ -127,7 +127,7 @@ def test_a_folder_is_as_good_as_its_fit_and_a_diagnosis_is_none(tmp_path):
     with pytest.raises(FitError, match=r"is a diagnosis, which has no fabric; give the fit\.json"):
         read_fit(tmp_path / "diagnosis.json")
     (tmp_path / "other.json").write_text("{}")
-    with pytest.raises(HangtimeError, match="is not a FitResult"):
+    with pytest.raises(HangtimeError, match="is not a fit result"):
         read_fit(tmp_path / "other.json")
 
 

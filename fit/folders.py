@@ -10,10 +10,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.recordings.intact import OF_A_TAKE
 from formats.diagnosis_records import Diagnosis
 from formats.errors import OutputError, ResultError
-from formats.fit_records import FitResult
+from formats.fit_records import OF_A_TAKE, FitResult
 from formats.outputs import make_output_folder
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result

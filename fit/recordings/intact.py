@@ -23,6 +23,7 @@ import numpy as np
 from fit.errors import FitError, ImpossiblePathError, MismatchError
 from formats.arrays import Floats
 from formats.fault_words import doubts_of
+from formats.fit_records import OF_A_TAKE
 from formats.missing import listed, missing_words, origin_of, span_words
 from formats.motion import STILL_MOTION
 from formats.plain_text import counted
@@ -34,9 +35,6 @@ FRAME_FIELDS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
     "pitch_sd", "points_hidden", "quality",
 )  # fmt: skip
-
-
-OF_A_TAKE = "Warning: the take "  # beginning of every note of `describe_flaws`
 
 
 def stretches(take: Take) -> list[slice]:

@@ -242,9 +242,9 @@ def spread(frames: Integers, most: int) -> Integers:
 def away_from_held(take: Take, sights: Sights) -> Floats:
     """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
 
-    Where the hanger has its own clock, the distances are those at the clock offset that makes them smallest. A fit
-    moves the clock only where the held row determines an offset. So a fit may refuse a short take that is near at some
-    offset.
+    Where the hanger may have its own clock, the distances are those at the one offset that makes their sum smallest. A
+    fit moves the clock only where the held row determines an offset. So a fit may refuse a short take that is near at
+    some offset.
     """
     shifts, frames = shifts_of(take), np.flatnonzero(sights.is_known)
     frames = spread(frames, MOST_SHIFTED if len(shifts) > 1 else len(frames))
@@ -254,7 +254,9 @@ def away_from_held(take: Take, sights: Sights) -> Floats:
         ends = at_times(take.time[frames] + shift, take.time[sights.held], take.held[sights.held])
         apart = np.linalg.norm(places[:, :, None] - ends[:, None], axis=3)
         found.append(_medians(np.where(seen[..., None], apart, np.nan)))
-    return np.asarray(np.fmin.reduce(found))
+    known = [int(np.isfinite(apart).sum()) for apart in found]  # a short take shows nothing at a large offset
+    sums = [np.nansum(apart) if count == max(known) else np.inf for apart, count in zip(found, known, strict=True)]
+    return found[int(np.argmin(sums))]
 
 
 def _medians(apart: Floats) -> Floats:

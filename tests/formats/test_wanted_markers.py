@@ -11,6 +11,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_lines import Rows
 from formats.importers.marker_tracks import Wanted, write_marker_csv
 from formats.importers.stated_values import warning_of_count
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
@@ -94,14 +95,15 @@ def test_zero_blocks_of_c3d_matter_to_their_markers_and_frames_alone(tmp_path):
 
 
 def test_more_frames_than_stated_matter_where_they_are_wanted(tmp_path):
-    assert warning_of_count(9, 6, None, tmp_path) == "the file states 6 frames and holds 9; all of them were read"
+    nine = Rows(["1,2"] * 9, range(1, 10), ",", tmp_path / "a.csv")
+    assert warning_of_count(nine, 6, None, tmp_path) == "the file states 6 frames and holds 9; all of them were read"
     assert (
-        warning_of_count(9, 6, 9, tmp_path)
-        == warning_of_count(9, 6, 12, tmp_path)
-        == warning_of_count(9, 6, None, tmp_path)
+        warning_of_count(nine, 6, 9, tmp_path)
+        == warning_of_count(nine, 6, 12, tmp_path)
+        == warning_of_count(nine, 6, None, tmp_path)
     )
-    assert warning_of_count(9, 6, 8, tmp_path) == "the file states 6 frames and holds 9; the first 8 were read"
-    assert warning_of_count(9, 6, 6, tmp_path) == ""
+    assert warning_of_count(nine, 6, 8, tmp_path) == "the file states 6 frames and holds 9; the first 8 were read"
+    assert warning_of_count(nine, 6, 6, tmp_path) == ""
 
 
 def test_markers_that_were_not_seen_in_the_kept_frames_are_those_of_the_garment(tmp_path):

@@ -125,7 +125,7 @@ def test_the_report_shows_the_figure_beside_the_gap():
     assert "held where its edge was tracked" not in answer.verdict(None, made_up)
     page = answer.verdict(None, msgspec.structs.replace(made_up, gap=gap))
     assert "held where its edge was tracked" in page
-    assert "7.0 mm" in page
-    assert "80 % of the gap closed" in page
+    assert "7.0\N{NO-BREAK SPACE}mm" in page
+    assert "80\N{NO-BREAK SPACE}% of the gap closed" in page
     assert "held by its tracked edge" not in charts.gap_bars(made_up.gap, "x")
     assert "held by its tracked edge</span>" in charts.gap_bars(gap, "x")

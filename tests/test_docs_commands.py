@@ -38,7 +38,7 @@ GUIDE = [
 ]
 OPENNI, REAL, BPY = "libopenni2", "real recordings", "bpy"
 MUJOCO = "HANGTIME_MUJOCO_PYTHON"
-SHORT = " --iterations 8 --spacing 0.1"
+SHORT = " --iterations 8 --spacing 0.1"  # of methods that anneal
 COARSE = (r"$", " --spacing 0.15")
 ONE_COARSE_CASE = " --option=--spacing --option 0.15"  # half a minute of the processor
 # Of real recordings, the fewest of which a blind case takes its takes.
@@ -79,7 +79,7 @@ RULES = (
     Rule(r"hangtime sensor synthesise DIR ", "slow", (("DIR", "made"), (r"--seconds \d+", "--seconds 4"))),
     Rule(r"hangtime (?:takes prune|sync (?:status|prove))\b", "quick", ((r"$", " --config appliance.toml"),)),
     Rule(r"hangtime status$", "quick", around=APPLIANCE),
-    Rule(r"hangtime batch s3://", "slow", ((r"$", f"{SHORT} --workers 1"),), around=BUCKET),
+    Rule(r"hangtime batch s3://", "slow", ((r"$", " --spacing 0.15 --workers 1"),), around=BUCKET),
     Rule(r"hangtime fit .*--engine blender", "slow", ((r"$", " --iterations 4 --spacing 0.15"),), needs=(BPY,)),
     Rule(
         rf"{MUJOCO}=\S+ hangtime blind make set", "slow",
@@ -121,9 +121,10 @@ RULES = (
     Rule(r"hangtime record .*--out (?:wide|middle)", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
     Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), AS_NEW)),
     Rule(r"hangtime fit .*--method mocap-swatch", "slow", ((r"$", " --iterations 4 --spacing 0.1"),)),
-    Rule(r"hangtime fit ", "slow", ((r"$", SHORT),)),
+    Rule(r"hangtime fit .*--method kinect-skirt", "slow", ((r"$", SHORT),)),
+    Rule(r"hangtime fit ", "slow", (COARSE,)),
     Rule(r"hangtime diagnose ", "slow", ((r"$", " --spacing 0.15"),)),
-    Rule(r"hangtime batch takes ", "slow", (("batch takes", "batch demo"), (r"$", f"{SHORT} --workers 1"))),
+    Rule(r"hangtime batch takes ", "slow", (("batch takes", "batch demo"), (r"$", " --spacing 0.15 --workers 1"))),
     Rule(r"hangtime blind run ", "slow", ((r"$", ONE_COARSE_CASE),)),
     Rule(r"hangtime blind strike ", "slow", ((r"$", f"{ONE_COARSE_CASE} --least 0"),)),
     Rule(r"hangtime blind (?:score|report) ", "slow"),

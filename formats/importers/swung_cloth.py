@@ -104,6 +104,8 @@ def import_swung_cloth(
             "no point was ever seen", where=path, advice="give a recording that has finite points where `valid` is true"
         )
     held, own, clock = data["hanger_corners"].astype(float), None, ""
+    _refuse_infinity("points", np.where(data["valid"].astype(bool)[..., None], points, 0.0), path)
+    _refuse_infinity("hanger_corners", held, path)
     if not anyway:
         _check_places(points, valid, held, rest, path)
     if hanger is not None:
@@ -164,6 +166,18 @@ def import_swung_cloth(
         return take
     corners = own.held[:, ::-1] if is_crossed else own.held
     return with_hanger(take, own.time - time[0], corners, STATED_HELD_SD)
+
+
+def _refuse_infinity(name: str, places: Floats, path: Path) -> None:
+    """Refuse places with an infinite coordinate, (frames, places, 3), as in a C3D file."""
+    infinite = np.argwhere(np.isinf(places).any(2))
+    if len(infinite):
+        frame, place = infinite[0].tolist()
+        more = f", the first of {len(infinite)} such places" if len(infinite) > 1 else ""
+        raise TakeError(
+            f"its {name!r} hold inf, which is no number, at frame {frame}, place {place}{more}", where=path,
+            advice="export it again, with places that were not seen as NaN",
+        )  # fmt: skip
 
 
 def _check_places(points: Floats, valid: Booleans, held: Floats, rest: Floats, path: Path) -> None:

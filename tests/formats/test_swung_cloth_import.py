@@ -70,6 +70,11 @@ def grid(rows, columns, **others):
          "the array 'hanger_corners' has places beyond 1000 m; export it in metres"),
         ({"t": with_value(3, np.nan)}, f"{OF_FRAMES} 3, at nan s; {MEND}"),
         ({"t": with_value(0, np.nan)}, f"{OF_FRAMES} 0, at nan s; {MEND}"),
+        ({"points": with_value((4, 9, 1), -np.inf)}, "its 'points' hold inf, which is no number, at frame 4, place 9; "
+         "export it again, with places that were not seen as NaN"),
+        ({"hanger_corners": with_value((slice(7, 9), 1, 2), np.inf)}, "its 'hanger_corners' hold inf, which is no "
+         "number, at frame 7, place 1, the first of 2 such places; export it again, with places that were not seen as "
+         "NaN"),
         ({"t": with_value(slice(38, 40), np.inf)}, f"{OF_FRAMES} 38, at inf s; {MEND}"),
         ({"t": with_value(7, 0.1)}, f"{OF_FRAMES} 7, at 0.1 s; {MEND}"),
         ({"t": with_value(7, 6 * 0.11 - 0.34)}, f"{OF_FRAMES} 7, at 0.32 s; {MEND}"),
@@ -183,6 +188,12 @@ def test_every_frame_is_kept_and_points_that_are_not_numbers_are_not_valid(tmp_p
     assert len(take.time) == 40
     assert (~take.points_valid).sum() == 1
     assert not take.points_valid[4, 9]
+
+
+def test_an_infinite_place_counts_as_not_seen_where_the_file_says_so(tmp_path):
+    unseen = {"points": with_value((4, 9), np.inf), "valid": with_value((4, 9), False)}
+    take = import_swung_cloth(changed(tmp_path / "r.npz", **unseen))
+    assert np.argwhere(~take.points_valid).tolist() == [[4, 9]]
 
 
 @pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, float])

@@ -94,7 +94,7 @@ def _check_diagnosis(diagnosis: Diagnosis, refuse: Any) -> None:
     symmetric = {f"effects[{number}].closure": one.closure for number, one in enumerate(diagnosis.effects)}
     for at, figure in {"gap.floor_mm": diagnosis.gap.floor_mm, **symmetric}.items():
         if figure is not None and figure.interval is not None:
-            _check_within(figure.value, *figure.interval, f"{at}.value is", refuse)
+            check_within(figure.value, *figure.interval, f"{at}.value is", refuse)
 
 
 def _check_parameters(parameters: list[FitParameter], field: str, refuse: Any, *, may_leave: bool = False) -> None:
@@ -139,10 +139,11 @@ def _check_interval(number: FitParameter | Combination, at: str, refuse: Any, *,
     if (low is None) != (high is None) or (low is not None and high is not None and low > high):
         refuse(f"the interval of {number.name} has not a lower and an upper end")
     if low is not None and high is not None and not may_leave:
-        _check_within(number.fitted, low, high, f"{at}.fitted: {number.name} is", refuse)
+        check_within(number.fitted, low, high, f"{at}.fitted: {number.name} is", refuse)
 
 
-def _check_within(value: float, low: float, high: float, whose: str, refuse: Any) -> None:
+def check_within(value: float, low: float, high: float, whose: str, refuse: Any) -> None:
+    """Refuse a value outside an interval; whose: the begin of the sentence, up to the value."""
     room = ROUNDING * max(abs(low), abs(high))
     if not low - room <= value <= high + room:
         refuse(f"{whose} {value:g}, outside its own interval of {low:g} to {high:g}")

@@ -75,6 +75,17 @@ def load_diagnosis(path: Path) -> Diagnosis:
     return _load(path, Diagnosis)
 
 
+def load_result(path: Path) -> FitResult | Diagnosis:
+    """Read a fit or a diagnosis, whichever the file states; a fit where it states neither.
+
+    Raises:
+        ResultError: the file is missing or does not match the schema.
+    """
+    raw = _bytes_of(path)
+    is_diagnosis = _format_in(raw).partition("/")[0] == _format_of(Diagnosis).partition("/")[0]
+    return diagnosis_from(raw, path) if is_diagnosis else fit_result_from(raw, path)
+
+
 def _save(path: Path, record: FitResult | Diagnosis) -> None:
     raw = result_bytes(record, path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -94,13 +105,16 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
 
 
 def _load(path: Path, kind: type[Result]) -> Result:
+    return _decoded(_bytes_of(path), kind, path)
+
+
+def _bytes_of(path: Path) -> bytes:
     try:
         check_ends(path)
         _check_size(path.stat().st_size, path)
-        raw = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
-    return _decoded(raw, kind, path)
 
 
 def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
@@ -148,11 +162,7 @@ def _refuse_no_text(raw: bytes, where: object) -> None:
 
 def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None:
     """Refuse a file that states another version of the expected format."""
-    (known,) = get_args(get_type_hints(kind)["format"])
-    try:
-        named = msgspec.json.decode(raw, type=_Named).format
-    except (msgspec.MsgspecError, RecursionError):
-        return
+    known, named = _format_of(kind), _format_in(raw)
     kind_named, _, version = named.partition("/")
     kind_known, _, newest = known.partition("/")
     if named != known and kind_named == kind_known:
@@ -163,5 +173,18 @@ def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None
         )  # fmt: skip
 
 
+def _format_of(kind: type[FitResult | Diagnosis]) -> str:
+    (known,) = get_args(get_type_hints(kind)["format"])
+    return str(known)
+
+
 class _Named(msgspec.Struct):
     format: str
+
+
+def _format_in(raw: bytes) -> str:
+    """Return the format that a file states, '' where it states none."""
+    try:
+        return msgspec.json.decode(raw.removeprefix(BOM_UTF8), type=_Named).format
+    except (msgspec.MsgspecError, RecursionError):
+        return ""

@@ -23,8 +23,8 @@ from fit.methods import METHODS
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
 from formats.fit_records import FitParameter, FitResult
-from formats.result_checks import ROUNDING
-from formats.results import diagnosis_from, fit_result_from, load_diagnosis, load_fit_result
+from formats.result_checks import check_within
+from formats.results import diagnosis_from, fit_result_from, load_diagnosis, load_fit_result, load_result
 from formats.system_causes import step_to_read
 
 OF_EFFECTS = {effect.name: (effect.unit, effect.low) for effect in LIBRARY}  # unit and least size of each
@@ -65,35 +65,27 @@ def _checked_fit(result: FitResult, where: object) -> FitResult:
 
 
 def _checked_diagnosis(diagnosis: Diagnosis, where: object) -> Diagnosis:
+    def refuse(what: str) -> NoReturn:
+        _refuse(what, where, "diagnose again")
+
     known = {p.name: (p.unit, p.minimum) for one in METHODS.values() for p in one.parameters}
     _check(diagnosis.base_parameters, "base_parameters", known, where, "diagnose again")
     units = {name: unit for name, (unit, _) in OF_EFFECTS.items()}
     for number, effect in enumerate(diagnosis.effects):
         _check_unit(f"effects[{number}].unit", effect.id, effect.unit, units, where, "diagnose again")
-        _check_within(f"effects[{number}].amplitude", effect.amplitude, effect.amplitude_interval, where)
+        if effect.amplitude_interval is not None:
+            check_within(effect.amplitude, *effect.amplitude_interval, f"effects[{number}].amplitude is", refuse)
     gap = diagnosis.gap
     for name, figure in (("base_mm", gap.base_mm), ("with_effect_mm", gap.with_effect_mm)):
-        if figure is not None:
-            _check_within(f"gap.{name}.value", figure.value, figure.interval, where)
+        if figure is not None and figure.interval is not None:
+            check_within(figure.value, *figure.interval, f"gap.{name}.value is", refuse)
     return diagnosis
 
 
 def load_either(path: Path) -> FitResult | Diagnosis:
-    """Read a fit or a diagnosis.
-
-    Raises:
-        HangtimeError: that of the kind that the file states, or else that of a fit.
-    """
-    try:
-        return load_fit(path)
-    except HangtimeError as no_fit:
-        try:
-            return load_diagnosed(path)
-        except HangtimeError as no_diagnosis:
-            is_diagnosis = no_fit.what.startswith("is not a fit result") and not no_diagnosis.what.startswith(
-                "is not a diagnosis"
-            )
-            raise (no_diagnosis if is_diagnosis else no_fit) from None
+    """Read a fit or a diagnosis; the errors are those of the kind that the file states, or else those of `load_fit`."""
+    result = load_result(path)
+    return _checked_fit(result, path) if isinstance(result, FitResult) else _checked_diagnosis(result, path)
 
 
 def _check(
@@ -115,13 +107,6 @@ def _check_unit(at: str, name: str, unit: str, units: Mapping[str, str], where: 
         _refuse(f"{at}: {name} is in {unit or 'no unit'}, and Hangtime has it in {units[name]}", where, again)
 
 
-def _check_within(at: str, value: float, interval: tuple[float, float] | None, where: object) -> None:
-    low, high = interval or (value, value)
-    room = ROUNDING * max(abs(low), abs(high))
-    if not low - room <= value <= high + room:
-        _refuse(f"{at} is {value:g}, outside its own interval of {low:g} to {high:g}", where, "diagnose again")
-
-
 def _refuse(what: str, where: object, again: str) -> NoReturn:
     raise ResultError(what, where=where, advice=again)
 
@@ -139,14 +124,10 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
         refuse_unfinished(file)
     except OSError as error:
         raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
-    try:
-        return _with_diagnosis(load_fit(file), file.with_name("diagnosis.json")), file
-    except HangtimeError as no_fit:
-        try:
-            load_diagnosis(file)
-        except HangtimeError:
-            raise no_fit from None
-    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
+    result = load_either(file)
+    if isinstance(result, Diagnosis):
+        raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
+    return _with_diagnosis(result, file.with_name("diagnosis.json")), file
 
 
 def _with_diagnosis(result: FitResult, path: Path) -> FitResult:

@@ -7,7 +7,7 @@ import json
 import pytest
 
 import hangtime
-from fit.identification.read_again import load_diagnosed, load_fit
+from fit.identification.read_again import load_diagnosed, load_either, load_fit, read_fit
 from formats.errors import HangtimeError
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.export.exported import a_fit
@@ -98,6 +98,17 @@ def test_a_diagnosis_with_a_wrong_number_is_refused_by_each_reader_as_a_diagnosi
     with pytest.raises(HangtimeError) as refused:
         hangtime.load(file)
     assert says in str(refused.value)
+
+
+@pytest.mark.parametrize("begin", [b"", b"\xef\xbb\xbf"], ids=["plain", "byte order mark"])
+def test_a_damaged_diagnosis_is_named_as_one_also_where_a_fit_is_wanted(tmp_path, begin):
+    file = tmp_path / "diagnosis.json"
+    save_diagnosis(file, diagnosis())
+    edited(file, "verdict", value=7)
+    file.write_bytes(begin + file.read_bytes())
+    for read in (hangtime.load, load_either, read_fit):
+        with pytest.raises(HangtimeError, match="is not a diagnosis: verdict must be text"):
+            read(file)
 
 
 def test_results_without_a_fault_are_read(fitted):

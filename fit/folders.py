@@ -12,15 +12,14 @@ from pathlib import Path
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.errors import OutputError, ResultError
-from formats.fit_records import OF_A_TAKE, FitResult
+from formats.fit_records import BOUND_NOTE, OF_A_TAKE, WARNING, FitResult
 from formats.outputs import make_output_folder
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
 RESULTS = ("fit.json", "diagnosis.json")
-WARNING_NOTE, BOUND_NOTE = "Warning: ", "At its bound: "  # beginnings of a fit's notes on its own numbers
-NAMED_BESIDE = "Warning: the diagnosis beside this fit "
+NAMED_BESIDE = f"{WARNING} the diagnosis beside this fit "
 
 
 def make_folder(folder: Path, *files: str) -> Path:
@@ -127,7 +126,7 @@ def notes_of_diagnosis(notes: Sequence[str]) -> list[str]:
 def own_warnings(notes: Sequence[str]) -> list[str]:
     """Return a fit's warnings of its own numbers; those of its takes and of a diagnosis have functions of their own."""
     others = (OF_A_TAKE, NAMED_BESIDE)
-    return [note for note in notes if note.startswith((WARNING_NOTE, BOUND_NOTE)) and not note.startswith(others)]
+    return [note for note in notes if note.startswith((WARNING, BOUND_NOTE)) and not note.startswith(others)]
 
 
 def _numbered(path: Path, number: int) -> Path:

@@ -11,6 +11,7 @@ Interval = tuple[float, float]
 NOT_IDENTIFIED = "not identified"
 AT_BOUND = "at its bound"
 WARNING = "Warning:"  # beginning of every note that warns of the takes or of the figures
+BOUND_NOTE = "At its bound:"  # beginning of the note on parameters at their bounds
 OF_A_TAKE = f"{WARNING} the take "  # beginning of every note that warns of one take
 
 

@@ -6,11 +6,11 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status, status_of
-from fit.folders import WARNING_NOTE, notes_of_diagnosis, own_warnings
+from fit.folders import notes_of_diagnosis, own_warnings
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.figures import short, span_of, with_unit
-from formats.fit_records import FitResult
+from formats.fit_records import FitResult, warnings_in
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
@@ -65,7 +65,7 @@ def origin_lines(result: FitResult) -> list[str]:
 
 def is_doubtful(result: FitResult) -> bool:
     """Return whether a fit warns of all its numbers, as where a rigid sheet follows the takes as well."""
-    return any(note.startswith(WARNING_NOTE) for note in own_warnings(result.notes))
+    return bool(warnings_in(own_warnings(result.notes)))
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:

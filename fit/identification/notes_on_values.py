@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from formats.fit_records import FitParameter
+from formats.fit_records import BOUND_NOTE, FitParameter
 
 FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval{of_each}. The fitted value is one of many that follow the takes "
     "equally well, and rounding may decide which."
 )
 STOPPED_AT_BOUND = (
-    "At its bound: {names}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
+    f"{BOUND_NOTE} {{names}}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
     "--bounds only narrows the range. A missing effect may drive it there: hangtime diagnose looks for one."
 )
 STOPPED_AT_BOUNDS = (  # where they are several
-    "At its bound: {names}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
+    f"{BOUND_NOTE} {{names}}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
     "cloth. --bounds only narrows a range. A missing effect may drive them there: hangtime diagnose looks for one."
 )
 

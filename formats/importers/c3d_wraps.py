@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.importers.missing_values import counted_out
 from formats.importers.number_cells import CELL_SHOWN
 from formats.plain_text import MOST_LISTED, first_few
 
@@ -50,9 +51,8 @@ def remove_wrapped(positions: Floats, steps: Floats, labels: Sequence[str], wher
         count += len(frames)
     if not count:
         return ""
-    told = "1 position counts" if count == 1 else f"{count} positions count"
     return (
-        f"{told} as not seen, with a coordinate that wrapped round at 16 bits: "
+        f"{counted_out(count)}, with a coordinate that wrapped round at 16 bits: "
         f"{first_few(named[:MOST_LISTED], len(named))}; export floats, or a larger scale"
     )
 

@@ -126,11 +126,15 @@ def warning_of_bound(bound: Booleans, labels: Sequence[str], where: Callable[[in
         return ""
     count, some = int(bound.sum()), np.argwhere(bound)[:MOST_LISTED].tolist()
     each = [f"{labels[marker].strip()[:CELL_SHOWN]} in {where(frame)}" for frame, marker in some]
-    told = "1 position counts" if count == 1 else f"{count} positions count"
     return (
-        f"{told} as not seen, with a coordinate at a bound of 16-bit integers: {first_few(each, count)}; export "
+        f"{counted_out(count)}, with a coordinate at a bound of 16-bit integers: {first_few(each, count)}; export "
         "floats, or a larger scale"
     )
+
+
+def counted_out(count: int) -> str:
+    """Return in words that so many positions count as not seen."""
+    return f"{count} positions count as not seen" if count > 1 else "1 position counts as not seen"
 
 
 def _told(code: str, count: int, first: str) -> str:

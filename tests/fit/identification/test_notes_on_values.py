@@ -16,22 +16,15 @@ def parameters(count, **state):
 
 
 @pytest.mark.parametrize(
-    ("count", "says"),
-    [(1, "Not identified: mass. Read the 90 % interval. The"),
-     (2, "Not identified: mass, struct. Read the 90 % interval of each. The")],
+    ("count", "is_at_bound", "says"),
+    [(1, False, "Not identified: mass. Read the 90 % interval. The"),
+     (2, False, "Not identified: mass, struct. Read the 90 % interval of each. The"),
+     (1, True, "At its bound: mass. Its range stopped the fit there, so the value says more of the range than"),
+     (2, True,
+      "At its bound: mass, struct. Their ranges stopped the fit there, so the values say more of the ranges than")],
 )  # fmt: skip
-def test_a_single_parameter_that_is_not_identified_has_one_interval(count, says):
-    (note,) = notes_on_values(parameters(count, is_identified=False, is_at_bound=False))
-    assert note.startswith(says)
-
-
-@pytest.mark.parametrize(
-    ("count", "says"),
-    [(1, "At its bound: mass. Its range stopped the fit there, so the value says more of the range than"),
-     (2, "At its bound: mass, struct. Their ranges stopped the fit there, so the values say more of the ranges than")],
-)  # fmt: skip
-def test_several_parameters_at_their_bounds_have_several_ranges(count, says):
-    (note,) = notes_on_values(parameters(count, is_identified=False, is_at_bound=True))
+def test_one_parameter_has_one_interval_or_range_and_several_have_several(count, is_at_bound, says):
+    (note,) = notes_on_values(parameters(count, is_identified=False, is_at_bound=is_at_bound))
     assert note.startswith(says)
 
 

@@ -73,13 +73,19 @@ def test_the_offset_of_a_silhouettes_point_is_its_mean_over_the_frames_that_show
     assert shown.rms("base") == pytest.approx(np.zeros(4))
 
 
-def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
-    """Frame 1 is 30 mm off and frame 2 is 90 mm off, but shows one point of three."""
+def three_frames():
+    """Real points at rest, of which frame 2 shows a third, and simulated ones that are 0, 30 and 90 mm off."""
     still = np.zeros((3, 5, 3))
     off = still.copy()
     off[1, :, 0], off[2, :, 0] = 0.03, 0.09
     real = still.copy()
     real[2, 3:] = np.nan
+    return still, off, real
+
+
+def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
+    """Frame 2 is farther off than frame 1, but shows one point of three."""
+    still, off, real = three_frames()
     given = {"time": np.arange(3.0), "runs": {"base": Run(points=off)}, "held": None, "triangles": None}
     assert motion(real=real, **given).worst_frame == 1
     assert motion(real=still, **given).worst_frame == 2
@@ -87,12 +93,8 @@ def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
 
 
 def test_the_worst_frame_of_the_legend_is_the_one_that_the_player_shows():
-    """Frame 1 is 30 mm off, and frame 2 is 90 mm off, but shows one point of three."""
-    still = np.zeros((3, 5, 3))
-    off = still.copy()
-    off[1, :, 0], off[2, :, 0] = 0.03, 0.09
-    real = still.copy()
-    real[2, 3:] = np.nan
+    """Frame 1, 30 mm off: frame 2 shows one point of three."""
+    _, off, real = three_frames()
     runs = {"base": Run(points=off), "fit": Run(points=off / 2)}
     made = motion(time=np.arange(3.0), real=real, runs=runs, held=None, triangles=None)
     assert made.rms("base")[made.worst_frame] == pytest.approx(0.03)

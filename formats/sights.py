@@ -242,8 +242,9 @@ def spread(frames: Integers, most: int) -> Integers:
 def away_from_held(take: Take, sights: Sights) -> Floats:
     """Return the median distance of each point from both held ends [m], (points, 2), NaN where it was never seen.
 
-    Where the hanger may have its own clock, the distances are those at the one offset that makes their sum smallest. A
-    fit moves the clock only where the held row determines an offset. So a fit may refuse a short take that is near at
+    Where the hanger may have its own clock, the distances are those at the one offset that makes their sum smallest.
+    The sum is over the points that every offset shows. A point that this offset does not show has an offset of its own.
+    A fit moves the clock only where the held row determines an offset. So a fit may refuse a short take that is near at
     some offset.
     """
     shifts, frames = shifts_of(take), np.flatnonzero(sights.is_known)
@@ -254,9 +255,9 @@ def away_from_held(take: Take, sights: Sights) -> Floats:
         ends = at_times(take.time[frames] + shift, take.time[sights.held], take.held[sights.held])
         apart = np.linalg.norm(places[:, :, None] - ends[:, None], axis=3)
         found.append(_medians(np.where(seen[..., None], apart, np.nan)))
-    known = [int(np.isfinite(apart).sum()) for apart in found]  # a short take shows nothing at a large offset
-    sums = [np.nansum(apart) if count == max(known) else np.inf for apart, count in zip(found, known, strict=True)]
-    return found[int(np.argmin(sums))]
+    known = np.isfinite(found)  # a short take shows nothing at a large offset, nor a point seen only near an end
+    best = int(np.argmin(np.where(known.all(0), found, 0.0).sum((1, 2))))
+    return np.where(known[best], found[best], np.fmin.reduce(found))
 
 
 def _medians(apart: Floats) -> Floats:

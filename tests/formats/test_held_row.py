@@ -69,6 +69,20 @@ def test_imported_cloth_whose_stamps_are_late_goes_with_its_hanger_as_in_a_fit(l
     assert named(imported(dataclasses.replace(take, held=ends, markers=ends))) == []
 
 
+@pytest.mark.parametrize(("late", "is_last"), [(0.33, False), (-0.33, True), (0.2, False), (-0.2, True)])
+def test_a_point_seen_near_one_end_alone_leaves_the_others_their_clock_offset(late, is_last):
+    """Such a point has no distance at that offset, before the hanger's path begins or behind its end."""
+    take = swung(10.0, reach=0.2)
+    ahead = way(1.0, 0.2) - 0.2 * np.sin(2 * np.pi * (take.time + late))
+    ends, seen = take.held - ahead[:, None, None] * [1.0, 0.0, 0.0], take.points_valid.copy()
+    seen[:, 2] &= (take.time > 9.85) if is_last else (take.time < 0.15)
+    known = imported(dataclasses.replace(take, held=ends, markers=ends, points_valid=seen))
+    assert "point_far_off" not in named(known)
+    away, true = away_from_held(known, sights_of(known)), away_from_held(take, sights_of(take))
+    np.testing.assert_allclose(np.delete(away, 2, axis=0), np.delete(true, 2, axis=0), atol=0.02)
+    assert np.isfinite(away[2]).all()
+
+
 @pytest.mark.parametrize(("seen", "is_reported"), [(19, False), (20, True)])
 def test_a_held_row_is_compared_from_twenty_sights_on(seen, is_reported):
     still = swung(10.0, reach=0.0)

@@ -10,7 +10,7 @@ from fit.folders import notes_of_diagnosis, own_warnings
 from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.figures import short, span_of, with_unit
-from formats.fit_records import FitResult, warnings_in
+from formats.fit_records import WARNING, FitResult
 from formats.plain_text import plain, shortened
 from formats.take import Take
 
@@ -63,15 +63,9 @@ def origin_lines(result: FitResult) -> list[str]:
     ]
 
 
-def is_doubtful(result: FitResult) -> bool:
-    """Return whether a fit warns of all its numbers, as where a rigid sheet follows the takes as well."""
-    return bool(warnings_in(own_warnings(result.notes)))
-
-
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
     """Return a sentence for each missing effect, warning, flaw of a take, and quantity that needs a caution."""
-    notes = (*notes_of_diagnosis(result.notes), *own_warnings(result.notes), *flaw_notes(result.notes))
-    lines = [plain(note) for note in notes]
+    lines = [plain(note) for note in _warnings(result)]
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_known:
@@ -82,10 +76,34 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
         return lines
     for p in result.parameters:
         if p.is_identified is not True:
-            status = status_of([p])
+            status = status_of([p], result)
             number = _number(p.fitted, p.interval_low, p.interval_high, p.unit, status)
             lines.append(plain(f"{p.name}: {number}; {MEANING_OF_STATUS[status]}."))
     return lines
+
+
+def doubts(result: FitResult, fabric: Fabric | None) -> list[str]:
+    """Return the warnings that an export prints: those of the fit, then the numbers that its takes do not identify."""
+    told = [plain(note) for note in _warnings(result)]
+    found = [(q.name, q.status) for q in fabric.quantities] if fabric is not None else [
+        (p.name, status_of([p], result)) for p in result.parameters
+    ]  # fmt: skip
+    for status, words in NOT_SURE.items():
+        if names := [plain(name.replace("_", " ")) for name, one in found if one == status]:
+            every = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+            told.append(f"{WARNING} {words.format(names=every)}")
+    return told
+
+
+NOT_SURE: dict[Status, str] = {
+    "not identified": "the takes do not identify {names}. Other values within the intervals follow them as well.",
+    "no interval": "nothing tells how sure {names} may be. The fit computed no interval.",
+}
+
+
+def _warnings(result: FitResult) -> list[str]:
+    """Return what a fit warns of: an effect that it lacks, its own numbers, flaws of its takes."""
+    return [*notes_of_diagnosis(result.notes), *own_warnings(result.notes), *flaw_notes(result.notes)]
 
 
 def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:

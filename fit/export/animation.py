@@ -11,7 +11,7 @@ from fit.cloth.launch import Progress
 from fit.cloth.mesh import check_spacing
 from fit.errors import FitError
 from fit.export import caches
-from fit.export.about import remarks_on_take
+from fit.export.about import doubts, remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
 from fit.export.kinds import check_libraries
 from fit.export.moving import SIMULATED_OF_MESH, Moving, check_engine, motion_of
@@ -158,7 +158,8 @@ def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show, *, ov
         words = " ".join([*caches.words(scene.result, fabric), *moving.remarks])
         raw = film(moving, suffix, words, size, lambda done, total: drawn(done / total))
     write_bytes(path, raw, overwrite=overwrite)
-    return Animated(path, moving.remarks)
+    told = dict.fromkeys([*doubts(scene.result, fabric), *moving.remarks])
+    return Animated(path, tuple(told))
 
 
 def _part(show: Show, doing: str, first: float, last: float) -> Progress:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from formats.command_groups import OUT
-from formats.telling import tell, tell_entry
+from formats.telling import know, tell, tell_entry
 
 FitFile = Annotated[
     Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
@@ -92,7 +92,7 @@ def export_command(
 
     Example: `hangtime export results --to usd-physics`
     """
-    from fit.export.about import remarks_on_take
+    from fit.export.about import doubts, remarks_on_take
     from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, contents, default_path, write_contents
     from fit.export.usd_physics import THICKNESS
     from fit.identification.read_again import read_fit
@@ -116,9 +116,12 @@ def export_command(
         result=result, take=read_take(take) if take is not None else None,
         thickness=THICKNESS if thickness is None else thickness, spacing=spacing, show=show,
     )  # fmt: skip
-    for remark in remarks_on_take(result, order.take):
+    is_shown = to is ExportKind.TABLE and out is None  # the sheet itself tells the doubts
+    remarks = [] if is_shown else doubts(result, order.fabric_if_any)
+    remarks = list(dict.fromkeys([*remarks, *remarks_on_take(result, order.take)]))
+    for remark in remarks:
         say(remark)
-    if to is ExportKind.TABLE and out is None:
+    if is_shown:
         sheet = next(iter(EXPORT_KINDS[to.value].make(order).values())).decode()
         tell(sheet.removesuffix("\n"), table=sheet)
         return
@@ -135,6 +138,7 @@ def export_command(
         progress.show(1.0, "done")
         progress.end()
     write_contents(made, overwrite=overwrite)
+    know(remarks=remarks)
     for written in made:
         tell_entry("files", plain(written), file=str(written))
 

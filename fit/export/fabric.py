@@ -10,20 +10,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from fit.cloth import material as mat
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
+from fit.folders import notes_of_diagnosis, own_warnings
 from fit.virtual_tests.fitted_rows import FittedRows, Read
-from formats.fit_records import Combination, FitParameter, FitResult
+from formats.fit_records import Combination, FitParameter, FitResult, warnings_in
 
-Status = Literal["measured", "not identified", "no interval", "weighed", "tied to stretch", "assumed"]
+Measured = Literal["measured", "measured, in doubt", "measured by a model that lacks an effect"]
+Status = Measured | Literal["not identified", "no interval", "weighed", "tied to stretch", "assumed"]
 
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
+    "measured, in doubt": "the takes identify it, but the fit warns of all its numbers; 90 % interval",
+    "measured by a model that lacks an effect": "the takes identify it, but the value may make up for the missing "
+    "effect; 90 % interval",
     "not identified": "the takes do not identify it: the whole interval stays possible",
     "no interval": "fitted, without a computed interval",
     "weighed": "from the garment's weight and area, not from its motion",
@@ -47,7 +52,7 @@ class Quantity:
     @property
     def is_known(self) -> bool:
         """Whether the value is known: identified or weighed."""
-        return self.status in ("measured", "weighed")
+        return self.status in (*get_args(Measured), "weighed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +135,7 @@ def fabric_of(result: FitResult) -> Fabric:
     found = [
         quantity
         for name, unit, meaning, read in _FROM_MATERIAL
-        for quantity in [_quantity(name, unit, meaning, rows, read, result.combinations)]
+        for quantity in [_quantity(name, unit, meaning, rows, read, result)]
         if quantity.value != 0.0 or name not in ("stiffening",)
     ]
     stretch = rows.parameters_behind(lambda r: r[mat.STRETCH])
@@ -140,8 +145,8 @@ def fabric_of(result: FitResult) -> Fabric:
         if parameter is not None:
             found.append(
                 Quantity(
-                    name=name, value=parameter.fitted, unit=unit, meaning=meaning, status=status_of([parameter]),
-                    low=parameter.interval_low, high=parameter.interval_high,
+                    name=name, value=parameter.fitted, unit=unit, meaning=meaning,
+                    status=status_of([parameter], result), low=parameter.interval_low, high=parameter.interval_high,
                 )
             )  # fmt: skip
     share = 1 / result.layers
@@ -168,32 +173,37 @@ def why_no_fabric(result: FitResult) -> str:
     return ""
 
 
-def _quantity(
-    name: str, unit: str, meaning: str, rows: FittedRows, read: Read, combinations: Sequence[Combination]
-) -> Quantity:
+def _quantity(name: str, unit: str, meaning: str, rows: FittedRows, read: Read, result: FitResult) -> Quantity:
     behind = rows.parameters_behind(read)
     ends = rows.ends(read, behind)
-    status: Status = status_of(behind) if behind else "weighed" if name == "areal_density" else "assumed"
-    same = [c for c in combinations if c.name == name.replace("_", " ")]
+    status: Status = status_of(behind, result) if behind else "weighed" if name == "areal_density" else "assumed"
+    same = [c for c in result.combinations if c.name == name.replace("_", " ")]
     if same and len(behind) > 1:  # the takes may identify the quantity without identifying any of its parameters
-        status, ends = status_of(same), (same[0].interval_low, same[0].interval_high)
+        status, ends = status_of(same, result), (same[0].interval_low, same[0].interval_high)
     low, high = ends if ends is not None else (None, None)
     return Quantity(
         name=name, value=float(read(rows.fitted)), unit=unit, meaning=meaning, status=status, low=low, high=high
     )
 
 
-def status_of(behind: Sequence[FitParameter | Combination]) -> Status:
-    """Return the status of a quantity that depends on these fitted parameters."""
+def status_of(behind: Sequence[FitParameter | Combination], result: FitResult) -> Status:
+    """Return the status of a quantity of a fit that depends on these fitted parameters."""
     if any(p.is_identified is False for p in behind):
         return "not identified"
-    return "no interval" if any(p.is_identified is None for p in behind) else "measured"
+    return "no interval" if any(p.is_identified is None for p in behind) else _measured(result)
+
+
+def _measured(result: FitResult) -> Measured:
+    """Return the status of identified numbers of a fit, which may warn of all of them or lack an effect."""
+    if notes_of_diagnosis(result.notes):
+        return "measured by a model that lacks an effect"
+    return "measured, in doubt" if warnings_in(own_warnings(result.notes)) else "measured"
 
 
 def _tied(shear: Quantity, rows: FittedRows, stretch: list[FitParameter]) -> Quantity:
     """Return shear with its status for a method that makes it a share of the stretch stiffness."""
     behind = rows.parameters_behind(lambda r: r[mat.SHEAR])
-    if behind and [p.name for p in behind] == [p.name for p in stretch] and shear.status == "measured":
+    if behind and [p.name for p in behind] == [p.name for p in stretch] and shear.status in get_args(Measured):
         return replace(shear, status="tied to stretch")
     return shear
 

@@ -12,13 +12,11 @@ ASTM D1388, option A, for the angle; S. Kawabata, "The Standardization and Analy
 
 from __future__ import annotations
 
-import functools
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
-from fit.export.about import caution_lines, flat_provenance, is_doubtful, origin_lines
+from fit.export.about import caution_lines, flat_provenance, origin_lines
 from fit.export.fabric import Fabric, Quantity, status_of
-from fit.folders import notes_of_diagnosis
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.figures import short, span_of, without_noise
 from formats.fit_records import FitResult
@@ -47,13 +45,15 @@ def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[ob
     A parameter that is not identified keeps its value in its own column, `one_of_many`, and leaves `value` empty.
     """
     rows: list[Sequence[object]] = [
-        ("parameter", p.name, p.fitted, p.interval_low, p.interval_high, p.unit, status_of([p]), p.note)
+        ("parameter", p.name, p.fitted, p.interval_low, p.interval_high, p.unit, status_of([p], result), p.note)
         for p in result.parameters
     ]
     for q in fabric.quantities if fabric is not None else ():
         rows.append(("fabric", q.name, q.value, q.low, q.high, q.unit, q.status, q.meaning))
     for c in result.combinations:
-        rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c]), ""))
+        rows.append(
+            ("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c], result), "")
+        )
     plain = ([without_noise(one) if isinstance(one, float) else one for one in row] for row in rows)
     return list(map(_set_apart, plain))
 
@@ -67,47 +67,43 @@ def _set_apart(row: Sequence[object]) -> Sequence[object]:
 
 def software_table(result: FitResult, fabric: Fabric) -> str:
     """Return a sheet for the fabric windows of CLO, Marvelous Designer and Browzwear."""
-    measured = "measured, with the doubt that is told below" if is_doubtful(result) else "measured"
-    if notes_of_diagnosis(result.notes):
-        measured = "measured by a model that lacks an effect"
-    row = functools.partial(_row, measured=measured)
     density = fabric["areal_density"].value
     rows = [
-        row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),
+        _row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),
         ("Thickness", "-", "", "mm", "no motion tells it: measure it"),
         *(
-            row(f"Stretch {way}", fabric[f"stretch_{way}"], "N/m", lambda v: v, "no field has this unit: see below")
+            _row(f"Stretch {way}", fabric[f"stretch_{way}"], "N/m", lambda v: v, "no field has this unit: see below")
             for way in ("warp", "weft")
         ),
         *(
-            row(
+            _row(
                 f"  force at {100 * STRIP_STRAIN:.0f} %, {way}", fabric[f"stretch_{way}"], "gf",
                 lambda v: v * STRIP_STRAIN * STRIP_WIDTH / GRAM_FORCE, f"of a strip {100 * STRIP_WIDTH:.0f} cm wide",
             )
             for way in ("warp", "weft")
         ),
-        row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
-        row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
+        _row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
+        _row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
         *(
-            row(f"Bending {way}", fabric[f"bending_{way}"], "µN m", lambda v: 1e6 * v, "no field has this unit")
+            _row(f"Bending {way}", fabric[f"bending_{way}"], "µN m", lambda v: 1e6 * v, "no field has this unit")
             for way in ("warp", "weft")
         ),
         *(
-            row(
+            _row(
                 f"  overhang at 41.5 deg, {way}", fabric[f"bending_{way}"], "mm",
                 lambda v: 2e3 * (v / (GRAVITY * density)) ** (1 / 3), "cantilever test, ASTM D1388",
             )
             for way in ("warp", "weft")
         ),
         *(
-            row(f"  KES B, {way}", fabric[f"bending_{way}"], "gf cm2/cm", lambda v: v / BENDING_UNIT, "")
+            _row(f"  KES B, {way}", fabric[f"bending_{way}"], "gf cm2/cm", lambda v: v / BENDING_UNIT, "")
             for way in ("warp", "weft")
         ),
-        row("Bending damping", fabric["bending_damping_time"], "ms", lambda v: 1e3 * v, "no field means this"),
-        row("Air and linear damping", fabric["velocity_damping"], "1/s", lambda v: v, "no field means this"),
+        _row("Bending damping", fabric["bending_damping_time"], "ms", lambda v: 1e3 * v, "no field means this"),
+        _row("Air and linear damping", fabric["velocity_damping"], "1/s", lambda v: v, "no field means this"),
     ]  # fmt: skip
     if fabric.get("drag_coefficient"):
-        rows.append(row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
+        rows.append(_row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
     heads = ("quantity", "value", "90 % interval", "unit", "how sure, and what to do with it")
     lines = ["Fabric for CLO, Marvelous Designer and Browzwear", "", *origin_lines(result), ""]
     lines += aligned([heads, *rows], right=(1,))
@@ -130,14 +126,14 @@ UNIT_WORDS = (
 
 
 def _row(
-    name: str, quantity: Quantity, unit: str, scale: Callable[[float], float], words: str, *, measured: str
+    name: str, quantity: Quantity, unit: str, scale: Callable[[float], float], words: str
 ) -> tuple[str, str, str, str, str]:
     ends = ""
     if quantity.low is not None and quantity.high is not None:
         low, high = sorted((scale(quantity.low), scale(quantity.high)))
         ends = span_of((low, high))
     value = short(scale(quantity.value)) if quantity.status != "not identified" else "-"
-    told = {"measured": measured, "not identified": "NOT IDENTIFIED: only the interval is known"}
+    told: dict[str, str] = {"not identified": "NOT IDENTIFIED: only the interval is known"}
     how = told.get(quantity.status, quantity.status)
     return name, value, ends, unit, f"{how}; {words}" if words else how
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import math
 import re
@@ -178,10 +179,12 @@ def test_a_fit_is_not_simply_measured_where_a_diagnosis_beside_it_names_an_effec
     assert [says in note for note in notes] == ([True] if says else [])
     text = software_table(result, fabric_of(result))
     shear = next(line for line in text.splitlines() if line.startswith("Shear"))
-    assert ("measured by a model that lacks an effect" in shear) == bool(says)
+    status = "measured by a model that lacks an effect" if says else "measured"
+    assert status_in_table(shear) == status
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
+    assert {row["status"] for row in rows if "shear" in row["name"]} == {status}
     assert ("Fit again with --effect air_drag" in " ".join(text.split())) == bool(says)
     assert ("Fit again with" in sheet_of(result)) == bool(says)
-    rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
     told = next(row["value"] for row in rows if row["name"] == "missing_effects")
     assert told == " ".join(notes)
 
@@ -212,15 +215,21 @@ def test_the_notes_that_a_fit_writes_begin_as_the_exports_look_for_them():
 def test_a_fit_that_warns_of_itself_is_not_simply_measured_and_one_parameter_at_its_bound_leaves_the_others():
     doubt, bound = (msgspec.structs.replace(a_fit(), notes=[note]) for note in (WARNED, BOUND))
     told = [rows_of(software_table(one, fabric_of(one)))["Shear"][-1] for one in (doubt, bound)]
-    assert [one.partition(";")[0] for one in told] == ["measured, with the doubt that is told below", "measured"]
+    assert [one.partition(";")[0] for one in told] == ["measured, in doubt", "measured"]
 
 
 def test_a_quantity_of_several_parameters_is_as_doubtful_as_the_most_doubtful_of_them():
     known, unknown, without = (SimpleNamespace(is_identified=one) for one in (True, False, None))
-    assert status_of([known, known]) == "measured"
-    assert status_of([known, without]) == status_of([without, known]) == "no interval"
-    assert status_of([known, unknown, without]) == status_of([without, unknown]) == "not identified"
-    assert status_of([known, unknown]) == "not identified"
+    status = functools.partial(status_of, result=a_fit())
+    assert status([known, known]) == "measured"
+    assert status([known, without]) == status([without, known]) == "no interval"
+    assert status([known, unknown, without]) == status([without, unknown]) == "not identified"
+    assert status([known, unknown]) == "not identified"
+
+
+def status_in_table(line):
+    """The status in a row of the sheet for garment programs."""
+    return re.split(r"\s{2,}", line.strip())[-1].partition(";")[0]
 
 
 def rows_of(text):

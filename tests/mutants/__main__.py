@@ -2,7 +2,8 @@
 
 The mutation tester mutmut makes the mutants and runs, for each, the tests that reach its function. Which folder is
 tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
-`build/mutants/`, which keeps the results: a second run tests again where code or tests have changed.
+`build/mutants/`. Results are kept: a second run goes on where the first ended, and tests again where a module or the
+tests that reach it have changed.
 
 The type check of `scripts/check` then looks at the mutants that no test noticed. Those that it refuses count as dead.
 A surviving mutant either needs a test, or is listed in `survivors.toml` with a reason. A rule there accepts all mutants
@@ -14,12 +15,15 @@ Where a library is not installed, the tests of what needs it skip. Mutants of th
 from __future__ import annotations
 
 import argparse
-import json
+import contextlib
+import math
 import os
 import random
 import re
+import signal
 import subprocess
 import sys
+import time
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,30 +31,42 @@ from fnmatch import fnmatch
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
 
+from tests.mutants import kept
 from tests.mutants.types import Change, refused
 
 ROOT = Path(__file__).parents[2]
 COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
+LOOK = 60.0  # s between two looks at what mutmut has found; our choice: a night that is cut off loses a minute
+NAMED = 1000  # mutants in one command at most; our choice: mutmut compares each with every mutant of the folder
+PLUGIN = "tests.mutants.plugin"
 NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut's message after it has made all mutants
 NEEDS = {"formats.exporters.rerun_file": "rerun"}  # library without which all tests of a module skip
 WANTED = 0.9  # share of the mutants that tests must notice
 KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 
 
+class MutmutError(Exception):
+    """mutmut ended with an error."""
+
+
 @dataclass
 class Tally:
     """The results for one folder: the number of killed mutants, and the survivors' diffs by function.
 
-    Those of the wording of a text do not count. `refused`: mutants that only the type check noticed.
+    - `refused`: mutants that only the type check noticed
+    - `wording`: mutants of the wording of a text, which do not count
+    - `untested`: mutants without a result
     """
 
     killed: int = 0
     refused: int = 0
     listed: int = 0
     wording: int = 0
+    untested: int = 0
     alive: list[tuple[str, str]] = field(default_factory=list)
 
     @property
@@ -68,23 +84,36 @@ def main() -> int:
     parser.add_argument("--report", action="store_true", help="show the results that are kept, test nothing")
     parser.add_argument("--sample", type=int, metavar="N", help="test N mutants of each folder, drawn at random")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
+    parser.add_argument("--keep", type=Path, default=COPIES / "kept", metavar="DIR", help="folder of the results")
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="N", help="end after N minutes")
     asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # ends mutmut too, and keeps its results
     listed, untested = (
         is_listed(SURVIVORS.read_text()),
         [name for name, needed in NEEDS.items() if not find_spec(needed)],
     )
-    is_well = True
+    is_well, end, keep = True, time.monotonic() + 60.0 * asked.minutes, asked.keep.resolve()
     for area, tests in areas.items():
         paths = (
             [area] if not asked.path else [p.rstrip("/") for p in asked.path if f"{p.rstrip('/')}/".startswith(area)]
         )
         if not paths:
             continue
+        if time.monotonic() >= end:
+            print(f"\n{area}: left for another run, since the minutes are over")
+            continue
         patterns = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
-        if asked.sample is not None:
-            patterns = drawn(area, tests, patterns, untested, asked.sample, asked.seed)
-        if not asked.report:
-            test_mutants(area, tests, patterns, asked.processes)
+        try:
+            if not asked.report:
+                make_mutants(area, tests)
+                names = mutants_of(area, patterns, untested)
+                if asked.sample is not None:
+                    patterns = names = random.Random(asked.seed).sample(names, min(asked.sample, len(names)))
+                test_mutants(area, tests, names, asked.processes, keep, end)
+        except MutmutError as failed:  # such as a test that fails without a mutant; the other folders still have theirs
+            print(failed, file=sys.stderr)
+            is_well = False
+            continue
         is_well &= show(area, tally(area, patterns, untested, listed))
         for name in untested:
             if name.startswith(area.replace("/", ".")):
@@ -116,8 +145,8 @@ def copy_of(area: str) -> Path:
     return COPIES / area.replace("/", "-")
 
 
-def test_mutants(area: str, tests: list[str], patterns: list[str], processes: int) -> None:
-    """Bring the copy up to date and test the mutants whose names match.
+def make_mutants(area: str, tests: list[str]) -> None:
+    """Bring the copy up to date, make its mutants, and learn which tests reach which function.
 
     Each mutant's process is forked from one that has run no test. From another one it would lack Taichi's threads, and
     wait for them.
@@ -125,38 +154,68 @@ def test_mutants(area: str, tests: list[str], patterns: list[str], processes: in
     copy = copy_of(area)
     copy.mkdir(parents=True, exist_ok=True)
     subprocess.run(["cp", "-ru", *(ROOT / name for name in (*COPIED, "README.md", "pyproject.toml")), copy], check=True)
+    kept.tidy(copy, ROOT, COPIED)
     lists = {
         "source_paths": [area.split("/")[0]],
         "only_mutate": [f"{area}/*"],
         "pytest_add_cli_args_test_selection": tests,
-        "pytest_add_cli_args": ["-m", "not slow and not unmutated", "-p", "no:cacheprovider"],
+        "pytest_add_cli_args": ["-m", "not slow and not unmutated", "-p", "no:cacheprovider", "-p", PLUGIN],
         "also_copy": [name for name in (*COPIED, "README.md") if name not in (area.split("/")[0], "tests")],
     }
     written = "".join(f"{name}=\n" + "".join(f"    {value}\n" for value in values) for name, values in lists.items())
     settings = f"[mutmut]\nprocess_isolation=forkserver\n{written}"
     (copy / "setup.cfg").write_text(settings)
     forget_what_changed(copy, tests)
-    words = [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *patterns]
-    done = subprocess.run(
-        words, cwd=copy, env={**os.environ, "PYTHONPATH": "", "OPENBLAS_NUM_THREADS": "1"}, check=False,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-    said = done.stdout.decode(errors="replace")
-    if done.returncode and not (patterns == [NO_MUTANT] and MATCHES_NOTHING in said):
-        sys.stderr.write(said[-4000:])
-        raise SystemExit(f"mutants: {area}: mutmut ended with {done.returncode}; its last words are above")
+    run_mutmut(area, [NO_MUTANT], 1)
 
 
-def drawn(area: str, tests: list[str], patterns: list[str], untested: list[str], count: int, seed: int) -> list[str]:
-    """Return the names of mutants of a folder that match, drawn at random without replacement."""
-    test_mutants(area, tests, [NO_MUTANT], 1)  # makes them, and learns which tests reach which function
-    names = sorted(
+def mutants_of(area: str, patterns: list[str], untested: list[str]) -> list[str]:
+    """Return the names of the mutants of a folder that match, in order."""
+    return sorted(
         name
-        for meta in (copy_of(area) / "mutants" / area).rglob("*.py.meta")
-        for name in json.loads(meta.read_text())["exit_code_by_key"]
+        for meta in kept.metas(copy_of(area), area)
+        for name in kept.exit_codes(meta)
         if any(fnmatch(name, pattern) for pattern in patterns) and not is_of(name, untested)
     )
-    return random.Random(seed).sample(names, min(count, len(names)))
+
+
+def test_mutants(area: str, tests: list[str], names: list[str], processes: int, keep: Path, end: float) -> None:
+    """Test the mutants that have no kept result, until a time of the monotonic clock, and keep each result."""
+    copy, store = copy_of(area), keep / f"{area.replace('/', '-')}.json"
+    keys = kept.keys(copy, area, tests)
+    codes = kept.known(store, keys)
+    missing = [name for name in names if name not in codes]
+    kept.put(copy, area, codes, missing)
+    if missing:  # named, mutmut first runs their tests alone on the code itself; else all
+        few = missing if len(missing) <= NAMED else []
+        run_mutmut(area, few, processes, lambda: kept.keep(store, copy, area, keys), end)
+
+
+def run_mutmut(
+    area: str, names: list[str], processes: int, look: Callable[[], None] = lambda: None, end: float = math.inf
+) -> None:
+    """Run mutmut on mutants, and look again and again at what it has found, for the last time after its end."""
+    with TemporaryFile() as said:
+        running = subprocess.Popen(
+            [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *names], cwd=copy_of(area),
+            env={**os.environ, "PYTHONPATH": "", "OPENBLAS_NUM_THREADS": "1"}, stdout=said, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            while running.poll() is None and (left := end - time.monotonic()) > 0:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    running.wait(min(LOOK, left))
+                look()
+        finally:
+            if is_cut := running.poll() is None:
+                os.killpg(running.pid, signal.SIGTERM)  # mutmut and the processes of its mutants
+                running.wait()
+            look()
+        said.seek(0)
+        words = said.read().decode(errors="replace")
+    if running.returncode and not is_cut and not (names == [NO_MUTANT] and MATCHES_NOTHING in words):
+        sys.stderr.write(words[-4000:])
+        raise MutmutError(f"mutants: {area}: mutmut ended with {running.returncode}; its last words are above")
 
 
 def is_of(name: str, modules: list[str]) -> bool:
@@ -184,10 +243,13 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
     from mutmut.mutation.diff_apply import get_diff_for_mutant
     from mutmut.stats import status_by_exit_code
 
-    for meta in sorted((copy / "mutants" / area).rglob("*.py.meta")):
+    for meta in kept.metas(copy, area):
         source = str(meta.relative_to(copy / "mutants")).removesuffix(".meta")
-        for name, code in json.loads(meta.read_text())["exit_code_by_key"].items():
-            if code is None or is_of(name, untested) or not any(fnmatch(name, pattern) for pattern in patterns):
+        for name, code in kept.exit_codes(meta).items():
+            if is_of(name, untested) or not any(fnmatch(name, pattern) for pattern in patterns):
+                continue
+            if code is None:
+                found.untested += 1
                 continue
             is_killed = status_by_exit_code[code] in KILLED
             module, own = named(name)
@@ -247,7 +309,7 @@ def show(area: str, found: Tally) -> bool:
     died = f"{killed} of {found.total} mutants die ({100 * share:.1f} %), {found.refused} by the type check alone"
     print(
         f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted; "
-        f"{found.wording} of wording do not count"
+        f"{found.wording} of wording do not count, {found.untested} are not tested yet"
     )
     return share >= WANTED and not found.alive
 

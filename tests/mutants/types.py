@@ -57,7 +57,7 @@ def refused(root: Path, changes: Sequence[Change]) -> list[bool]:
                 at[changes[number].path].append(number)
             for path, some in at.items():
                 (copy / path).write_text(_changed((root / path).read_text(), [changes[number] for number in some]))
-            lines = _lines_with_errors(copy, packages, root / ".mypy_cache")
+            lines = _lines_with_errors(copy, packages, (root / ".mypy_cache").resolve())
             for path, some in at.items():
                 functions = _functions((copy / path).read_text())
                 for number in some:
@@ -98,7 +98,7 @@ def _lines_with_errors(folder: Path, packages: Sequence[str], cache: Path) -> di
     """Return the numbers of the lines with errors in packages, by module."""
     words = [word for package in packages for word in ("-p", package)]
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--output", "json", *words],
+        [sys.executable, "-m", "mypy", "--cache-dir", cache, "--output", "json", *words],
         cwd=folder,
         capture_output=True,
         text=True,

@@ -177,7 +177,7 @@ def fit_command(
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
-    from fit.report.again import plot_of, tiles_in_words
+    from fit.report.again import errors_of_report, plot_of
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
     from formats.results import save_fit_result
@@ -224,7 +224,7 @@ def fit_command(
     if plot is not None:
         plot_of(report, result, None, plot, overwrite=overwrite)
     know(fit=to_builtins(result), file=str(out / "fit.json"), report=str(report))
-    tell("\n".join([as_text(fit_tables(result)), *tiles_in_words(report, result)]))
+    tell("\n".join([as_text(fit_tables(result)), *errors_of_report(report, result)]))
     tell(f"Fit result: {plain(out / 'fit.json')}\nReport:     {plain(report)}")
     if plot is not None:
         tell(f"Picture:    {plain(plot)}", plot=str(plot))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from formats.fit_records import CameraFinding, FitParameter, Interval, TakeState
+from formats.fit_records import AT_BOUND, CameraFinding, FitParameter, Interval, TakeState
 from formats.plain_text import shortened
 
 
@@ -79,6 +79,18 @@ def place_of(regions: Sequence[str]) -> str:
         if set(regions) == {f"{row} left", f"{row} centre", f"{row} right"}:
             return f"along the {row}"
     return f"at the {' and '.join(regions)}" if regions else ""
+
+
+def has_size(effect: EffectFinding) -> bool:
+    """Return whether an effect was tested and its size is not at its bound."""
+    is_at_bound = effect.amplitude_interval is None and effect.note.lower().startswith(AT_BOUND)
+    return effect.tested and not is_at_bound
+
+
+def tells_size(effect: EffectFinding, named: Sequence[str]) -> bool:
+    """Return whether the takes tell an effect's size: it has one, and is named or surely not 0."""
+    ends = effect.amplitude_interval
+    return has_size(effect) and (effect.id in named or ends is None or not ends[0] <= 0 <= ends[1])
 
 
 def in_percent(probability: float) -> str:

@@ -6,7 +6,7 @@ import ast
 import re
 
 from fit.report.page import SECTIONS
-from fit.report.sections import OF_A_DIAGNOSIS, OF_PARAMETERS
+from fit.report.terms import OF_A_DIAGNOSIS, OF_PARAMETERS
 from tests.repository import ROOT, tree_of
 
 TERMS = re.findall(r"^(\S.*)\n: ", (ROOT / "docs/reference/glossary.md").read_text(), re.MULTILINE)

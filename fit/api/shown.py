@@ -7,7 +7,7 @@ rounding decides at which of them a search ends.
 from __future__ import annotations
 
 from fit.api.tables import Table
-from formats.diagnosis_records import Diagnosis, EffectFinding
+from formats.diagnosis_records import Diagnosis, EffectFinding, tells_size
 from formats.figures import head_of, short, span_of, with_unit
 from formats.fit_records import (
     TRIVIAL_NAMES,
@@ -60,7 +60,7 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     """
     remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
     remarks.append("Errors are root mean square distances of the free points.")
-    remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
+    remarks += [_added_line(finding, diagnosis.named) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
     remarks += warnings_in(diagnosis.notes)
@@ -92,10 +92,9 @@ def effect_table(diagnosis: Diagnosis) -> Table:
     for effect in tested:
         closed = f"{100 * effect.closure.value:z.0f} %" if effect.closure is not None else ""
         chance = f"{100 * effect.probability:.0f} %" if effect.probability is not None else ""
-        is_named = effect.id in diagnosis.named
-        ends = effect.amplitude_interval
-        is_open = not is_named and ends is not None and ends[0] <= 0 <= ends[1]  # no evidence for this effect
-        size = "-" if is_open else with_unit(short(effect.amplitude), effect.unit)
+        is_named, ends = effect.id in diagnosis.named, effect.amplitude_interval
+        is_sized = tells_size(effect, diagnosis.named)
+        size = with_unit(short(effect.amplitude), effect.unit) if is_sized else "-"
         spread = with_unit(span_of(ends), effect.unit) if ends is not None else ""
         rows.append((effect.id, chance, size, spread, closed, "named" if is_named else ""))
     heads = ("effect", "probability", "amplitude", "90 % interval", "gap closed", "")
@@ -150,11 +149,12 @@ def _combination_row(c: Combination) -> tuple[str, ...]:
     return head_of(c.name, c.unit), short(c.initial), after, span, verdict_on(c)
 
 
-def _added_line(finding: EffectFinding) -> str:
+def _added_line(finding: EffectFinding, named: list[str]) -> str:
     if not finding.tested:
         return f"{finding.id}: {finding.note}"
     closed = (
         f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
     )
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
-    return f"With {finding.id} at {with_unit(short(finding.amplitude), finding.unit)}: {closed}{p_value}."
+    size = f" at {with_unit(short(finding.amplitude), finding.unit)}" if tells_size(finding, named) else ""
+    return f"With {finding.id}{size}: {closed}{p_value}."

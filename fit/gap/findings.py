@@ -64,11 +64,10 @@ def describe_effects(
     found = []
     for effect in effects:
         if effect.name not in screened:
-            value = dict(zip((p.name for p in model.parameters), evidence.base.fitted.vector, strict=True))
             found.append(
                 EffectFinding(
                     id=effect.name, group=effect.name, tested=False, amplitude=0.0, unit=effect.unit,
-                    note=f"part of the base model: {effect.in_base} is fitted, {short(value[effect.in_base])}",
+                    note=f"part of the base model, which fits its {str(effect.in_base).replace('_', ' ')}",
                 )
             )  # fmt: skip
             continue
@@ -162,15 +161,22 @@ def _stopped(parameter: Parameter, value: float) -> bool:
 def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
     """Return a sentence that names the base parameters at their bounds, or nothing if there are none."""
     names = [
-        f"{p.name.replace('_', ' ')} ({with_unit(short(value), p.unit)})"
+        f"{p.name.replace('_', ' ')} ({_reached(p, value)})"
         for p, value in zip(model.parameters, fitted.vector.tolist(), strict=True)
         if _stopped(p, value)
     ]
     if not names:
         return ""
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-    where = f"is {AT_BOUND}. This value says" if len(names) == 1 else "are at their bounds. These values say"
-    return f" In the base fit, {listed} {where} more of the range than of the cloth."
+    where = f"is {AT_BOUND}" if len(names) == 1 else "are at their bounds"
+    return f" In the base fit, {listed} {where}. The takes identify no value of a parameter at its bound."
+
+
+def _reached(parameter: Parameter, value: float) -> str:
+    """Return in words the bound that a base parameter is at, which is no fitted value."""
+    is_low = value - parameter.minimum < parameter.maximum - value
+    end = parameter.minimum if is_low else parameter.maximum
+    return f"range {'from' if is_low else 'up to'} {with_unit(short(end), parameter.unit)}"
 
 
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:

@@ -8,16 +8,23 @@ from pathlib import Path
 from fit.errors import FitError
 from fit.folders import refuse_unfinished
 from fit.identification.read_again import load_diagnosed, load_either, load_fit
-from fit.report.answer import fit_figures, run_names
+from fit.report.answer import run_names
 from fit.report.kept import created_of, load_motions
-from fit.report.motion import ReportMotion
+from fit.report.motion import ReportMotion, rms_of
 from fit.report.page import write_report
 from fit.report.plot import draw_plot
+from fit.report.text import millimetres
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.plain_text import plain
+from formats.rows import aligned
 from formats.system_causes import step_to_read
 from formats.whole_files import loop_words
+
+WHY_LARGER = (
+    "Report and diagnosis count free points alone, those that the hanger does not hold. Squares weigh large errors "
+    "more, so these figures are larger than the means."
+)
 
 
 @dataclass(frozen=True)
@@ -98,14 +105,22 @@ def plot_of(
     draw_plot(motions, run_names(fit, diagnosis), out, overwrite=overwrite)
 
 
-def tiles_in_words(report: Path, fit: FitResult) -> list[str]:
-    """Return a line for each error that the tiles of a fit's newly written report show.
+def errors_of_report(report: Path, fit: FitResult) -> list[str]:
+    """Return lines of a table of the errors that a fit's newly written report shows, before and after the fit.
 
     Raises:
         HangtimeError: its motion cannot be read.
     """
     motions, _ = load_motions(report, created_of(fit, None))
-    return [f"The report shows for the {name}: {value}, {detail}." for name, value, detail in fit_figures(fit, motions)]
+    rows = []
+    for name, is_held_out in (("training", False), ("held out", True)):
+        judged = [motion for motion in motions if motion.is_held_out == is_held_out]
+        begun, reached = rms_of(judged, "before"), rms_of(judged, "after")
+        if reached is not None:
+            rows.append((f"as in the report, {name}", millimetres(begun), millimetres(reached)))
+    if not rows:
+        return []
+    return [*aligned([("root mean square of free points", "before", "after"), *rows], right=(1, 2)), WHY_LARGER]
 
 
 def _is_together(fit: FitResult, diagnosis: Diagnosis) -> bool:

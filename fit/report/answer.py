@@ -24,6 +24,7 @@ VERDICT_WORDS = {
     "inconclusive": "too little data",
 }
 
+OF_SQUARES = "of squared error above the noise"
 RMS = "root mean square"  # the figure of the report and the diagnosis; tables of a fit have mean distances
 
 
@@ -76,7 +77,8 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     figures = [("base model misses by", tenths(gap.base_mm.value), f"{RMS}, {on}")]
     if gap.with_effect_mm is not None:
         figures.append((f"with {named(diagnosis)}", tenths(gap.with_effect_mm.value), f"{RMS}, {on}"))
-    figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
+    ends = tenths_interval(gap.floor_mm.interval)
+    figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), "; ".join(filter(None, [RMS, ends]))))
     for effect in diagnosis.effects:
         if effect.id in diagnosis.named:
             unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
@@ -99,7 +101,8 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         figures.append(("held where its edge was tracked", tenths(gap.held_by_edge_mm.value), closed))
     if gap.closure is not None:
         ends = interval(gap.closure.interval, 100, 2)
-        figures.append(("share of the gap closed", percent(gap.closure.value), f"{ends} %" if ends else ""))
+        detail = "; ".join(filter(None, [f"{ends} %" if ends else "", OF_SQUARES]))
+        figures.append(("share of the gap closed", percent(gap.closure.value), detail))
     return figures
 
 

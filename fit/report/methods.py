@@ -32,7 +32,7 @@ def search_history(fit: FitResult) -> Markup:
     unit = "mm" if is_distance or fit.objective is None else fit.objective.name
     best = np.array(fit.history, dtype=float) * (1.0 if is_distance else 1e-3)  # charts show thousandths
     curve = Curve("after", best, name="best mean distance of all points so far" if is_distance else "best so far")
-    caption = "The search: best error after each iteration"
+    caption = "The search: best error after each iteration, in the measure of the search"
     return error_chart(caption, np.arange(len(best), dtype=float), [curve], axis="iteration", unit=unit)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from fit.errors import FitError
-from fit.report import answer, sections
+from fit.report import answer, sections, terms
 from fit.report.motion import ReportMotion
 from fit.report.origin import Origin
 from fit.report.packing import pack_motions
@@ -91,7 +91,7 @@ def _page(
         "next": sections.next_experiment(diagnosis),
         "gates": sections.gates(diagnosis),
         "cost": sections.cost(fit, diagnosis),
-        "reading": sections.reading(diagnosis),
+        "reading": terms.reading(diagnosis),
         "origin": sections.origin(origin),
     }
     takes = _takes(fit, diagnosis, motions)

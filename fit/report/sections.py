@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
+from msgspec.structs import replace
 
 from fit.effects import LIBRARY
 from fit.errors import FitError
@@ -30,10 +31,18 @@ from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, duration, instant, number, percent, words
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
-from formats.fit_records import ErrorFigure, FitResult, warnings_in
+from formats.fit_records import NOT_IDENTIFIED, ErrorFigure, FitParameter, FitResult, warnings_in
 from formats.plain_text import counted
 
-OWN_FIT = "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above."
+OWN_FIT = (
+    "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above. Its "
+    "intervals cover the takes' noise alone, and no other local minima."
+)
+OTHER_MINIMA = "the fit above found other values that follow the takes as well"
+SHARE_OF_SQUARES = (
+    "The share of the gap closed is of squared errors above the noise, as independent errors add by their squares. So "
+    "the share is not the ratio of two lengths here."
+)
 MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
 # The instruction of a failed check follows the last colon of its sentence.
 SHARED_MOTION = (
@@ -53,7 +62,7 @@ def gap(diagnosis: Diagnosis | None) -> Markup:
     )  # fmt: skip
     intro = f"{MEASURE}, {where}. Whiskers are 90 % intervals."
     if diagnosis.gap.closure is not None and diagnosis.gap.with_effect_mm is not None:
-        intro += f" {SHARED_MOTION}"
+        intro += f" {SHARE_OF_SQUARES} {SHARED_MOTION}"
     return lead(intro) + gap_bars(diagnosis.gap, named(diagnosis))
 
 
@@ -148,28 +157,51 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
         about = Markup("Method <code>{}</code>, search <code>{}</code>.").format(fit.method, fit.search)
         parts += [lead(about), parameter_table(fit.parameters, _meanings(fit))]
         parts += [note(said) for said in warnings_in(fit.notes)]
-        switched_on = [(name.replace("_", " "), _size(name, size)) for name, size in fit.effects.items()]
+        free = {p.name for p in fit.parameters if p.is_identified is False}
+        switched_on = [
+            (name.replace("_", " "), _size(name, None if name in free else size)) for name, size in fit.effects.items()
+        ]
         if switched_on:
             parts.append(headed("Effects in this fit, and their sizes", pairs(switched_on)))
         parts.append(search_history(fit))
     if diagnosis is not None and diagnosis.base_parameters:
-        table = parameter_table(diagnosis.base_parameters)
+        table = parameter_table(_beside(diagnosis.base_parameters, fit))
         parts.append(headed("Base model of the diagnosis", lead(OWN_FIT) + table) if parts else table)
     return NOTHING.join(parts)
 
 
+def _beside(parameters: Sequence[FitParameter], fit: FitResult | None) -> list[FitParameter]:
+    """Return the base model's parameters; those that a fit of the same takes does not identify have no value either."""
+    found = fit.parameters if fit is not None else []
+    free = {(p.name, p.unit) for p in found if p.is_identified is False}
+    return [
+        replace(p, is_identified=False, note=f"{OTHER_MINIMA}. {p.note}")
+        if (p.name, p.unit) in free and p.is_identified is not False
+        else p
+        for p in parameters
+    ]
+
+
 def _meanings(fit: FitResult) -> dict[str, str]:
     """Return the meanings of a fit's parameters by name; for an unknown method, those of effects only."""
-    sizes = {p.name: meaning_of(p.name.partition(".")[0], p.fitted) for p in fit.parameters}
+    sizes = {
+        p.name: meaning_of(p.name.partition(".")[0], None if p.is_identified is False else p.fitted)
+        for p in fit.parameters
+    }
     try:
         return sizes | {p.name: p.meaning for p in find_method(fit.method).parameters}
     except FitError:
         return sizes
 
 
-def _size(name: str, amplitude: float) -> str:
-    """Return an effect's amplitude with its unit and meaning; name: the effect's, a component's after a dot."""
+def _size(name: str, amplitude: float | None) -> str:
+    """Return an effect's amplitude with its unit and meaning; name: the effect's, a component's after a dot.
+
+    amplitude: None where the takes do not identify the amplitude
+    """
     effect = name.partition(".")[0]
+    if amplitude is None:
+        return "; ".join(filter(None, [NOT_IDENTIFIED, meaning_of(effect, None)]))
     unit = next((f" {known.unit}" for known in LIBRARY if known.name == effect and known.unit != "1"), "")
     return f"{number(amplitude)}{unit}: {meaning_of(effect, amplitude)}"
 
@@ -201,7 +233,9 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
     others = [e for e in diagnosis.effects if e not in refitted]
     body = NOTHING
     if refitted:
-        intro = "Root mean square error that each effect alone would leave, everything fitted again."
+        intro = (
+            f"Root mean square error that each effect alone would leave, everything fitted again. {SHARE_OF_SQUARES}"
+        )
         body += lead(intro) + effect_bars(diagnosis.gap, refitted, diagnosis.named)
         body += effect_table(refitted, diagnosis.named)
     if others:
@@ -300,32 +334,6 @@ def next_experiment(diagnosis: Diagnosis | None) -> Markup:
         now = f", against {number(found.sigmas_now, 2)} now" if found.sigmas_now is not None else ""
         figures.append(("by", f"{number(found.sigmas_next, 2)} standard deviations{now}"))
     return Markup("<p>{}</p>").format(found.sentence) + pairs(figures)
-
-
-OF_A_DIAGNOSIS = {
-    "Gap": "The error of the simulation on motion that was not used to fit it, as far as it is larger than the "
-    "sensor's noise. Below the noise floor nothing can be seen and nothing is claimed.",
-    "Gap closed": "How much of the gap disappears once an effect is modelled and everything is fitted again, on motion "
-    "not used to fit. 100 % means down to the noise; an effect that merely fits noise closes nothing.",
-    "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
-    "maybe not there.",
-    "p-value": "How often data without the effect would look this much like it.",
-    "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
-    "found may still be there below this.",
-}
-OF_PARAMETERS = {
-    "90 % interval": "Of a fitted value, if the model is right. The interval covers the takes' noise and the local "
-    "minima that the search found. The interval covers neither missing physics nor the mesh's error.",
-    "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
-    "Not identified": "This recording cannot tell the value, so the parameter has an interval and no value. Other "
-    "parameters can make up for this one, or the range stopped it.",
-    "At its bound": "The range stopped this parameter, so the interval reaches the end of the range.",
-}
-
-
-def reading(diagnosis: Diagnosis | None) -> Markup:
-    """Return the section that explains the terms used on the page."""
-    return piece("parts.html", "reading", (OF_A_DIAGNOSIS if diagnosis is not None else {}) | OF_PARAMETERS)
 
 
 def origin(found: Origin | None) -> Markup:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.templating import piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
-from formats.diagnosis_records import EffectFinding, in_percent, place_of
+from formats.diagnosis_records import EffectFinding, in_percent, place_of, tells_size
 from formats.fit_records import FitParameter, verdict_on
 
 
@@ -110,16 +110,17 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     closure = effect.closure
     about["remark"] = place + twin + absorbed + effect.note[:1].upper() + effect.note[1:]
     between = effect.amplitude_interval
-    is_open = not is_named and between is not None and between[0] <= 0 <= between[1]  # no evidence for this effect
-    spread, meaning = interval(between), meaning_of(effect.id, None if is_open else effect.amplitude)
-    size, spread = (spread, "") if is_open else (number(effect.amplitude), spread)
+    is_sized = tells_size(effect, [effect.id] if is_named else [])
+    spread, meaning = interval(between), meaning_of(effect.id, effect.amplitude if is_sized else None)
+    size, spread = (number(effect.amplitude), spread) if is_sized else (spread or MISSING, "")
+    size_unit = unit if size != MISSING else ""
     closed = percent(closure.value) if closure is not None else MISSING
     ends = interval(closure.interval, 100, 2) if closure is not None else ""
     return Row(
         name=piece("tables.html", "effect", name, about, is_named),
         cells=(
             MISSING if effect.probability is None else in_percent(effect.probability),
-            piece("tables.html", "amplitude", size, unit, spread, meaning),
+            piece("tables.html", "amplitude", size, size_unit, spread, meaning),
             piece("tables.html", "closure", closed, ends),
             probability(effect.p_value),
             least,

@@ -76,7 +76,7 @@ ROWS = [
      "unit": "kg/m", "closure": "0.08", "p_value": "0.21"},
     {"effect": "time_offset", "is_tested": "True", "is_named": "False", "probability": "", "amplitude": "-0.0021",
      "unit": "s", "closure": "0.01", "p_value": "0.64"},
-    {"effect": "clip_slip", "is_tested": "False", "is_named": "False", "probability": "", "amplitude": "0.0",
+    {"effect": "clip_slip", "is_tested": "False", "is_named": "False", "probability": "", "amplitude": "",
      "unit": "m", "closure": "", "p_value": ""},
 ]  # fmt: skip
 

@@ -26,19 +26,27 @@ ONE, TWO, THREE = SI.parameters[:3]
 
 
 def listed(parameter):
-    return f"{parameter.name.replace('_', ' ')} ({parameter.minimum:.3g} {parameter.unit})"
+    return f"{parameter.name.replace('_', ' ')} (range from {parameter.minimum:.3g} {parameter.unit})"
 
 
 def test_parameters_at_their_bounds_are_listed_as_one_writes():
     low = {p.name: p.minimum for p in (ONE, TWO, THREE)}
     first, second, third = map(listed, (ONE, TWO, THREE))
     one = at_bounds(SI, fitted_at(**{ONE.name: ONE.minimum}))
-    assert one.startswith(f" In the base fit, {first} is at its bound. This value says")
+    assert one.startswith(f" In the base fit, {first} is at its bound. The takes identify no value")
     two = at_bounds(SI, fitted_at(**{k: low[k] for k in (ONE.name, TWO.name)}))
-    assert two.startswith(f" In the base fit, {first} and {second} are at their bounds. These values say")
+    assert two.startswith(f" In the base fit, {first} and {second} are at their bounds. The takes identify no value")
     three = at_bounds(SI, fitted_at(**low))
-    assert three.startswith(f" In the base fit, {first}, {second} and {third} are at their bounds. These values say")
+    assert three.startswith(
+        f" In the base fit, {first}, {second} and {third} are at their bounds. The takes identify no value"
+    )
     assert at_bounds(SI, fitted_at()) == ""
+
+
+def test_a_parameter_near_its_upper_bound_is_told_with_the_bound_and_not_with_the_value_of_the_search():
+    told = at_bounds(SI, fitted_at(**{TWO.name: 0.995 * TWO.maximum}))
+    assert f"{TWO.name.replace('_', ' ')} (range up to {TWO.maximum:g} {TWO.unit}) is at its bound." in told
+    assert f"{0.995 * TWO.maximum:.4g}" not in told
 
 
 @pytest.mark.parametrize(("share", "is_stopped"), [(0.009, True), (0.011, False), (0.989, False), (0.991, True)])
@@ -244,9 +252,7 @@ def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure
     assert (lag.probability, lag.amplitude, lag.tested) == (0.0, 0.0, True)
     assert (shear.tested, shear.amplitude, shear.group) == (False, 0.0, "shear_stiffness")
     assert (shear.unit, lag.unit) == (KINDS["shear_stiffness"].unit, KINDS["filter_lag"].unit)
-    value = dict(zip((p.name for p in SI.parameters), alone.base.fitted.vector, strict=True))
-    fitted = KINDS["shear_stiffness"].in_base
-    assert shear.note == f"part of the base model: {fitted} is fitted, {value[fitted]:.3g}"
+    assert shear.note == "part of the base model, which fits its shear stiffness"
 
 
 @pytest.mark.parametrize(

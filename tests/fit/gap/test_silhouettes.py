@@ -30,8 +30,8 @@ def test_a_parameter_at_its_bound_has_its_whole_range_and_is_named():
     assert (first.note, second.is_at_bound) == (stopped.meaning, False)
     assert second.interval_high < SI.parameters[1].maximum
     assert at_bounds(SI, fitted) == (
-        " In the base fit, stretch stiffness (30 N/m) is at its bound. This value says more of the range than of the "
-        "cloth."
+        " In the base fit, stretch stiffness (range from 30 N/m) is at its bound. The takes identify no value of a "
+        "parameter at its bound."
     )
     assert at_bounds(SI, hypothesis((), 5.0).fitted) == ""
 

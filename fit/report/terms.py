@@ -1,0 +1,34 @@
+"""Section of the report that explains the terms on the page."""
+
+from __future__ import annotations
+
+from markupsafe import Markup
+
+from fit.report.templating import piece
+from formats.diagnosis_records import Diagnosis
+
+OF_A_DIAGNOSIS = {
+    "Gap": "The error of the simulation on motion that was not used to fit it, as far as it is larger than the "
+    "sensor's noise. Below the noise floor nothing can be seen and nothing is claimed.",
+    "Gap closed": "How much of the gap disappears once an effect is modelled and everything is fitted again, on motion "
+    "not used to fit. The share is of squared errors, less the square of the noise. 100 % means down to the noise; an "
+    "effect that merely fits noise closes nothing.",
+    "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
+    "maybe not there.",
+    "p-value": "How often data without the effect would look this much like it.",
+    "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
+    "found may still be there below this.",
+}
+OF_PARAMETERS = {
+    "90 % interval": "Of a fitted value, if the model is right. The interval covers the takes' noise and the local "
+    "minima that the search found. The interval covers neither missing physics nor the mesh's error.",
+    "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
+    "Not identified": "This recording cannot tell the value, so the parameter has an interval and no value. Other "
+    "parameters can make up for this one, or the range stopped it.",
+    "At its bound": "The range stopped this parameter, so the interval reaches the end of the range.",
+}
+
+
+def reading(diagnosis: Diagnosis | None) -> Markup:
+    """Return the section that explains the terms used on the page."""
+    return piece("parts.html", "reading", (OF_A_DIAGNOSIS if diagnosis is not None else {}) | OF_PARAMETERS)

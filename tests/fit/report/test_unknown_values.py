@@ -1,0 +1,100 @@
+"""No page, table or file shows a number for what the takes do not identify, and each error names its measure."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import msgspec
+import pytest
+
+import hangtime
+from fit.api.shown import diagnosis_tables, effect_table
+from fit.api.tables import as_html, as_text
+from fit.report import sections, terms
+from fit.report.again import WHY_LARGER, errors_of_report
+from fit.report.kept import created_of, save_motions
+from fit.report.origin import Origin
+from fit.report.page import render_report
+from formats.fit_records import FitParameter
+from tests.fit.report.report_scene import diagnosis, fit_result, motion
+from tests.fit.report.test_shown_figures import words_on
+
+BENT = FitParameter(
+    name="bend", unit="Blender", initial=20.0, fitted=77.7, minimum=0.1, maximum=150.0, interval_low=60.0,
+    interval_high=90.0, is_identified=True,
+)  # fmt: skip
+
+
+def with_fit(is_identified):
+    found = [
+        msgspec.structs.replace(p, is_identified=is_identified) if p.name == "bend" else p
+        for p in fit_result().parameters
+    ]
+    return msgspec.structs.replace(fit_result(), parameters=found)
+
+
+def test_a_base_model_has_no_value_for_what_the_fit_above_it_does_not_identify():
+    """The diagnosis' own interval, 60 to 90, leaves out the other minima that the fit's search met."""
+    found = diagnosis(base_parameters=[BENT])
+    assert "77.7" in words_on(sections.parameters(None, found))
+    assert "77.7" in words_on(sections.parameters(with_fit(True), found))
+    page = words_on(sections.parameters(with_fit(False), found))
+    assert "77.7" not in page
+    assert "Not identified. The fit above found other values that follow the takes as well." in page
+    assert "77.7 Blender" in words_on(render_report(fit=with_fit(True), diagnosis=found, motions=[]))
+    assert "77.7 Blender" not in words_on(render_report(fit=with_fit(False), diagnosis=found, motions=[]))
+
+
+def test_an_effect_of_a_fit_that_is_not_identified_has_no_size_on_the_page():
+    """0.987 kg/m of hem, and 1.234 of drag, which are 1.03 flat plates."""
+    drag = msgspec.structs.replace(BENT, name="air_drag", unit="1", fitted=1.234, is_identified=False)
+    hem = msgspec.structs.replace(BENT, name="hem", unit="kg/m", fitted=0.987, is_identified=False)
+    fit = msgspec.structs.replace(fit_result(), parameters=[drag, hem], effects={"air_drag": 1.234, "hem": 0.987})
+    page = words_on(sections.parameters(fit, None))
+    for number in ("1.23", "1.03", "0.987"):
+        assert number not in page
+    assert "hem not identified; extra mass per length of the bottom edge" in page
+    known = [msgspec.structs.replace(p, is_identified=True) for p in (drag, hem)]
+    page = words_on(sections.parameters(msgspec.structs.replace(fit, parameters=known), None))
+    assert "hem 0.987 kg/m: extra mass" in page
+    assert "1.03 times that of a flat plate" in page
+
+
+@pytest.fixture
+def stopped():
+    effects = [
+        msgspec.structs.replace(e, amplitude=0.0481, amplitude_interval=None, note="at its bound, so that its size ...")
+        if e.id == "hem"
+        else e
+        for e in diagnosis().effects
+    ]
+    return diagnosis(effects=effects)
+
+
+def test_an_effect_at_its_bound_has_no_size_in_any_table(stopped):
+    shown = [
+        words_on(sections.effects(stopped)), as_text([effect_table(stopped)]), as_html([effect_table(stopped)]),
+        as_text(diagnosis_tables(stopped, ("hem",))), hangtime.DiagnosisOutcome(result=stopped).to_csv(),
+    ]  # fmt: skip
+    for text in shown:
+        assert "0.0481" not in text
+    assert "With hem: closes 8 % of the gap (p = 0.210)." in shown[3]
+    rows = {row["effect"]: row["amplitude"] for row in csv.DictReader(io.StringIO(shown[4]))}
+    assert (rows["air_drag"], rows["hem"], rows["clip_slip"]) == ("1.31", "", "")
+
+
+def test_a_share_of_the_gap_is_told_to_be_of_squares_where_bars_are_lengths():
+    for shown in (sections.gap(diagnosis()), sections.effects(diagnosis()), terms.reading(diagnosis())):
+        assert "of squared errors" in words_on(shown)
+
+
+def test_a_fits_terminal_names_the_measure_of_the_report_and_why_its_figures_are_larger(tmp_path):
+    motions = [motion("a", names=("before", "after")), motion("b", True, names=("before", "after"))]
+    save_motions(tmp_path / "report.html", motions, Origin(), created_of(fit_result(), None))
+    lines = errors_of_report(tmp_path / "report.html", fit_result())
+    assert [line.split()[:5] for line in lines[:3]] == [
+        ["root", "mean", "square", "of", "free"], ["as", "in", "the", "report,", "training"],
+        ["as", "in", "the", "report,", "held"],
+    ]  # fmt: skip
+    assert lines[3] == WHY_LARGER

@@ -29,7 +29,7 @@ const motionTools = (() => {
     motion.triangles = given.triangles;
     Object.assign(motion, linesOf(given.triangles));
     measure(motion);
-    motion.worst = largestError(motion);
+    Object.assign(motion, reachOfColours(motion));
     return motion;
   }
 
@@ -66,15 +66,16 @@ const motionTools = (() => {
     return { wire: pairs(every.filter((side) => !diagonals.has(side))), rim: pairs(every.filter((side) => count.get(side) === 1)) };
   }
 
-  /* Error [m] that the darkest colour stands for: exceeded by one in twenty, over all runs, rounded up. */
-  function largestError(motion) {
+  /* Error [m] that the darkest colour stands for: exceeded by one in twenty, over all runs, rounded up; and the largest. */
+  function reachOfColours(motion) {
     const found = [];
     for (const run of Object.values(motion.points)) {
-      if (run) for (let f = 0; f < run.frames; f += 3) for (let i = 0; i < run.count; i++) if (motion.free[i]) found.push(distance(motion, run, f, i));
+      if (run) for (let f = 0; f < run.frames; f++) for (let i = 0; i < run.count; i++) if (motion.free[i]) found.push(distance(motion, run, f, i));
     }
     const known = found.filter(Number.isFinite).sort((a, b) => a - b);
     const size = known.length ? known[Math.floor(0.95 * (known.length - 1))] : 0.01;
-    return [0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5].find((step) => step >= size) || 1;
+    const worst = [0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5].find((step) => step >= size) || 1;
+    return { worst, isExceeded: known.length > 0 && known[known.length - 1] > worst };
   }
 
   function distance(motion, run, frame, point) {
@@ -95,7 +96,7 @@ const motionTools = (() => {
   }
 
   /* Error between the points: mean of theirs, weighted by the inverse fourth power of the distance (Shepard 1968).
-     Not a number, which is drawn grey, where points that are not seen weigh more than those that are. */
+     Not a number, which is drawn see-through, where points that are not seen weigh more than those that are. */
   function errorsBetween(motion, run, frame, places) {
     const known = [];
     let isSeen = false;

@@ -22,12 +22,13 @@
   function projector(motion, width, height) {
     const yaw = motion.heading + state.yaw, sy = Math.sin(yaw), cy = Math.cos(yaw);
     const sp = Math.sin(state.pitch), cp = Math.cos(state.pitch);
-    const scale = (0.5 * Math.min(width, height * 1.25) / motion.radius) * state.zoom, far = 6 * motion.radius;
+    const head = 28, room = height - head; // px: the run's name stands above the cloth
+    const scale = (0.5 * Math.min(width, room * 1.25) / motion.radius) * state.zoom, far = 6 * motion.radius;
     return (p) => {
       const x = p[0] - motion.centre[0], y = p[1] - motion.centre[1], z = p[2] - motion.centre[2];
       const right = x * cy + y * sy, away = -x * sy + y * cy;
       const depth = away * cp - z * sp, up = away * sp + z * cp, near = far / (far + depth);
-      return [width / 2 + right * scale * near, height / 2 - up * scale * near, depth, scale * near];
+      return [width / 2 + right * scale * near, head + room / 2 - up * scale * near, depth, scale * near];
     };
   }
 
@@ -92,30 +93,24 @@
       const side = (seen[b][0] - seen[a][0]) * (seen[c][1] - seen[a][1]) - (seen[b][1] - seen[a][1]) * (seen[c][0] - seen[a][0]);
       const light = 0.62 + 0.45 * Math.abs(n[0] * 0.35 + n[1] * -0.55 + n[2] * 0.76) / size;
       const share = isError ? Math.min(1, (errors[a] + errors[b] + errors[c]) / 3 / motion.worst) : NaN;
-      const isKnown = Number.isFinite(share), bare = side < 0 ? front : back;
-      const plain = isKnown ? low.map((v, i) => v + share * (high[i] - v)) : isError ? unknown : bare;
+      const isKnown = Number.isFinite(share), isBare = isError && !isKnown, fabric = side < 0 ? front : back;
+      const plain = isKnown ? low.map((v, i) => v + share * (high[i] - v)) : isBare ? unknown : fabric;
       const tint = plain.map((v) => Math.min(255, Math.round(v * light)));
-      ink.fillStyle = ink.strokeStyle = `rgb(${tint.join(" ")} / .93)`;
+      ink.fillStyle = ink.strokeStyle = `rgb(${tint.join(" ")} / ${isBare ? 0.18 : 0.93})`;
       ink.beginPath(); ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.closePath();
-      ink.fill(); ink.stroke();
+      ink.fill(); if (!isBare) ink.stroke();
     }
-    if (isError) box.dataset.grey = (errors.filter((size) => !Number.isFinite(size)).length / errors.length).toFixed(2);
+    if (isError) box.dataset.bare = (errors.filter((size) => !Number.isFinite(size)).length / errors.length).toFixed(2);
     ink.globalAlpha = 0.14; drawLines(motion.wire, seen, colours.ink, 0.6);
     ink.globalAlpha = 0.8; drawLines(motion.rim, seen, colours.ink, 1.4); ink.globalAlpha = 1;
   }
 
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
 
-  function drawLegend(motion, width, height) {
-    if (state.cloth !== "error" || !motion.points[state.run] || !motion.meshes[state.run]) return;
-    const long = 110, left = width - long - 18, shade = ink.createLinearGradient(left, 0, left + long, 0);
-    shade.addColorStop(0, colours.low); shade.addColorStop(1, colours.high);
-    ink.fillStyle = colours.faint; ink.globalAlpha = 0.8; ink.fillRect(left - 6, height - 44, long + 12, 36); ink.globalAlpha = 1;
-    ink.fillStyle = shade; ink.fillRect(left, height - 22, long, 8);
-    ink.strokeStyle = colours.soft; ink.lineWidth = 0.8; ink.strokeRect(left, height - 22, long, 8);
-    ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif";
-    ink.fillText("error 0", left, height - 28); ink.textAlign = "right";
-    ink.fillText(`${Math.round(1e3 * motion.worst)} mm`, left + long, height - 28); ink.textAlign = "left";
+  /* The scale of the colours stands below the picture, where it covers nothing of it. */
+  function showRamp(motion) {
+    part("ramp").hidden = state.cloth !== "error" || !motion.points[state.run] || !motion.meshes[state.run];
+    part("most").textContent = `${Math.round(1e3 * motion.worst)}\u00a0mm${motion.isExceeded ? " and more" : ""}`;
   }
 
   function drawScale(motion, project, height) {
@@ -195,7 +190,7 @@
       if (n) line(isWide ? [[left, 0], [left, height]] : [[0, top], [width, top]], colours.line, 2);
     });
     drawScale(motion, project, height);
-    drawLegend(motion, width, height);
+    showRamp(motion);
     const end = motion.time[motion.time.length - 1], now = motion.time[frame];
     part("clock").textContent = `${now.toFixed(2)} of ${end.toFixed(2)} s`;
     part("scrub").value = String(frame);

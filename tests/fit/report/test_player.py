@@ -18,6 +18,7 @@ from fit.report.motion import Run
 from fit.report.packing import MESH_STEP, POINT_STEP, pack, pack_motions
 from fit.report.page import render_report, write_report
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
+from tests.repository import ROOT
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PDFTOTEXT = shutil.which("pdftotext")  # poppler-utils
@@ -152,22 +153,38 @@ def test_the_player_begins_side_by_side_at_the_worst_frame_without_a_word_on_the
     assert 'data-folded="0"' in page
     assert int(re.search(r'data-folded-again="(\d+)"', page)[1]) > 2
     # The darkest colour: the first round step that 95 % of the errors of all runs stay below.
-    every = np.concatenate([motion().errors(name)[::3].ravel() for name in motion().shown])
-    quantile = np.quantile(every[np.isfinite(every)], 0.95, method="lower")
+    every = np.concatenate([motion().errors(name).ravel() for name in motion().shown])
+    every = every[np.isfinite(every)]
+    quantile = np.quantile(every, 0.95, method="lower")
     steps = (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5)
-    assert float(re.search(r'data-worst="([\d.]+)"', page)[1]) == next(step for step in steps if step >= quantile)
+    worst = next(step for step in steps if step >= quantile)
+    assert float(re.search(r'data-worst="([\d.]+)"', page)[1]) == worst
+    more = " and more" if every.max() > worst else ""
+    scale = re.search(r'<p class="ramp" data-part="ramp">error of the cloth: 0 <i></i> <span [^>]*>([^<]*)<', page)[1]
+    assert scale == f"{1e3 * worst:.0f}&nbsp;mm{more}"
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-def test_on_a_phone_nothing_scrolls_sideways_and_cloth_without_a_seen_point_is_grey(report, tmp_path):
+def test_on_a_phone_nothing_scrolls_sideways_and_cloth_without_a_seen_point_is_see_through(report, tmp_path):
     phone = tmp_path / "phone.html"
     phone.write_text(PHONE.format(address=f"{report.as_uri()}#t=3.45&motion=1&run=fit&other=base&compare=ghost"))
     page = opened(phone, "", tmp_path / "profile")
     assert "3.43 of 5.97 s" in page
     assert "No free point is seen in this frame." in page
-    assert 'data-grey="1.00"' in page
+    assert 'data-bare="1.00"' in page
     assert 'data-run="fit" aria-pressed="true"' in page
     assert int(re.search(r'data-wide="(\d+)"', page)[1]) <= 390
+
+
+def test_no_colour_of_the_errors_scale_is_grey_as_cloth_without_a_seen_point_is():
+    """Light and dark page: from end to end of the scale, red and blue differ by a fifth of 255 at least."""
+    style = (ROOT / "fit/report/page.css").read_text()
+    ramps = list(zip(*(re.findall(rf"--{name}: #(\w{{6}})", style) for name in ("low", "high")), strict=True))
+    assert len(ramps) == 2
+    for ends in ramps:
+        low, high = (np.array([int(end[k : k + 2], 16) for k in (0, 2, 4)]) for end in ends)
+        shades = low + np.linspace(0, 1, 21)[:, None] * (high - low)
+        assert np.ptp(shades, axis=1).min() > 255 / 5
 
 
 @pytest.mark.skipif(CHROMIUM is None or PDFTOTEXT is None, reason="chromium or pdftotext is not installed")

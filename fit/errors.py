@@ -12,11 +12,12 @@ HangtimeError
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from formats.errors import HangtimeError
 from formats.meant_units import meant
 
+NEAR_NAMES = 2  # names that an error suggests; our choice: a suggestion is read at a glance
 INCONCLUSIVE = 4  # exit code of a finished `hangtime diagnose` whose takes cannot decide
 
 
@@ -36,6 +37,44 @@ def out_of_range(
     return FitError(
         f"{what}{meant(value, least, most, units)}", where=where, advice=f"give {least:g} to {most:g} {unit}"
     )
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str], *, where: str | None = None, listed: str = "") -> FitError:
+    """Return the error of a name that is not known, with the nearest known names first.
+
+    kind: the name's noun, as in "effect"; listed: words before all known names, "known" and the noun's plural if empty
+    """
+    advice = nearest_first(name, list(known), listed or f"known {kind}s")
+    return FitError(f"there is no {kind} named {name!r}", where=where, advice=advice)
+
+
+def nearest_first(name: str, known: Sequence[str], listed: str) -> str:
+    """Return the advice on a name that is not known: all known names, after the question whether a near one was meant.
+
+    listed: words before all known names where none is near
+    """
+    near = near_names(name, known)
+    if not near:
+        return f"{listed}: {', '.join(known)}"
+    others = ", ".join(one for one in known if one not in near)
+    return f"did you mean {' or '.join(near)}?" + (f" The others: {others}" if others else "")
+
+
+def near_names(name: str, known: Sequence[str]) -> list[str]:
+    """Return the known names that a wrong one probably means: those that have it as a word, else similar ones."""
+    import difflib  # here: no right name needs it
+
+    asked = _plain(str(name))  # calls from Python may name anything
+    plain = {one: _plain(one) for one in known}
+    same = [one for one, words in plain.items() if words == asked]
+    parts = [one for one, words in plain.items() if asked and f"_{asked}_" in f"_{words}_"]
+    close = difflib.get_close_matches(asked, list(plain.values()), NEAR_NAMES)
+    alike = [one for words in close for one, its in plain.items() if its == words]
+    return list(dict.fromkeys(same or parts or alike))[:NEAR_NAMES]
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower().replace("-", "_").replace(" ", "_")
 
 
 class DriveError(FitError):

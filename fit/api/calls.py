@@ -38,7 +38,7 @@ from fit.api.watched import (
     fit_shown,
     one_at_a_time,
 )
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 from formats.archive import read_take
 from formats.fit_records import FitResult
 from formats.outputs import make_parent, output_folder, refuse_to_replace
@@ -379,10 +379,7 @@ def _values(given: Mapping[str, float], request: Request) -> dict[str, float]:
     """
     names = [p.name for p in request.parameters]
     if unknown := [name for name in given if name not in names]:
-        raise FitError(
-            f"there is no parameter named {unknown[0]!r}", where="parameters",
-            advice=f"known parameters: {', '.join(names)}",
-        )  # fmt: skip
+        raise unknown_name("parameter", unknown[0], names, where="parameters")
     values = {}
     for p in request.parameters:
         value = given.get(p.name, p.initial)

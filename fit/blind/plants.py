@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 
 from fit.blind.engine import Cloth
-from fit.errors import FitError
+from fit.errors import FitError, nearest_first
 
 # times the typical size. Our choice: from below to well above what a take can show. Half and double were not tried.
 SMALLEST_PLANT, LARGEST_PLANT = 0.5, 3.0
@@ -183,7 +183,7 @@ def choose_plants(names: list[str], offered: Collection[str], how: str) -> tuple
             raise FitError(
                 f"no effect named {name!r} can be planted {how}",
                 where="--effect",
-                advice=f"known: {', '.join(sorted(known))}",
+                advice=nearest_first(name, sorted(known), "known"),
             )
     return tuple(known[name] for name in names) or tuple(known.values())
 

@@ -30,7 +30,7 @@ from fit.effects.strain_stiffening import StrainStiffening
 from fit.effects.stretch_viscosity import StretchViscosity
 from fit.effects.time_offset import TimeOffset
 from fit.effects.tracker_smoothing import TrackerSmoothing
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 
 LIBRARY: tuple[Effect, ...] = (
     ShearStiffness(),
@@ -87,5 +87,5 @@ def find_effects(names: list[str]) -> tuple[Effect, ...]:
     known = {effect.name: effect for effect in LIBRARY}
     for name in names:
         if name not in known:
-            raise FitError(f"there is no effect named {name!r}", advice=f"known effects: {', '.join(sorted(known))}")
+            raise unknown_name("effect", name, sorted(known))
     return tuple(known[name] for name in names)

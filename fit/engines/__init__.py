@@ -5,7 +5,7 @@ from __future__ import annotations
 from fit.cloth.effect import Effect
 from fit.engines.blender import BlenderEngine, check_blender
 from fit.engines.contract import Engine, EngineMaker, OwnEngine
-from fit.errors import FitError
+from fit.errors import unknown_name
 from fit.methods.method import Parameterisation
 
 __all__ = [
@@ -30,7 +30,7 @@ def find_engine(name: str) -> EngineMaker:
         FitError: there is none.
     """
     if name not in ENGINES:
-        raise FitError(f"there is no engine named {name!r}", advice=f"known engines: {', '.join(ENGINES)}")
+        raise unknown_name("engine", name, ENGINES)
     return ENGINES[name]
 
 

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from fit.cloth.mesh import check_spacing
-from fit.errors import FitError, out_of_range
+from fit.errors import FitError, out_of_range, unknown_name
 from fit.export import caches, presets, tables
 from fit.export.alembic import alembic, check_blender
 from fit.export.blender_recipe import blender_script
@@ -215,7 +215,7 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
         FitError, OutputError: as `export`.
     """
     if kind not in EXPORT_KINDS:
-        raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(EXPORT_KINDS)}")
+        raise unknown_name("export", kind, EXPORT_KINDS)
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
         raise out_of_range(
             order.thickness, LEAST_THICKNESS, MOST_THICKNESS, f"no fabric is {1e3 * order.thickness:g} mm thick",

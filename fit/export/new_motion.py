@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.errors import FitError, out_of_range
+from fit.errors import out_of_range, unknown_name
 from fit.export.fabric import Fabric
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats
@@ -70,7 +70,7 @@ def check_motion(way: str, seconds: float) -> None:
         FitError: kind or length is refused.
     """
     if way not in NEW_MOTIONS:
-        raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
+        raise unknown_name("motion", way, NEW_MOTIONS, where="--motion", listed="known")
     if not SHORTEST_MOTION <= seconds <= LONGEST_MOTION:
         raise out_of_range(
             seconds, SHORTEST_MOTION, LONGEST_MOTION, f"{seconds:g} s is no length for a motion", where="--seconds",

@@ -13,7 +13,7 @@ import numpy as np
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
-from fit.errors import FitError
+from fit.errors import FitError, nearest_first
 from fit.gap import edge_driven, from_raw
 from fit.gap import findings as described
 from fit.gap import gates as gate
@@ -206,7 +206,7 @@ def deciding(name: str) -> Deciding:
         if name == known:
             return known  # type: ignore[no-any-return]
     raise FitError(
-        f"{name} is no way to decide", where="--by", advice=f"choose one of: {', '.join(get_args(Deciding))}"
+        f"{name} is no way to decide", where="--by", advice=nearest_first(name, get_args(Deciding), "choose one of")
     )
 
 

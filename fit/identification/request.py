@@ -11,7 +11,7 @@ from fit.cloth.effect import Effect, parameter_names
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
 from fit.engines import OWN_ENGINE, find_engine
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 from fit.methods import Parameter, Parameterisation, find_method
 from fit.methods.fabrics import find_fabric
 from fit.search import PRINTED_ITERATIONS
@@ -226,9 +226,7 @@ def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, fl
     name, _, span = text.partition("=")
     low_text, _, high_text = span.partition(":")
     if name not in known:
-        raise FitError(
-            f"there is no parameter named {name!r}", where="--bounds", advice=f"known parameters: {', '.join(known)}"
-        )
+        raise unknown_name("parameter", name, known, where="--bounds")
     try:
         low, high = float(low_text), float(high_text)
     except ValueError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fit.errors import FitError
+from fit.errors import unknown_name
 from fit.methods.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
 from fit.methods.method import Parameter, Parameterisation
 from fit.methods.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
@@ -38,7 +38,7 @@ def find_method(name: str) -> Parameterisation:
         FitError: there is none.
     """
     if name not in METHODS:
-        raise FitError(f"there is no method named {name!r}", advice=f"known methods: {', '.join(METHODS)}")
+        raise unknown_name("method", name, METHODS)
     return METHODS[name]
 
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fit.errors import FitError
+from fit.errors import unknown_name
 
 FIBRE_VOLUME_SHARE = 0.35  # share of a fabric's volume that is fibre; our choice: as the docstring states
 MANUAL_DAMPING = 1.0  # 1/s; our choice: as the docstring states
@@ -93,5 +93,5 @@ def find_fabric(name: str) -> Fabric:
         FitError: there is none.
     """
     if name not in FABRICS:
-        raise FitError(f"there is no fabric named {name!r}", advice=f"known fabrics: {', '.join(FABRICS)}")
+        raise unknown_name("fabric", name, FABRICS)
     return FABRICS[name]

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 from fit.recordings.copies import Track, are_copies
 from fit.recordings.intact import naming_damage
 from formats.garment import Garment
@@ -110,9 +110,7 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
     """
     for kind in kinds:
         if kind not in MOTION_KINDS:
-            raise FitError(
-                f"there is no kind of motion named {kind!r}", advice=f"choose among {', '.join(MOTION_KINDS)}"
-            )
+            raise unknown_name("kind of motion", kind, MOTION_KINDS, listed="choose among")
     by_take = [kind_of(take) for take in takes]
     there = ", ".join(f"{name} {kind}" for name, kind in zip(told_apart(takes), by_take, strict=True))
     with naming_damage(takes):

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
 from fit.search.chains import ParallelChains
 from fit.search.least_squares import BoundedSpace
@@ -95,7 +95,7 @@ def check_search(name: str) -> str:
         FitError: there is no such search.
     """
     if name not in SEARCHES:
-        raise FitError(f"there is no search named {name!r}", advice=f"known searches: {', '.join(SEARCHES)}")
+        raise unknown_name("search", name, SEARCHES, listed="known searches")
     return name
 
 

@@ -15,7 +15,7 @@ from fit.blind.engine import TRIANGLE_SIDE, Cloth, Engine
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.plants import PLANTS, UNKNOWNS, Plant, choose_plants
 from fit.blind.sheet import make_grid
-from fit.errors import BlowUpError, FitError
+from fit.errors import BlowUpError, unknown_name
 from fit.foreign.process import Foreign, ForeignProcess
 from formats.arrays import Floats
 
@@ -99,5 +99,5 @@ def find_generator(name: str) -> Generator:
     """
     known = {generator.name: generator for generator in GENERATORS}
     if name not in known:
-        raise FitError(f"there is no generator named {name!r}", advice=f"known: {', '.join(known)}")
+        raise unknown_name("generator", name, known, listed="known")
     return known[name]

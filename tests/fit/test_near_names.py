@@ -1,0 +1,71 @@
+"""A misspelt name is answered with the names that it probably means, wherever names are chosen."""
+
+from __future__ import annotations
+
+import pytest
+
+from fit.blind.foreign.engines import find_generator
+from fit.blind.plants import PLANTS, choose_plants
+from fit.effects import LIBRARY, find_effects
+from fit.engines import find_engine
+from fit.errors import FitError, near_names
+from fit.gap.diagnosis import deciding
+from fit.identification.request import request_of
+from fit.methods import SI, find_method
+from fit.methods.fabrics import find_fabric
+from fit.recordings.selection import split_by_motion
+from fit.search.choice import SEARCHES, check_search
+
+EFFECTS = sorted(effect.name for effect in LIBRARY)
+
+
+def bounded(name):
+    return request_of(SI, [], iterations=1, seed=0, spacing=0.1, bounds=[f"{name}=1:2"])
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("drag", EFFECTS, ["air_drag"]),
+        ("Air drag", EFFECTS, ["air_drag"]),
+        ("tilt", EFFECTS, ["gravity_tilt"]),
+        ("air", EFFECTS, ["air_drag", "air_lift"]),
+        ("hemm", EFFECTS, ["hem"]),
+        ("stretch_viscosty", EFFECTS, ["stretch_viscosity", "bending_viscosity"]),
+        (7, EFFECTS, []),
+        ("gremlins", EFFECTS, []),
+        ("", EFFECTS, []),
+        ("squares", list(SEARCHES), ["least-squares"]),
+    ],
+)
+def test_a_wrong_name_means_those_that_have_it_as_a_word_or_else_similar_ones(name, known, meant):
+    assert near_names(name, known) == meant
+
+
+@pytest.mark.parametrize(
+    ("asked", "name", "meant"),
+    [
+        (lambda name: find_effects([name]), "drag", "air_drag"),
+        (find_method, "kinect_skirt", "kinect-skirt"),
+        (find_fabric, "coton", "cotton"),
+        (find_engine, "blendr", "blender"),
+        (find_generator, "mujco", "mujoco"),
+        (check_search, "lest-squares", "least-squares"),
+        (deciding, "evidnce", "evidence"),
+        (bounded, "velocity_dampng", "velocity_damping"),
+        (lambda name: split_by_motion([], [name]), "twst", "twist"),
+        (lambda name: choose_plants([name], [plant.id for plant in PLANTS], "here"), "tilt", "gravity_tilt"),
+    ],
+)
+def test_each_choice_of_a_name_asks_whether_the_nearest_was_meant(asked, name, meant):
+    with pytest.raises(FitError, match=f"did you mean {meant}( or [a-z_-]+)?\\? The others: ") as refused:
+        asked(name)
+    assert repr(name) in str(refused.value) or f"{name} is no way" in str(refused.value)
+
+
+def test_of_two_names_the_nearest_is_asked_for_and_the_rest_is_still_listed():
+    with pytest.raises(FitError) as refused:
+        find_effects(["drag"])
+    assert str(refused.value).startswith("there is no effect named 'drag'; did you mean air_drag? The others: added_ma")
+    _, _, others = str(refused.value).partition("The others: ")
+    assert others.split(", ") == [name for name in EFFECTS if name != "air_drag"]

@@ -23,7 +23,6 @@ MESH_SHARE = 0.5
 # look at sealed cases `anisotropy`, then under `MESH_SHARE`, was named twice without a cause. Half,
 # 1.5, held before for `stretch_viscosity` alone. Double was not tried.
 SOLVER_TIMES = 3.0
-LISTED_COMPONENTS = 4  # components that a sentence names; our choice: a sentence is read at a glance
 
 
 def mesh_share(effect: Effect) -> float:
@@ -31,14 +30,22 @@ def mesh_share(effect: Effect) -> float:
     return SOLVER_TIMES if effect.differs_by_solver else MESH_SHARE
 
 
+def needed_mm2(evidence: Evidence, effect: str) -> float:
+    """Return the mean squared motion [mm^2] by which an effect must move the points by the verdict's rules.
+
+    An effect is named only if it removes more than a share of mesh and solver error. The gap must also be clearly above
+    the noise (`fit.gap.verdict`).
+    """
+    share = mesh_share(evidence.observer.library[effect])
+    return max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+
+
 def resolvable(evidence: Evidence, effect: str) -> float:
     """Return the amplitude at which a screened effect moves the points as far as the verdict's rules require.
 
-    An effect is named only if it removes more than a share of mesh and solver error. The gap must also be clearly above
-    the noise (`fit.gap.verdict`). A smaller amplitude cannot be named, even without noise.
+    A smaller amplitude cannot be named, even without noise.
     """
-    share = mesh_share(evidence.observer.library[effect])
-    needed = max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+    needed = needed_mm2(evidence, effect)
     return float(np.sqrt(needed)) * per_millimetre(evidence.observer, evidence.screened[effect])
 
 

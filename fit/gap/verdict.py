@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from fit.gap.closure import gain_p_value
-from fit.gap.detectable import LISTED_COMPONENTS, mesh_share, smallest_detectable, unseen
+from fit.gap.closure import SIGNIFICANT_GAP, gain_p_value
+from fit.gap.detectable import mesh_share
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
@@ -22,6 +22,7 @@ from fit.gap.evidence import (
 )
 from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
+from fit.gap.power import first_few, power_of
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
@@ -84,6 +85,9 @@ def decide(evidence: Evidence) -> Verdict:
     if several is None:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
+        if evidence.base.errors.squared_mm > SIGNIFICANT_GAP * (noise + mesh):
+            unsure = "The error exceeds noise and mesh, but differs too much between half-seconds to be sure"
+            return Verdict("inconclusive", [], f"{unsure}. {numbers} Record longer.{describe_held_edge(evidence)}")
         return no_gap(evidence, has_gap=has_gap)
     unsettled = next((g for g in failed if g.name == "base fit"), None)
     if unsettled is not None and not identified:
@@ -141,22 +145,23 @@ def decide(evidence: Evidence) -> Verdict:
 
 
 def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
-    """Word the verdict that no gap exceeds noise, mesh and solver, or the reason why these takes cannot show one."""
+    """Word the verdict that no gap exceeds noise, mesh and solver, or the reason why these takes cannot show one.
+
+    The verdict is `inconclusive` where effects of typical size would not have made a gap (`fit.gap.power`).
+    """
     numbers, wrong = gap_numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
     if has_gap and evidence.is_coarse:
         refine = f"mesh and solver may be wrong by {wrong}, and a gap may hide in that"
         return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {refine}. {numbers}")
     hidden = f" Mesh and solver may be wrong by {wrong}." if has_gap else ""
-    pull = evidence.observer.frequency
-    if pull and (missed := unseen(evidence.observer.library, smallest_detectable(evidence))):
-        more = f" and {len(missed) - LISTED_COMPONENTS} more" if len(missed) > LISTED_COMPONENTS else ""
-        said = (
-            f"No gap shows, but a pull of {pull:g} Hz, which these takes need to be predictable, hides small effects. "
-            f"These could not have been seen: {', '.join(missed[:LISTED_COMPONENTS])}{more}. {numbers}{hidden}"
-        )
-        return Verdict("inconclusive", [], said + describe_held_edge(evidence))
+    power = power_of(evidence)
+    if power.reason:
+        said = f"No gap shows, but {power.reason}. These could not have been seen: {first_few(power.unseen)}. {numbers}"
+        return Verdict("inconclusive", [], f"{said}{hidden}{power.advice}{describe_held_edge(evidence)}")
     where = "" if is_edge_explained(evidence.base.errors.edge) else " in the cloth below its held edge"
     none = f"No gap{where}: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
+    if power.unseen:
+        none += f" At their usual sizes, these takes could not have shown: {first_few(power.unseen)}."
     return Verdict("none", [], none + describe_held_edge(evidence))
 
 

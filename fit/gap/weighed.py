@@ -5,7 +5,7 @@ closure of this set. An effect's probability is the mass of all subsets that con
 
 | most of the mass | verdict |
 |---|---|
-| no effect, known discrepancy | `none`, or `inconclusive` under a pull that hides typical sizes; `unknown`, see below |
+| no effect, known discrepancy | `none`, or `inconclusive` where typical sizes would not show; `unknown`, see below |
 | any subset, wide discrepancy | `unknown` |
 | subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
 | subsets of two or three | `several`, with the effects that may stand in each one's place |

@@ -15,7 +15,7 @@ from fit.gap.probabilities import LEFT_WIDTH, ODDS, SHARE_LEFT, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, lacks, may_be_added, passing_effects
 from formats.diagnosis_records import in_percent
-from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, UNSETTLED, evidence_of, hypothesis
+from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, UNSETTLED, evidence_of, hypothesis, signature
 
 
 @pytest.mark.parametrize(
@@ -175,8 +175,10 @@ def test_no_gap_under_a_pull_says_what_could_not_have_been_seen(monkeypatch, fre
     """Tilts of twice their typical 0.03 rad, or half of it, would have shown; effects without motion are not listed."""
     smallest = {"gravity_tilt": np.array([0.03 * least, np.inf]), "hem": np.array([0.001])}
     evidence = evidence_of({"air_drag": 5.0}, base=5.3)
-    monkeypatch.setattr("fit.gap.verdict.smallest_detectable", lambda given: smallest if given is evidence else {})
+    monkeypatch.setattr("fit.gap.power.smallest_detectable", lambda given: smallest if given is evidence else {})
     evidence.observer.frequency = frequency
+    evidence.screened["gravity_tilt"] = evidence.screened["hem"] = signature(raw=np.zeros((2, 3)))
+    evidence.observer.in_mm = lambda row: float(np.abs(row).max())
     found = decide(evidence)
     assert (found.verdict, found.named) == (verdict, [])
     told = "These could not have been seen: tilted gravity (x) below 3.4 degrees."

@@ -14,7 +14,6 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.importers.c3d_blocks import (
-    BLOCK_BYTES,
     Blocks,
     find_blocks,
     refuse_lost_bytes,
@@ -23,6 +22,7 @@ from formats.importers.c3d_blocks import (
 from formats.importers.c3d_doubled import FrameBytes, refuse_doubled_bytes
 from formats.importers.c3d_header import first_of
 from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
+from formats.importers.c3d_more_frames import warning_of_more_frames
 from formats.importers.c3d_moved_frames import warning_of_moved_frames
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
 from formats.importers.c3d_shifts import refuse_shifted_frames
@@ -91,9 +91,8 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         raise TakeError(states, where=path, advice="export it again with its frame rate")
     end, kind = layout.data_at + frames * layout.width, FLOAT if layout.is_float else SHORT
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
-    repeated = _refuse_moved_bytes(path, size, header, FrameBytes(
-        layout.data_at, end, header.end, layout.width, kind, points, header.processor
-    ), wanted, blocks)  # fmt: skip
+    within = FrameBytes(layout.data_at, end, header.end, layout.width, kind, points, header.processor)
+    moved, more = _refuse_moved_bytes(path, size, header, within, wanted, blocks)
     has_labels = any(labels)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
@@ -114,9 +113,9 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    warnings = [header.doubts, doubt, repeated]
+    warnings = [header.doubts, doubt, moved]
     if wanted.frames is None or wanted.frames > frames:
-        warnings.append(_warning_of_length(path, header, frames))
+        warnings.append(more)
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
         warnings.append(_warning_of_names(points, without_path))
     warnings += [
@@ -141,15 +140,19 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
 
 def _refuse_moved_bytes(
     path: Path, size: int, header: Header, frames: FrameBytes, wanted: Wanted, blocks: Blocks
-) -> str:
-    """Refuse a file whose frames are shifted, or which lacks bytes; return a warning of frames that come twice."""
+) -> tuple[str, str]:
+    """Refuse a file whose frames are shifted, or which lacks bytes.
+
+    Return warnings of frames that come twice and of exchanged labels, and of frames behind the last stated one.
+    """
     repeated = "" if header.lacking is not None else refuse_doubled_bytes(path, frames)
-    refuse_shifted_frames(path, frames, min(frames.stated, wanted.frames or frames.stated), blocks)
+    exchanged = refuse_shifted_frames(path, frames, min(frames.stated, wanted.frames or frames.stated), blocks)
     if header.lacking is not None:
         raise header.lacking
-    if header.end == size:
+    more = "" if repeated else warning_of_more_frames(path, frames, header.held)
+    if header.end == size and not (more and (size - frames.end) % frames.width == 0):
         refuse_lost_bytes(path, size, frames.end)
-    return repeated
+    return "; ".join(filter(None, [repeated, exchanged])), more
 
 
 def _refuse_two_values(parameters: Parameters, path: Path) -> None:
@@ -172,22 +175,6 @@ def _warning_of_names(points: int, without_path: tuple[str, ...]) -> str:
         f"the file names {points + count} markers and has the paths of {points}; {named} "
         f"{'has' if count == 1 else 'have'} none"
     )
-
-
-def _warning_of_length(path: Path, header: Header, frames: int) -> str:
-    """Return a warning of a file with room for more frames than it states.
-
-    Return '' where zeros fill the room. Parameters or rotations behind the frames are no frames.
-    """
-    layout = header.layout
-    end = layout.data_at + frames * layout.width
-    if header.end - end < BLOCK_BYTES + layout.width:
-        return ""
-    with path.open("rb") as file:
-        file.seek(end)
-        if not any(file.read(layout.width)):
-            return ""
-    return f"the file states {frames} frames and has room for {header.held}; the first {frames} were read"
 
 
 def _refuse_infinity(infinite: Booleans, labels: list[str], path: Path) -> None:

@@ -11,6 +11,10 @@ the markers' median distance from the origin. Parts of two floats are mostly a n
 than a leap far out. The last frame before the shift must itself lie near the one before. So one frame with exchanged
 markers is no shift.
 
+Labels that are exchanged in a cycle, for several frames, leap twice as a shift by whole markers does. A shift moves all
+frames to the end and none before. So there is none if most frames before show the last frame's shape better if they are
+read `s` bytes later. Neither is there one if most frames behind show it better as they stand.
+
 A stale block shifts its own frames alone, so frames with bytes of one are passed over.
 
 A shift by all bytes of a frame leaves every position at its marker, and is not found.
@@ -41,13 +45,17 @@ NO_NUMBER = float(np.finfo(np.float32).max)  # in any unit: the largest number o
 BEYOND_EARLIER = 1.5  # times the largest leap before; our choice: motion that begins gently leaps a few times farther
 SCANNED_AT_ONCE = 1 << 22  # bytes read at once; our choice: bounds memory, and no result depends on it
 SHIFTS_AT_ONCE = 1 << 11  # shifts looked at together; our choice: bounds memory, and no result depends on it
+FRAMES_VOTING = 16  # frames, evenly spread; our choice: bounds time, and a shift moves all frames to the end
+SHOWS_CLEARLY = 2.0  # times; our choice: behind a second shift both readings are of foreign bytes, and neither fits
 IS_GONE = 0.5  # of the markers at one place in a frame; our choice: then most were lost or found, and none leaps
 
 Read = Callable[[int, int], bytes]  # reads as many bytes from an offset behind the first frame on
 
 
-def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Blocks) -> None:
+def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Blocks) -> str:
     """Refuse a file with inserted or lost bytes within its first `count` frames.
+
+    Return a warning of labels that are exchanged among markers for some frames, '' without any.
 
     blocks: blocks of zeros or stale bytes, which shift only their own frames
 
@@ -55,7 +63,8 @@ def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Bl
         TakeError: names the frame, and the number of bytes.
     """
     if frames.points < FEWEST_SHOWING or count < 3:
-        return
+        return ""
+    exchanged = list[int]()
     replaced = _frames_of(np.concatenate([blocks.between, blocks.stale]).tolist(), frames.width)
     with path.open("rb") as file:
 
@@ -71,11 +80,18 @@ def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Bl
             # A frame that is partly before the shift may continue the trajectories by another one, less well.
             near = [(one, _shift_behind(read, frames, one, count)) for one in range(before, before + 3)]
             (_, by), last = min((found, -one) for one, found in near if found is not None)
+            if not _is_lasting(read, frames, before, by, count):
+                exchanged.append(2 - last)
+                continue
             raise TakeError(
                 f"its frames are shifted from about frame {2 - last} on: {counted(by, 'foreign byte')} or "
                 f"{counted(frames.width - by, 'lost byte')} would shift them so", where=path,
                 advice="copy or export it again",
             )  # fmt: skip
+    if not exchanged:
+        return ""
+    until = f" to about frame {exchanged[-1]}" if exchanged[-1] - exchanged[0] > 1 else ""
+    return f"labels seem exchanged in a cycle from about frame {exchanged[0]}{until}; label the markers again there"
 
 
 def _frames_of(blocks: list[int], width: int) -> set[int]:
@@ -163,6 +179,34 @@ def _shift_behind(read: Read, frames: FrameBytes, before: int, count: int) -> tu
             return None
         found, off = found or 1 + int(nearest.argmin()), off + float(nearest.min())
     return off, found
+
+
+def _is_lasting(read: Read, frames: FrameBytes, before: int, by: int, count: int) -> bool:
+    """Return whether a shift by `by` bytes behind a frame fits the frames far before and far behind as well.
+
+    A shift by a part of a marker's bytes is no exchange of labels, and may end.
+    """
+    if by % (4 * frames.kind):
+        return True
+    last = _numbers(read, frames, before, np.arange(frames.points), [0])[0]
+    seen = np.flatnonzero(np.isfinite(last).all(1) & ~(last[:, 3] < 0))
+    for first, stop, readings in ((0, before, [by, 0]), (before + 2, count, [0, by])):
+        voting = np.unique(np.linspace(first, max(stop - 1, first), FRAMES_VOTING).astype(int))[: stop - first]
+        unlike = (_unlike(_numbers(read, frames, int(at), seen, readings)[..., :3], last[seen, :3]) for at in voting)
+        if 2 * sum(SHOWS_CLEARLY * against < shifted for against, shifted in unlike) > len(voting):
+            return False
+    return True
+
+
+def _unlike(readings: Floats, last: Floats) -> list[float]:
+    """Return how far the shape of each reading, (readings, markers, 3), is from that of `last`, (markers, 3).
+
+    The common displacement is removed, which the motion since then may have caused.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = np.clip(np.nan_to_num(readings - last, nan=NO_NUMBER), -NO_NUMBER, NO_NUMBER)
+        moved -= np.median(moved, axis=1, keepdims=True)
+    return list(np.abs(moved).max(2).mean(1).tolist())
 
 
 def _continue(behind: Floats, following: Floats, last: Floats, earlier: Floats, steps: int) -> tuple[float, Floats]:

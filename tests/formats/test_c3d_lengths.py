@@ -91,6 +91,50 @@ def test_room_for_a_frame_and_a_block_more_than_it_states_is_reported(tmp_path, 
     assert len(read(tmp_path, raw).time) == 32
 
 
+def swinging(frames, points=9, noise=0.1):
+    """Positions [mm] at 100 frames a second, with noise; one marker is never seen."""
+    way = 100 * np.sin(np.arange(frames) / 16)[:, None, None] * [1.0, 0.3, 0.1]
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-300, 300, (points, 3)) + way + rng.normal(0, noise, (frames, points, 3))
+    places[:, -1] = np.nan
+    return places
+
+
+@pytest.mark.parametrize("scale", [-1.0, 0.1])
+@pytest.mark.parametrize(("points", "fewer"), [(9, 1), (9, 2), (2, 1), (2, 2), (55, 1)])
+@pytest.mark.parametrize("is_filled", [True, False])
+def test_frames_behind_the_last_stated_one_are_reported(tmp_path, scale, points, fewer, is_filled):
+    places = swinging(130, points)
+    raw = c3d_bytes(places, [f"m{k}" for k in range(points)], scale=scale, frames_said=130 - fewer)
+    width = 4 * points * (4 if scale < 0 else 2)
+    begin = 512 * (struct.unpack_from("<H", raw, 16)[0] - 1)
+    tracks = read(tmp_path, raw if is_filled else raw[: begin + 130 * width])
+    many = "1 frame more stands" if fewer == 1 else f"{fewer} frames more stand"
+    first = 130 - fewer
+    assert tracks.warning == f"the file states {first} frames, and {many} behind them; the first {first} were read"
+    assert len(tracks.time) == first
+
+
+@pytest.mark.parametrize("kind", ["zeros", "noise", "memory", "elsewhere", "unseen"])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_what_fills_the_last_block_is_no_frame(tmp_path, kind, noise):
+    """A program's memory holds the bytes of the block before: of 8 markers, a frame four frames earlier."""
+    points = 8
+    raw = c3d_bytes(swinging(130, points, noise), [f"m{k}" for k in range(points)])
+    begin = 512 * (struct.unpack_from("<H", raw, 16)[0] - 1)
+    end = begin + 130 * 16 * points
+    rest = {
+        "zeros": bytes(512), "noise": np.random.default_rng(0).bytes(512), "memory": raw[end - 512 : end],
+        "elsewhere": raw[begin + 6400 : begin + 6912], "unseen": struct.pack("<ffff", 0, 0, 0, -1) * 32,
+    }[kind]  # fmt: skip
+    assert read(tmp_path, raw[:end] + rest[: -end % 512]).warning == ""
+
+
+def test_too_few_frames_to_know_the_motion_tell_no_further_one(tmp_path):
+    raw = c3d_bytes(swinging(3), [f"m{k}" for k in range(9)], frames_said=2)
+    assert read(tmp_path, raw).warning == ""
+
+
 def test_zeros_behind_the_frames_and_parameters_there_are_no_frames(tmp_path):
     raw = c3d_bytes(np.ones((32, 1, 3)), ["a"])
     assert read(tmp_path, raw + bytes(16) + b"\1" * 600).warning == ""

@@ -156,6 +156,46 @@ def test_honest_frames_are_no_shift(tmp_path, kind, scale):
     assert "shifted" not in read(tmp_path, made(honest(kind), scale)).warning
 
 
+@pytest.mark.parametrize("points", [3, 4, 5])
+@pytest.mark.parametrize("scale", [-1.0, 0.1])
+@pytest.mark.parametrize("count", [2, 10, 40])
+@pytest.mark.parametrize("way", [1, -1])
+def test_labels_exchanged_in_a_cycle_for_some_frames_are_no_shift(tmp_path, points, scale, count, way):
+    """A cycle leaps as a shift by a marker's bytes does, and ends."""
+    places = hanging(points)
+    places[AT : AT + count] = np.roll(places[AT : AT + count], way, axis=1)
+    tracks = read(tmp_path, made(places, scale))
+    kept = np.where(np.isfinite(tracks.positions), places, np.nan)  # of two frames, leaps are no positions
+    np.testing.assert_allclose(1e3 * tracks.positions, kept, atol=0.051)
+    assert np.isfinite(tracks.positions).mean() > 0.99
+    told = r"labels seem exchanged in a cycle from about frame (\d+)( to about frame (\d+))?; label the markers again"
+    found = re.search(told, tracks.warning)
+    if count > 2:
+        assert abs(int(found[1]) - (AT + 1)) <= 1
+        assert abs(int(found[3]) - (AT + count + 1)) <= 1
+
+
+@pytest.mark.parametrize("foreign", [7, 32])
+def test_a_second_shift_hides_no_first_one(tmp_path, foreign):
+    """The frames behind the second one show no shape in either reading."""
+    raw = made(hanging(9))
+    first, second = (begin_of(raw) + at * 144 + 20 for at in (AT, AT + 20))
+    more = np.random.default_rng(1).bytes(foreign)
+    frame, *counts = named(refused(tmp_path, raw[:first] + raw[first + 16 : second] + more + raw[second:]))
+    assert abs(frame - (AT + 1)) <= 1
+    assert counts == [128, 16]
+
+
+@pytest.mark.parametrize("count", [1, 4, 7, 8])
+def test_bytes_lost_and_as_many_foreign_ones_behind_are_no_cycle(tmp_path, count):
+    """Parts of a marker's bytes exchange no labels, though the frames far behind are as they were."""
+    raw = made(hanging(9))
+    first, second = (begin_of(raw) + at * 144 + 20 for at in (AT, AT + 20))
+    frame, *counts = named(refused(tmp_path, raw[:first] + raw[first + count : second] + bytes(count) + raw[second:]))
+    assert abs(frame - (AT + 1)) <= 1
+    assert counts == [144 - count, count]
+
+
 @pytest.mark.parametrize("kind", ["far", "coded"])
 def test_positions_far_out_are_no_shift(tmp_path, kind):
     """Bytes of such numbers, read from elsewhere, are near zero, and so nearer to the markers."""

@@ -21,6 +21,8 @@ LETTERS_ACROSS, LETTERS_DOWN = 64, 8
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
 # px. Our choice: 16 to 9, with a margin for labels of 15 px; with less, labels would be cut off.
 FIGURE_WIDTH, FIGURE_HEIGHT, FIGURE_MARGIN = 960, 540, 56
+INSTANTS_SHOWN = 8  # on an axis of time at most, less the first; our choice: more labels would touch in 64 letters
+PICTURE_LETTERS = 14  # px; our choice: legible, and the longest names and steps fit the margins
 LINE_COLOURS = (
     "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f", "#e377c2", "#bcbd22",
     "#000000", "#00441b",
@@ -50,7 +52,10 @@ def _mean(values: Floats) -> Floats:
 
 
 def draw_in_letters(take: Take) -> str:
-    """Return a plot of the held edge and the lowest point over time, in braille letters."""
+    """Return a plot of the held edge, dotted, and the lowest point over time, in braille letters.
+
+    A dotted path shows in every other letter.
+    """
     way, _, paths = paths_of(take)
     lowest = 1 + int(np.argmin([point.at_m[1] for point in take.garment.points]))
     shown = paths[:, [0, lowest]]
@@ -58,17 +63,30 @@ def draw_in_letters(take: Take) -> str:
     span = float(take.time[-1] - take.time[0]) or 1.0
     across = ((take.time - take.time[0]) / span * (2 * LETTERS_ACROSS - 1)).astype(int)
     dots = np.zeros((LETTERS_DOWN, LETTERS_ACROSS), int)
-    for path in shown.T:
-        seen = np.isfinite(path)
+    for path, is_drawn in zip(shown.T, (across // 2 % 2 == 0, True), strict=True):
+        seen = np.isfinite(path) & is_drawn
         down = ((1 - path[seen] / reach) / 2 * (4 * LETTERS_DOWN - 1)).round().astype(int)
         column = across[seen]
         np.bitwise_or.at(dots, (down // 4, column // 2), DOTS[down % 4, column % 2])
     lines = ["".join(chr(0x2800 + int(dot)) for dot in row) for row in dots]
     top, bottom = f"{1e3 * reach:+.0f} mm", f"{-1e3 * reach:+.0f} mm"
-    labels = [top, *[""] * (LETTERS_DOWN - 2), bottom]
+    middle = LETTERS_DOWN // 2
+    labels = [top, *[""] * (middle - 1), "0 mm", *[""] * (LETTERS_DOWN - middle - 2), bottom]
     drawn = [f"{label:>9} {line}" for label, line in zip(labels, lines, strict=True)]
-    caption = f"{way} over {span:.1f} s: the held edge and the lowest tracked point"
-    return "\n".join([*drawn, f"{'':>9} {caption}"])
+    captions = [
+        f"motion {way} over {span:.1f} s, from each path's mean",
+        "dotted: the held edge; drawn through: the lowest tracked point",
+    ]
+    return "\n".join([*drawn, *(f"{'':>9} {line}" for line in [_instants(span), *captions])])
+
+
+def _instants(span: float) -> str:
+    """Return the axis of time: a stroke at each round instant, and the instant beside it."""
+    second = round_step(span / INSTANTS_SHOWN)
+    axis = ""
+    for k in range(int(span / second + 1e-9) + 1):
+        axis = f"{axis:<{round(k * second / span * (LETTERS_ACROSS - 1))}}|{k * second:g} s"
+    return axis
 
 
 def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
@@ -80,7 +98,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
         ModuleNotFoundError: Pillow is not installed.
         OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
-    from PIL import ImageDraw
+    from PIL import ImageDraw, ImageFont
 
     way, names, paths = paths_of(take)
     chosen = [0, *(1 + k for k in well_spread(np.array([p.at_m for p in take.garment.points]), MOST_DRAWN - 1))]
@@ -93,10 +111,12 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     left, right, top, bottom = FIGURE_MARGIN + 24, FIGURE_WIDTH - 160, FIGURE_MARGIN, FIGURE_HEIGHT - FIGURE_MARGIN
     x = left + (take.time - take.time[0]) / span * (right - left)
     y = (top + bottom) / 2 - paths / reach * (bottom - top) / 2
-    levels = [((top + bottom) / 2 - k / 2 * (bottom - top) / 2, f"{1e3 * k * step:+g} mm") for k in range(-2, 3)]
-    second = round_step(span / 5)
+    levels = [
+        ((top + bottom) / 2 - k / 2 * (bottom - top) / 2, f"{1e3 * k * step:+g}" if k else "0") for k in range(-2, 3)
+    ]
+    second = round_step(span / INSTANTS_SHOWN)
     count = int(span / second + 1e-9) + 1
-    times = [(left + k * second / span * (right - left), f"{k * second:g} s") for k in range(count)]
+    times = [(left + k * second / span * (right - left), f"{k * second:g}") for k in range(count)]
     for at, _ in levels:
         lines.draw([(left, round(at)), (right, round(at))], "#dddddd")
     for at in (*(place for place, _ in times), right):
@@ -105,18 +125,22 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
         for start, stop in stretches(np.isfinite(paths[:, number])):
             lines.draw(list(zip(x[start:stop], y[start:stop, number], strict=True)), LINE_COLOURS[number], 2)
     picture = lines.picture()
-    pen = ImageDraw.Draw(picture)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(PICTURE_LETTERS)
     for at, words in levels:
-        pen.text((8, at - 6), words, fill="black")
+        pen.text((left - 8, at), words, fill="black", anchor="rm", font=font)
     for at, words in times:
-        pen.text((at - 12, bottom + 8), words, fill="black")
+        pen.text((at, bottom + 6), words, fill="black", anchor="ma", font=font)
+    pen.text((8, top - 26), "distance from the mean, mm", fill="black", font=font)
+    pen.text(
+        ((left + right) / 2, bottom + 26), "time from the take's first frame, s", fill="black", anchor="ma", font=font
+    )
     for number, index in enumerate(chosen):
         name = in_one_line(names[index]).encode("ascii", "replace").decode()[:20]
-        pen.text((right + 12, top + 18 * number), name, fill=LINE_COLOURS[number])
+        pen.text((right + 12, top + 18 * number), name, fill=LINE_COLOURS[number], font=font)
     count = len(take.garment.points)
     shown = f"; {len(chosen) - 1} of {count} points" if len(chosen) - 1 < count else ""
     title = f"motion {way}, from each path's mean; {len(take.time)} frames in {span:.1f} s{shown}"
-    pen.text((left, 16), title, fill="black")
+    pen.text((8, 6), title, fill="black", font=font)
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue(), overwrite=overwrite)

@@ -121,8 +121,9 @@ def draw_left(path: Path, findings: Findings, *, overwrite: bool = False) -> Non
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     rows = findings.model.to_materials(best.vector[None], density)
     done = simulator.run(rows, best.amplitudes[None], observer_hz=findings.frequency)
-    title = f"{recording.take_id}, {' and '.join(best.active) or 'base model'}"
-    draw_residuals(recording, done.points[0], path, title, overwrite=overwrite)
+    made = _motion(recording, True, simulator.mesh.triangles, {"base": Run(points=done.points[0])})
+    title = f"{recording.take_id}, {' and '.join(best.active).replace('_', ' ') or 'base model'}"
+    draw_residuals(recording, made.compared("base"), path, title, overwrite=overwrite)
 
 
 def _both(takes: Ready) -> list[tuple[Recording, bool]]:

@@ -7,7 +7,8 @@ The PNG picture has four rows. The first three show six instants of the take, in
 - in plane: the errors along the cloth only, at the points' positions on the flat cloth
 
 The fourth row shows the root mean square over the points of each frame, across the bar, down and out of the cloth.
-Arrows have their true length: their scale is that of the view.
+A curve breaks where no free point is seen. Arrows have their true length: their scale is that of the view. A line above
+each row names its axes, and a bar of 100 mm shows its scale.
 """
 
 from __future__ import annotations
@@ -21,14 +22,19 @@ import numpy as np
 
 from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.recording import Recording
+from fit.report.charts import axis_top
 from fit.report.plot import WIDTH
 from formats.arrays import Booleans, Floats
+from formats.figures import round_step
 from formats.outputs import write_bytes
 from formats.plain_text import in_one_line
+from formats.take_picture import stretches
 
 INSTANTS = 6  # pictures side by side; our choice: each stays 150 px wide
 # px. Our choice: six pictures fit the width, and labels the margin; with less, labels would cross the cloth.
 ROW_HEIGHT, CHART, MARGIN = 210, 190, 44
+ROW_HEADING, RESIDUAL_LETTERS = 24, 14  # px, of the line above a row, and of its letters; our choice: legible
+BAR_OF_SCALE = 0.1  # m; our choice: 20 to 60 px of a garment 1 to 0.3 m wide
 FRAME, GREY, LINK_COLOUR, SIMULATED, SEEN = "#cccccc", "#eeeeee", "#d62728", "#1f77b4", "#111111"
 DIRECTIONS = (("along the bar", "#2ca02c"), ("down the cloth", "#1f77b4"), ("out of the cloth", "#d62728"))
 
@@ -77,22 +83,29 @@ def draw_residuals(
         ModuleNotFoundError: Pillow is not installed.
         OutputError: the file is there and is not to be overwritten, or cannot be written.
     """
-    from PIL import Image, ImageDraw
+    from PIL import Image, ImageDraw, ImageFont
 
     views = views_of(recording, simulated)
-    picture = Image.new("RGB", (WIDTH, MARGIN + 3 * ROW_HEIGHT + CHART + MARGIN), "white")
+    picture = Image.new("RGB", (WIDTH, MARGIN + 3 * (ROW_HEADING + ROW_HEIGHT) + ROW_HEADING + CHART + MARGIN), "white")
     pen = ImageDraw.Draw(picture)
+    pen.font = ImageFont.load_default(RESIDUAL_LETTERS)
     total = float(np.sqrt(np.nanmean((views.along[views.counted] ** 2).sum(-1)))) if views.counted.any() else 0.0
-    pen.text((MARGIN, 12), _plain(f"{title or recording.take_id}: {1e3 * total:.1f} mm rms"), fill="black")
-    pen.text((WIDTH - 420, 12), "blue: simulated, black: tracked, red: residual", fill="black")
+    said = f"{title or recording.take_id}: {1e3 * total:.1f} mm, root mean square distance of the free points"
+    pen.text((MARGIN, 12), _plain(said), fill="black")
+    pen.text((WIDTH - 320, 12), "blue: simulated, black: tracked, red: residual", fill="black")
     frames = _instants(views)
     width = (WIDTH - MARGIN) // INSTANTS
-    _draw_row(pen, views, frames, (0, 1), MARGIN, width, "front")
-    _draw_row(pen, views, frames, (2, 1), MARGIN + ROW_HEIGHT, width, "side")
+    tops = [MARGIN + ROW_HEADING + k * (ROW_HEADING + ROW_HEIGHT) for k in range(4)]
+    scale = _draw_row(pen, views, frames, (0, 1), tops[0], width, "front")
+    _head(pen, tops[0], "Front: across, along the bar; upright, down from the bar", scale)
+    scale = _draw_row(pen, views, frames, (2, 1), tops[1], width, "side")
+    _head(pen, tops[1], "Side: across, out of the hanger's plane; upright, down from the bar", scale)
     places = np.array([point.at_m for point in recording.garment.points])
     flat = np.stack([places[:, 0], places[:, 1].max() - places[:, 1]], 1)
-    _draw_flat(pen, views, frames, flat, MARGIN + 2 * ROW_HEIGHT, width)
-    _draw_chart(pen, views, MARGIN + 3 * ROW_HEIGHT + 8)
+    scale = _draw_flat(pen, views, frames, flat, tops[2], width)
+    _head(pen, tops[2], "In plane: the flat cloth, with the residuals along the bar and down the cloth alone", scale)
+    _head(pen, tops[3], "Root mean square residual of the free points, mm, by direction")
+    _draw_chart(pen, views, tops[3])
     stream = io.BytesIO()
     picture.save(stream, "PNG", optimize=True)
     write_bytes(path, stream.getvalue(), overwrite=overwrite)
@@ -115,7 +128,8 @@ def _instants(views: Views) -> list[int]:
 
 def _draw_row(
     pen: Any, views: Views, frames: list[int], axes: tuple[int, int], top: int, width: int, name: str
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
+    """Draw a row of views, and return its scale [px/m]."""
     both = np.concatenate([views.simulated[frames].reshape(-1, 3), views.seen[frames].reshape(-1, 3)])[:, axes]
     low, high = np.nanmin(both, axis=0), np.nanmax(both, axis=0)
     scale = min((width - 20) / max(high[0] - low[0], 1e-3), (ROW_HEIGHT - 40) / max(high[1] - low[1], 1e-3))
@@ -129,9 +143,11 @@ def _draw_row(
             _dot(pen, at[p], SIMULATED)
             if views.counted[frame, p]:
                 _arrow(pen, at[p], to[p])
+    return float(scale)
 
 
-def _draw_flat(pen: Any, views: Views, frames: list[int], flat: Floats, top: int, width: int) -> None:
+def _draw_flat(pen: Any, views: Views, frames: list[int], flat: Floats, top: int, width: int) -> float:
+    """Draw the flat cloth of each frame, and return the scale [px/m]."""
     size = np.maximum(np.ptp(flat, axis=0), 1e-3)
     scale = min((width - 40) / size[0], (ROW_HEIGHT - 56) / size[1])
     for k, frame in enumerate(frames):
@@ -144,25 +160,37 @@ def _draw_flat(pen: Any, views: Views, frames: list[int], flat: Floats, top: int
             _dot(pen, at[p], SIMULATED if views.counted[frame, p] else FRAME)
             if views.counted[frame, p]:
                 _arrow(pen, at[p], to[p])
+    return float(scale)
+
+
+def _head(pen: Any, top: int, words: str, scale: float | None = None) -> None:
+    """Write a line above a row that begins at `top`; scale [px/m]: draw the bar of the row's scale behind the line."""
+    pen.text((MARGIN, top - ROW_HEADING + 4), words, fill="black")
+    if scale is not None:
+        right, at = WIDTH - 70, top - ROW_HEADING // 2
+        pen.line([(right - BAR_OF_SCALE * scale, at), (right, at)], fill="black", width=2)
+        pen.text((right + 8, top - ROW_HEADING + 4), f"{1e3 * BAR_OF_SCALE:.0f} mm", fill="black")
 
 
 def _draw_chart(pen: Any, views: Views, top: int) -> None:
     parts = views.parts_mm
-    reach = max(float(np.nanmax(parts, initial=0.0)), 1.0)
+    reach, steps = axis_top(max(float(np.nanmax(parts, initial=0.0)), 1.0))
     left, right, bottom = MARGIN + 24, WIDTH - 180, top + CHART - 24
     span = max(float(views.time[-1] - views.time[0]), 1e-3)
-    for share in (0.0, 0.5, 1.0):
-        y = bottom - share * (bottom - top - 16)
+    for k in range(steps + 1):
+        y = bottom - k / steps * (bottom - top - 16)
         pen.line([(left, y), (right, y)], fill=FRAME)
-        pen.text((4, y - 6), f"{share * reach:.0f} mm", fill="black")
-        pen.text((left + share * (right - left) - 12, bottom + 6), f"{share * span:.1f} s", fill="black")
+        pen.text((4, y - 8), f"{reach * k / steps:g} mm", fill="black")
+    second = round_step(span / 6)
+    for k in range(int(span / second + 1e-9) + 1):
+        pen.text((left + k * second / span * (right - left) - 8, bottom + 6), f"{k * second:g} s", fill="black")
     x = left + (views.time - views.time[0]) / span * (right - left)
     for part, (name, colour) in enumerate(DIRECTIONS):
         heights = bottom - parts[:, part] / reach * (bottom - top - 16)
-        seen = np.flatnonzero(np.isfinite(heights))
-        if len(seen) > 1:
-            pen.line([(float(x[k]), float(heights[k])) for k in seen], fill=colour, width=2)
-        rms = float(np.sqrt(np.nanmean(parts[:, part] ** 2))) if len(seen) else 0.0
+        seen = np.isfinite(heights)
+        for start, stop in stretches(seen):
+            pen.line([(float(x[k]), float(heights[k])) for k in range(start, stop)], fill=colour, width=2)
+        rms = float(np.sqrt(np.nanmean(parts[:, part] ** 2))) if seen.any() else 0.0
         pen.text((right + 8, top + 16 + 18 * part), f"{name}: {rms:.1f} mm", fill=colour)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -194,11 +195,19 @@ def test_a_picture_in_letters_has_a_dot_for_each_sight():
     shift = (ramp - 0.0)[:, None, None] * np.array([1.0, 0, 0])
     take = replace(take, held=take.held[:1] + shift, points=take.points[:1] + shift)
     lines = draw_in_letters(take).splitlines()
-    assert len(lines) == 9
+    assert len(lines) == 11
     assert all(len(line) == 10 + 64 for line in lines[:8])
     assert lines[0].startswith("   +50 mm ")
     assert lines[7].startswith("   -50 mm ")
-    assert lines[8].strip() == "sideways over 4.0 s: the held edge and the lowest tracked point"
+    assert lines[4].startswith("     0 mm ")
+    instants = [(mark.start(), float(mark[1])) for mark in re.finditer(r"\|([\d.]+) s", lines[8][10:])]
+    assert [instant for _, instant in instants] == [0, 0.5, 1, 1.5, 2, 2.5, 3, 3.5]
+    for column, instant in instants:
+        assert column == pytest.approx(63 * instant / (take.time[-1] - take.time[0]), abs=0.5)
+    assert [line.strip() for line in lines[9:]] == [
+        "motion sideways over 4.0 s, from each path's mean",
+        "dotted: the held edge; drawn through: the lowest tracked point",
+    ]
     letters = np.array([[ord(letter) - 0x2800 for letter in line[10:]] for line in lines[:8]])
     for row in range(8):
         columns = np.flatnonzero(letters[row])

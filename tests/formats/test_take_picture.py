@@ -89,8 +89,10 @@ def test_a_png_has_its_grid_its_paths_and_their_names_where_they_belong(tmp_path
         assert is_black[y - 8 : y + 8, 8 : LEFT - 8].any()
     for x in (LEFT, 230, 380, 530, 680):  # every half second of 2.4 s
         assert is_black[BOTTOM + 8 : BOTTOM + 22, x - 12 : x + 20].any()
-    assert is_black[14:30, LEFT : LEFT + 300].any()
-    assert is_black[:TOP].sum() == is_black[12:32, LEFT:].sum() + is_black[12:TOP, :LEFT].sum()
+    for words, rows in (("title", slice(4, 24)), ("axis of distances", slice(TOP - 26, TOP - 8))):
+        assert is_black[rows, 8:300].any(), words
+        assert not is_black[rows, 700:].any(), words
+    assert is_black[BOTTOM + 26 : BOTTOM + 42, 340:540].any()  # the axis of time
 
 
 def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
@@ -126,6 +128,17 @@ def test_the_steps_of_an_axis_are_round():
     assert [round_step(least) for least in (0.0471, 0.05, 0.48, 0.021, 1.01, 7)] == [0.05, 0.05, 0.5, 0.025, 2, 10]
 
 
+def test_the_held_edge_is_dotted_and_the_lowest_point_drawn_through_and_the_picture_says_so():
+    """The edge sways by 50 mm, and shows in every other letter; the lowest point, p0, sways the other way."""
+    take = swaying(257)
+    lines = draw_in_letters(replace(take, points=np.full_like(take.points, np.nan))).splitlines()
+    both = replace(take, points=np.repeat(take.points[:, :1], 4, axis=1))
+    for shown, step in ((lines, 2), (draw_in_letters(both).splitlines(), 1)):
+        drawn = np.flatnonzero([any(line[10 + k] != "\u2800" for line in shown[:8]) for k in range(64)])
+        assert drawn.tolist() == list(range(0, 64, step))
+    assert lines[-1].strip() == "dotted: the held edge; drawn through: the lowest tracked point"
+
+
 def test_every_line_has_a_colour_of_its_own():
     assert len(set(LINE_COLOURS)) == MOST_DRAWN == 12
 
@@ -138,7 +151,7 @@ def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_pa
     take = replace(take, **unseen, held_valid=np.zeros((5, 2), bool), points_valid=np.zeros((5, 4), bool))
     lines = draw_in_letters(take).splitlines()
     assert (lines[0].rstrip("\u2800 "), lines[7].rstrip("\u2800 ")) == ("    +1 mm", "    -1 mm")
-    assert lines[8].endswith("over 0.1 s: the held edge and the lowest tracked point")
+    assert lines[9].endswith(" over 0.1 s, from each path's mean")
     draw_png(take, tmp_path / "a.png")
     with image.open(tmp_path / "a.png") as file:
         seen = np.asarray(file)[TOP + 5 : BOTTOM - 5, LEFT + 5 : RIGHT - 5].reshape(-1, 3)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from fit.cloth import material as mat
 from fit.effects import find_effects
@@ -150,3 +151,25 @@ def test_residuals_are_drawn_of_the_named_model_on_the_first_take_that_is_judged
     assert (amplitudes, more) == ([[0.01 if named else 0.0, 0.0]], {"observer_hz": 1.5})
     gather.draw_left("left.png", found(["hem"], best=False))
     assert drawn[-1][1:] == ("b, base model", False)
+
+
+@pytest.mark.parametrize(("points_are", "left"), [("material", 0.003), ("silhouette", 0.0)])
+def test_a_picture_of_residuals_has_the_error_of_the_report_without_the_mean_offset_of_a_silhouette(
+    monkeypatch, points_are, left
+):
+    time, drawn = np.arange(0, 2, 1 / 30), []
+    garment = replace(sheet(mass=0.05), format="hangtime-garment/2", points_are=points_are)
+    recording = prepare(take_of(garment, time, swing(time), hung(garment, time) + swing(time)[:, None]))
+
+    def run(self, materials, amplitudes, **more):
+        return SimpleNamespace(points=(recording.points + np.array([0.0, 0.003, 0.0]))[None])
+
+    monkeypatch.setattr(Asked, "run", run)
+    monkeypatch.setattr(
+        "fit.report.residual_picture.draw_residuals", lambda recording, points, *_, **more: drawn.append(points)
+    )
+    findings = found(["hem"])
+    findings.takes = SimpleNamespace(training=[], held_out=[recording])
+    gather.draw_left("left.png", findings)
+    apart = np.linalg.norm(drawn[0] - recording.points, axis=2)[recording.counted]
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(left, abs=1e-12)

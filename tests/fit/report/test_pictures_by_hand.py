@@ -89,11 +89,12 @@ def test_the_chart_of_residuals_has_a_curve_of_each_direction_to_the_largest_err
     _draw_chart(pen, views(3), 682)
     left, right, bottom, top = 68, 1020, 682 + 190 - 24, 682 + 16
     levels = [line for line, colour in pen.lines if colour == picture.FRAME]
-    assert [line[0].tolist() for line in levels] == [[left, bottom], [left, (top + bottom) / 2], [left, top]]
+    assert [line[0].tolist() for line in levels] == [[left, bottom - k / 4 * (bottom - top)] for k in range(5)]
     assert levels[0][1, 0] == right
     shown = [words for _, words, _ in pen.words]
-    assert shown[:6] == ["0 mm", "0.0 s", "10 mm", "1.0 s", "20 mm", "2.0 s"]
-    assert shown[6:] == ["along the bar: 10.0 mm", "down the cloth: 20.0 mm", "out of the cloth: 0.0 mm"]
+    assert shown[:5] == ["0 mm", "5 mm", "10 mm", "15 mm", "20 mm"]
+    assert shown[5:10] == ["0 s", "0.5 s", "1 s", "1.5 s", "2 s"]
+    assert shown[10:] == ["along the bar: 10.0 mm", "down the cloth: 20.0 mm", "out of the cloth: 0.0 mm"]
     curves = [line for line, colour in pen.lines if colour != picture.FRAME]
     across = [left, (left + right) / 2, right]
     for curve, height in zip(curves, ((top + bottom) / 2, top, bottom), strict=True):
@@ -102,8 +103,40 @@ def test_the_chart_of_residuals_has_a_curve_of_each_direction_to_the_largest_err
     unseen = np.full((2, 2, 3), np.nan)
     _draw_chart(pen, Views(np.arange(2.0), unseen, unseen, unseen, np.zeros((2, 2), bool)), 682)
     assert [words for _, words, _ in pen.words][-1] == "out of the cloth: 0.0 mm"
-    assert len(pen.lines) == 3
-    assert pen.words[4][1] == "1 mm"  # the least top of the axis
+    assert {colour for _, colour in pen.lines} == {picture.FRAME}
+    assert "1 mm" in [words for _, words, _ in pen.words]  # the least top of the axis
+
+
+def test_a_curve_of_residuals_breaks_where_no_point_is_seen():
+    """Frames 3 and 4 of 8 show nothing: a line of three frames and one of three, and none across."""
+    made, pen = views(8), Pen()
+    along, counted = made.along.copy(), np.ones((8, 2), bool)
+    along[:], counted[3:5] = [0.01, 0.02, 0.0], False
+    along[~counted] = np.nan
+    _draw_chart(pen, dataclasses.replace(made, along=along, counted=counted), 682)
+    curves = [line for line, colour in pen.lines if colour == picture.DIRECTIONS[0][1]]
+    assert [len(curve) for curve in curves] == [3, 3]
+
+
+def test_each_row_of_residuals_names_its_axes_and_has_a_bar_of_100_mm(monkeypatch, tmp_path):
+    pytest.importorskip("PIL")
+    from PIL.ImageDraw import ImageDraw
+
+    said, lines = [], []
+    monkeypatch.setattr(ImageDraw, "text", lambda self, at, text, **more: said.append((text, at)))
+    monkeypatch.setattr(ImageDraw, "line", lambda self, places, **more: lines.append(np.array(places, float)))
+    recording, simulated = shifted((0.0, 0.004, 0.0))
+    picture.draw_residuals(recording, simulated, tmp_path / "a.png")
+    heads = {text.partition(":")[0]: at[1] for text, at in said if text.startswith(("Front:", "Side:", "In plane:"))}
+    assert list(heads) == ["Front", "Side", "In plane"]
+    assert [at[1] for text, at in said if text == "100 mm"] == list(heads.values())
+    bars = [line for line in lines if line[0, 1] == line[1, 1] and line[1, 0] == picture.WIDTH - 70]
+    assert len(bars) == 3
+    places = np.array([point.at_m for point in recording.garment.points])
+    wide, high = np.ptp(places, axis=0)
+    scale = min(((picture.WIDTH - 44) // 6 - 40) / wide, (210 - 56) / high)
+    assert bars[2][1, 0] - bars[2][0, 0] == pytest.approx(0.1 * scale)
+    assert "Root mean square residual of the free points, mm, by direction" in [text for text, _ in said]
 
 
 def test_an_instant_of_each_sixth_of_a_take_is_the_first_with_the_most_seen_points():
@@ -191,10 +224,10 @@ def test_the_points_places_are_drawn_from_the_top_of_the_cloth_down(monkeypatch,
     recording, simulated = shifted((0.0, 0.004, 0.0))
     drawn = []
     monkeypatch.setattr(
-        picture, "_draw_flat", lambda pen, views, frames, flat, top, width: drawn.append((flat, top, width))
+        picture, "_draw_flat", lambda pen, views, frames, flat, top, width: drawn.append((flat, top, width)) or 1.0
     )
     picture.draw_residuals(recording, simulated, tmp_path / "a.png")
     ((flat, top, width),) = drawn
     places = np.array([point.at_m for point in recording.garment.points])
     assert flat == pytest.approx(np.stack([places[:, 0], places[:, 1].max() - places[:, 1]], 1))
-    assert (top, width) == (44 + 2 * 210, (1200 - 44) // 6)
+    assert (top, width) == (44 + 2 * (24 + 210) + 24, (1200 - 44) // 6)

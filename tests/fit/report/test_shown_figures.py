@@ -347,7 +347,7 @@ def test_a_picture_of_residuals_is_signed_and_says_the_whole_distance(monkeypatc
     said = []
     monkeypatch.setattr(ImageDraw, "text", lambda self, at, text, **more: said.append(text))
     draw_residuals(recording, simulated, tmp_path / "left.png", "thirteen")
-    assert said[0] == "thirteen: 13.0 mm rms"
+    assert said[0] == "thirteen: 13.0 mm, root mean square distance of the free points"
 
 
 def test_the_ticks_of_a_chart_stand_at_their_instants():

@@ -117,6 +117,7 @@ def start(threads: int | None = None) -> None:
         return
     import taichi as ti
 
+    os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # else a thread asks a server, and no kernel is noted meanwhile
     cache = mended_cache(ti)
     _started["threads"] = threads or available_threads()
     with contextlib.redirect_stdout(io.StringIO()):  # it prints version and processor

@@ -15,7 +15,7 @@ import pytest
 from fit.kernel_cache import place
 from fit.kernel_cache.index import INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.mending import mend_cache
-from fit.kernel_cache.notes import NOTED
+from fit.kernel_cache.notes import NOTED, noted_hashes
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -172,6 +172,32 @@ def test_kernels_of_one_size_that_are_exchanged_are_compiled_again(tmp_path):
     assert {file: file.read_bytes() for file in whole} == whole
     assert run() == right
     assert not damaged.exists()
+
+
+SILENT_SERVER = """
+import sys
+import time
+from urllib import request
+def urlopen(*asked, **how):
+    print("asked a server", file=sys.stderr)
+    time.sleep(600)
+request.urlopen = urlopen
+"""
+
+
+def test_kernels_are_noted_also_where_a_server_would_not_answer(tmp_path):
+    """Taichi by itself asks a server for its newest version, in a thread that outlives a short program."""
+    script, folder = tmp_path / "squares.py", tmp_path / "kernels"
+    script.write_text(SILENT_SERVER + SQUARES)
+    left_out = ("XDG_CACHE_HOME", "TI_SKIP_VERSION_CHECK")  # as at a user's first start
+    surroundings = {k: v for k, v in os.environ.items() if k not in left_out}
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True,
+        env=surroundings | {"HOME": str(tmp_path), "PYTHONPATH": str(ROOT), place.CACHE: str(folder)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
+    (kernel,) = folder.glob("*.tic")
+    assert list(noted_hashes(folder)) == [kernel.stem]
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "link that leads to itself"])

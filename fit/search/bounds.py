@@ -11,7 +11,7 @@ def reflect(values: Floats, low: Floats, high: Floats) -> Floats:
     """Return values reflected at the bounds until they lie within them, each (parameters,)."""
     span = high - low
     folded = np.mod(values - low, 2 * span)
-    return np.clip(low + np.where(folded > span, 2 * span - folded, folded), low, high)
+    return np.minimum(low + np.minimum(folded, 2 * span - folded), high)
 
 
 def redraw(centre: Floats, uniform: Floats, spread: Floats, low: Floats, high: Floats) -> Floats:

@@ -50,7 +50,7 @@ class Evolution(RecordedSearch):
 
     def _propose(self, width: int) -> Floats:
         count = min(width, self._run.population_size - len(self._generation))
-        return np.stack([np.asarray(self._run.ask(), float) for _ in range(count)])
+        return np.stack([self._run.ask() for _ in range(count)])
 
     def _learn(self, units: Floats, distances: Floats) -> None:
         if not self.is_started:

@@ -55,7 +55,7 @@ class Emulator:
         self._prior_sd = np.array([*[RANGE_SD] * count, NUGGET_SD])
         self._apart = (units[:, None] - units[None]) ** 2
         found = minimize(
-            self._negative_log_posterior, self._prior, jac=True, method="L-BFGS-B",
+            self._negative_log_posterior, self._prior, jac=True,
             bounds=[*[tuple(np.log(RANGE_BOUNDS))] * count, tuple(np.log(NUGGET_BOUNDS))], options={"maxiter": 40},
         )  # fmt: skip
         self._logs: Floats = found.x  # of the ranges and the nugget

@@ -185,7 +185,7 @@ def search(
 
     The generator yields candidates, (lanes, p), receives their residuals, (lanes, m), and returns its result.
     """
-    return _Search(space, prior, settings or LeastSquaresSettings()).run(np.asarray(start, dtype=float), jacobian)
+    return _Search(space, prior, settings or LeastSquaresSettings()).run(start, jacobian)
 
 
 def side_by_side(
@@ -221,11 +221,11 @@ class _Search:
     def __init__(self, space: BoundedSpace, prior: Prior | None, settings: LeastSquaresSettings) -> None:
         self.space, self.settings = space, settings
         count = len(space.minimum)
-        working_precision = np.zeros((count, count)) if prior is None else np.asarray(prior.precision, dtype=float)
+        working_precision = np.zeros((count, count)) if prior is None else prior.precision
         self.working_precision = working_precision
         self.precision = working_precision * np.outer(space.scale, space.scale)
         mean = space.minimum if prior is None else prior.mean
-        self.mean = (space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)) / space.scale
+        self.mean = (space.to_working(mean) - space.to_working(space.minimum)) / space.scale
         self.simulations = self.batches = 0
 
     def run(self, start: Floats, known: Floats | None) -> Search:

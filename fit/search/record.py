@@ -28,8 +28,8 @@ class RecordedSearch(ABC):
         if not ((space.minimum <= start) & (start <= space.maximum)).all():
             raise FitError("the start of the search lies outside the bounds", where=self.name, advice="move it inside")
         self.space, self.budget, self.seed = space, budget, seed
-        self.start = space.to_unit(np.asarray(start, float))
-        self.best, self.best_distance = np.array(start, float), math.inf
+        self.start = space.to_unit(start)
+        self.best, self.best_distance = start.copy(), math.inf
         self.evaluations = self.non_finite = 0
         self._batches: list[tuple[Floats, Floats]] = []
         self._history: list[float] = []

@@ -131,7 +131,7 @@ def _least(
     box = [(0.0, 1.0)] * len(best)
     ends = [
         minimize(
-            emulated_cost, begin, (emulator, caution, start), jac=True, method="L-BFGS-B", bounds=box,
+            emulated_cost, begin, (emulator, caution, start), jac=True, bounds=box,
             options={"maxiter": 30},
         )
         for begin in (best, *drawn[:DESCENTS])

@@ -45,10 +45,10 @@ class Step:
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Step:
         """Return a step from its saved state."""
-        vector = np.array(state["vector"], float)
+        vector = np.array(state["vector"])
         return cls(
             is_sampling=bool(state["is_look"]), vector=vector,
             cost=np.inf if state["cost"] is None else float(state["cost"]),
-            vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
-            distances=tuple(float(d) for d in state["distances"]), slopes_at=np.array(state["slopes_at"], float),
+            vectors=np.array(state["vectors"]).reshape(-1, len(vector)), simulations=int(state["simulations"]),
+            distances=tuple(float(d) for d in state["distances"]), slopes_at=np.array(state["slopes_at"]),
         )  # fmt: skip

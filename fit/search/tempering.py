@@ -61,7 +61,7 @@ class Tempering(RecordedSearch):
         self.numbers = numbers
         self.temperatures = HOTTEST ** (np.arange(chains) / max(chains - 1, 1))
         self.current = np.tile(self.start, (chains, 1))
-        self.logs = np.full(chains, np.inf)  # ln D
+        self.logs = np.zeros(chains)  # ln D, known once the start is
         self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=HOT_STEP)  # share of the box, (chains,)
         self._turn: list[tuple[Floats, float]] = []
         self._proposed = np.empty((0, len(self.start)))
@@ -96,7 +96,7 @@ class Tempering(RecordedSearch):
         for k, ((unit, log), chance) in enumerate(
             zip(self._turn, self._generator.random(len(self.current)), strict=True)
         ):
-            rise = self.numbers * (log - self.logs[k]) / self.temperatures[k] if math.isfinite(log) else math.inf
+            rise = self.numbers * (log - self.logs[k]) / self.temperatures[k]
             is_accepted = chance < math.exp(-max(rise, 0.0))
             if is_accepted:
                 self.current[k], self.logs[k] = unit, log
@@ -113,8 +113,7 @@ class Tempering(RecordedSearch):
         self._sweeps += 1
         for k in range(self._sweeps % 2, len(self.current) - 1, 2):
             colder = 1 / self.temperatures[k] - 1 / self.temperatures[k + 1]
-            difference = self.logs[k] - self.logs[k + 1]
-            gain = self.numbers * difference * colder if math.isfinite(difference) else -math.inf
+            gain = self.numbers * (self.logs[k] - self.logs[k + 1]) * colder
             if self._generator.random() < math.exp(min(gain, 0.0)):
                 self.current[[k, k + 1]] = self.current[[k + 1, k]]
                 self.logs[[k, k + 1]] = self.logs[[k + 1, k]]

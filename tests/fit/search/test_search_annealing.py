@@ -142,8 +142,16 @@ def test_a_start_that_blows_up_is_left_at_the_first_finite_proposal():
     values = itertools.chain([math.inf], itertools.repeat(0.1))
     chain = chain_of(iterations=3)
     run(chain, 1, lambda candidates: np.array([next(values) for _ in candidates]))
-    assert chain.steps[1].is_accepted
+    assert chain.steps[1].is_accepted is True
     assert chain.best_distance == 0.1
+
+
+def test_rises_are_noted_where_both_distances_are_known_and_a_blow_up_is_not_accepted():
+    distances = iter([math.inf, 0.1, math.inf, 0.3])
+    chain = chain_of(iterations=3)
+    run(chain, 1, lambda candidates: np.array([next(distances) for _ in candidates]))
+    assert chain.steps[2].is_accepted is False
+    assert chain._changes == [math.inf, math.inf, pytest.approx(0.2)]
 
 
 def test_a_chain_whose_start_blew_up_is_the_same_after_a_round_trip_through_json():
@@ -152,16 +160,19 @@ def test_a_chain_whose_start_blew_up_is_the_same_after_a_round_trip_through_json
     again.restore(json.loads(json.dumps(chain.state(), allow_nan=False)))
     assert again.current_distance == again.best_distance == math.inf
     assert again.steps == chain.steps
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        again.tell(BOX.minimum[None], np.zeros(1))
 
 
-@pytest.mark.parametrize("cost", [0.25, math.inf])
-def test_a_saved_step_is_the_same_after_a_round_trip_through_json(cost):
+@pytest.mark.parametrize(("cost", "candidates"), [(0.25, 0), (math.inf, 3)])
+def test_a_saved_step_is_the_same_after_a_round_trip_through_json(cost, candidates):
     step = Step(
-        is_sampling=False, vector=np.ones(2), cost=cost, vectors=np.zeros((0, 2)), simulations=7, distances=(0.5,),
-        slopes_at=np.zeros(2),
+        is_sampling=candidates > 0, vector=np.ones(2), cost=cost, vectors=np.zeros((candidates, 2)), simulations=7,
+        distances=(0.5,), slopes_at=np.zeros(2),
     )  # fmt: skip
     again = Step.from_state(json.loads(json.dumps(step.state(), allow_nan=False)))
-    assert again.cost == cost
+    assert (again.cost, again.is_sampling) == (cost, candidates > 0)
+    assert again.vectors.shape == (candidates, 2)
     assert again.state() == step.state()
 
 

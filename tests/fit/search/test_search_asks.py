@@ -65,8 +65,12 @@ def test_chains_require_the_distances_of_their_candidates():
 def test_a_saved_number_of_chains_is_the_same():
     _, several = chains()
     _, fewer = chains(2)
-    with pytest.raises(FitError, match="has 3 chains, not 2"):
+    with pytest.raises(FitError, match=r"^annealing: the saved search has 3 chains, not 2; start anew"):
         fewer.restore(several.state())
+
+
+def test_each_of_more_chains_than_iterations_has_one():
+    assert [chain.settings.iterations for chain in chains(3, iterations=2, is_split=True)[1].chains] == [1, 1, 1]
 
 
 def test_the_best_history_of_chains_is_the_least_of_them_and_the_last_goes_on():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cmaes import CMA
 
 from fit.search import posterior
 from fit.search.bounds import redraw, reflect
@@ -131,6 +132,23 @@ def test_a_candidate_that_blew_up_is_never_accepted_and_shrinks_the_step(rejecti
     assert len(search.draws) == rejections
 
 
+def test_a_sweep_that_begins_at_half_of_the_budget_is_drawn():
+    """Of 20 candidates the first is the start; of the 19 sweeps of one, the last ten begin with half of them told."""
+    search = Tempering(np.array([0.5, 0.5]), BOX, 20, 3, numbers=24.0, chains=1)
+    while not search.is_finished:
+        candidates = search.ask(1)
+        search.tell(candidates, valley(candidates))
+    assert len(search.draws) == 10
+
+
+def test_a_candidate_without_any_distance_is_taken_and_no_warning():
+    search = Tempering(np.array([0.5, 0.5]), BOX, 10, 3, numbers=24.0, chains=1)
+    search.tell(search.ask(1), np.array([0.02]))
+    candidate = search.ask(1)
+    search.tell(candidate, np.zeros(1))
+    assert search.current == pytest.approx(candidate)
+
+
 # --- draws from the emulated posterior ------------------------------------------------------------
 
 
@@ -160,7 +178,12 @@ def drawn(cost, starts, pieces, seed):
 def test_draws_follow_their_printed_formulas():
     """Two hundred steps of 64 walkers are kept; one of the three first candidates lies on a bound."""
     starts = np.array([[0.0, 1.0], [0.3, 0.6], [0.5, 0.5]])
-    found = posterior.draw(valley, starts, 6.0, 4)
+
+    def within(units):
+        assert ((units >= 0) & (units <= 1)).all()
+        return valley(units)
+
+    found = posterior.draw(within, starts, 6.0, 4)
     assert found.shape == (200 * 64, 2)
     assert found == pytest.approx(drawn(valley, starts, 6.0, 4), rel=1e-9)
 
@@ -193,19 +216,35 @@ def test_a_generation_with_a_blow_up_is_not_flat_and_its_candidate_is_the_worst(
     assert search.non_finite == 1
 
 
-@pytest.mark.parametrize(("width", "populations"), [(0.9e-4, [6, 12]), (1.1e-4, [6])])
+@pytest.mark.parametrize(("width", "populations"), [(0.9e-4, [6, 12]), (1e-4, [6]), (1.1e-4, [6])])
 def test_a_generation_is_too_narrow_below_a_ten_thousandth_of_the_box(width, populations):
     search = Evolution(np.array([0.5, 0.5]), BOX, 13, 0)
     search.tell(search.ask(1), np.array([0.5]))
-    places = iter([[0.5, 0.5 + width * n / 5] for n in range(6)])
+    places = iter([[0.5, width * (n == 5)] for n in range(6)])
     search._run.ask = lambda: next(places)
     search.tell(search.ask(6), 0.02 + 0.01 * np.arange(6))
     assert search.populations == populations
 
 
+@pytest.mark.parametrize(("apart", "populations"), [(0.9e-6, [6, 12]), (1e-6, [6])])
+def test_a_generation_is_flat_below_a_thousandth_of_a_millimetre(apart, populations):
+    search = Evolution(np.array([0.5, 0.5]), BOX, 13, 0)
+    search.tell(search.ask(1), np.array([0.5]))
+    search.tell(search.ask(6), apart * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+    assert search.populations == populations
+
+
+def test_a_run_draws_from_one_of_two_to_the_31_seeds_that_follow_from_the_searchs():
+    search = Evolution(np.array([0.5, 0.5]), BOX, 10, 7)
+    search.tell(search.ask(1), np.array([0.5]))
+    seed = int(np.random.default_rng(7).integers(2**31))
+    run = CMA(np.array([0.5, 0.5]), 0.25, bounds=np.tile([0.0, 1.0], (2, 1)), seed=seed, population_size=6)
+    assert search.ask(3) == pytest.approx(np.array([run.ask() for _ in range(3)]))
+
+
 def test_a_run_begins_a_quarter_of_the_box_wide_at_the_start_and_inside_the_bounds():
-    search = Evolution(np.array([0.0, 0.7]), BOX, 10, 0)
-    assert search._run.mean == pytest.approx([0.01, 0.7])
+    search = Evolution(np.array([0.0, 1.0]), BOX, 10, 0)
+    assert search._run.mean == pytest.approx([0.01, 0.99])
     assert search._run._sigma == 0.25
     assert search._run._bounds.tolist() == [[0.0, 1.0], [0.0, 1.0]]
 

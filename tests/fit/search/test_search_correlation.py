@@ -132,3 +132,15 @@ def test_the_number_of_a_swing_with_gaps_is_the_formulas(series, exceeded):
     number = by_pairs(take, exceeded)
     assert number < np.isfinite(take).sum()
     assert independent([take]) == pytest.approx(number, rel=1e-9)
+
+
+@pytest.mark.parametrize("series", [1, 2, 5, 9])
+def test_one_frame_counts_its_numbers(series):
+    """Chance leaves all of its squares, so that only a rounding error is left to divide by."""
+    random = np.random.default_rng(series)
+    assert [independent([random.normal(size=(1, series))]) for _ in range(50)] == [series] * 50
+
+
+def test_the_number_does_not_depend_on_the_unit_of_the_residuals():
+    take = as_take(autoregression(0.8, (6, 200)))
+    assert independent([1e-6 * take]) == pytest.approx(independent([take]))

@@ -12,7 +12,7 @@ from fit.errors import FitError
 from fit.identification.request import request_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import OBSERVED, SEARCHES, Task, begin, check_search
+from fit.search.choice import OBSERVED, SEARCHES, Task, begin, check_search, has_short_intervals
 from fit.search.cma_es import Evolution
 from fit.search.intervals import PRIOR_SD, LinearModel, block_intervals, draw_intervals, jackknife
 from fit.search.least_squares import BoundedSpace
@@ -149,6 +149,43 @@ def test_a_state_of_another_search_and_other_candidates_are_refused(name):
     for told, count in ((candidates, 3), (candidates, 5), (candidates[:3], 3)):
         with pytest.raises(ValueError, match="one distance for each candidate"):
             one.tell(told, np.zeros(count))
+
+
+@pytest.mark.parametrize("name", ["cma-es", "tempering"])
+def test_a_record_begins_with_its_start_and_ends_with_its_budget(name):
+    """Of equal distances the first is the best; a spent budget leaves no candidate to ask for."""
+    search = begun(name, budget=3)
+    assert search.best.tolist() == SI.initial.tolist()
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        search.tell(np.empty((0, 5)), np.empty(0))
+    assert search.state()["seed"] == 3
+    for _ in range(2):
+        candidates = search.ask(2)
+        search.tell(candidates, np.full(len(candidates), 0.5))
+    assert (search.is_finished, search.best_distance) == (True, 0.5)
+    assert search.best == pytest.approx(SI.initial)
+    assert search.ask(4).shape == (0, 5)
+
+
+def test_restarts_share_the_iterations_among_four_chains():
+    assert [chain.settings.iterations for chain in begun("restarts").chains] == [30] * 4
+
+
+@pytest.mark.parametrize("corner", [SI.minimum, SI.maximum])
+def test_a_search_may_start_on_its_bounds(corner):
+    assert Evolution(corner, SPACE, 10, 0).ask(1)[0] == pytest.approx(corner)
+
+
+@pytest.mark.parametrize(
+    ("name", "iterations", "are_short"),
+    [
+        ("annealing", 801, True), ("restarts", 801, True), ("cma-es", 801, True), ("short-windows", 801, True),
+        ("tempering", 800, True), ("tempering", 801, False), ("least-squares", 1, False), ("least-squares", 801, False),
+    ],
+)  # fmt: skip
+def test_intervals_are_short_unless_of_least_squares_or_of_fifty_draws(name, iterations, are_short):
+    """Eight chains, whose coldest draws once a sweep of the second half: 2 x 8 x 50 candidates."""
+    assert has_short_intervals(name, iterations) is are_short
 
 
 def test_a_search_that_is_not_known_is_one_sentence():

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.search.intervals import PRIOR_SD, LinearModel, block_intervals, check_blocks, draw_intervals, jackknife
+from fit.search.intervals import (
+    NEAR_BOUND,
+    PRIOR_SD,
+    LinearModel,
+    at_bounds,
+    block_intervals,
+    check_blocks,
+    draw_intervals,
+    jackknife,
+)
 from fit.search.least_squares import BoundedSpace
 
 BLOCK = np.repeat(np.arange(3), 2)
@@ -162,6 +171,19 @@ def test_intervals_of_draws_are_their_quantiles_in_own_units():
     assert found.is_identified.tolist() == [False]
     narrow = draw_intervals(box, 100 + 0.4 * (draws - 100), np.array([100.0]))
     assert narrow.is_identified.tolist() == [True]
+
+
+def test_each_parameters_draws_are_judged_by_their_own_spread():
+    """Of two parameters over boxes of 200, the draws of the first spread over a hundredth of theirs."""
+    box = BoundedSpace(minimum=np.zeros(2), maximum=np.full(2, 200.0), is_log=np.zeros(2, bool))
+    even = np.linspace(0, 200, 101)
+    found = draw_intervals(box, np.stack([100 + 0.01 * (even - 100), even], 1), np.full(2, 100.0))
+    assert found.is_identified.tolist() == [True, False]
+
+
+def test_a_parameter_a_hundredth_of_the_box_from_its_end_is_at_its_bound():
+    low, high = at_bounds(np.array([NEAR_BOUND, 1 - NEAR_BOUND, 1.01 * NEAR_BOUND, 1 - 1.01 * NEAR_BOUND]))
+    assert (low.tolist(), high.tolist()) == ([True, False, False, False], [False, True, False, False])
 
 
 @pytest.mark.parametrize(("best", "ends"), [(0.5, [0.0, 136.0]), (199.5, [64.0, 200.0])])

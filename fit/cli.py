@@ -148,7 +148,8 @@ def fit_command(
 
     The cloth is simulated freely from its first shape on, driven by the recorded hanger. The search looks for the
     parameters with the smallest error. The result gives each parameter a 90 % interval. The interval covers the takes'
-    noise and the local minima that the search found, but neither missing physics nor the mesh's error. A parameter that
+    noise and the local minima that the search found, but neither missing physics nor the mesh's error. The interval of
+    an effect's size (--effect) also covers the error of mesh and solver, and sound laws of the effect. A parameter that
     the takes do not identify has an interval and no value.
 
     Give takes of one motion at several strengths, and hold the middle strength out to judge on (--held-out, or

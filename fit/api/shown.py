@@ -24,8 +24,8 @@ IF_IT_HOLDS = "90 % interval, if the model holds"
 COVERED_BY_INTERVALS = (
     "90 % intervals cover the takes' noise and the local minima that the search found, but neither missing physics nor "
     "the mesh's error.",
-    "`hangtime diagnose` finds missing physics; its interval for an effect's size covers mesh, solver and the effect's "
-    "other laws as well.",
+    "That of an effect's size covers mesh, solver and the effect's other laws as well. `hangtime diagnose` finds "
+    "missing physics.",
 )
 
 

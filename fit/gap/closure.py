@@ -32,9 +32,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import ndtri, stdtr, stdtrit
 
-from fit.gap.correlation import FREE_DIRECTIONS, correlation_of, effective_count
+from fit.gap.correlation import correlation_of, effective_count
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from formats.arrays import Floats, Integers
 
 INTERVAL_REPLICAS = 1000  # draws of blocks; our choice: a share of them has a deviation of 0.016 at most

@@ -24,11 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.observer.residuals import Layout, Observer
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from formats.arrays import Floats
 from formats.sights import BLOCK_SECONDS
 
-# Degrees of freedom in space of a smooth error; chosen on amplitudes fitted to takes without any effect.
-FREE_DIRECTIONS = 9
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 # s, of the oscillations tried, each a sixth longer; our choice: from one period at 10 Hz to beyond `LONGEST_LAG`.
 DECAYS = np.geomspace(0.1, 4.0, 24)

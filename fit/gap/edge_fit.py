@@ -24,11 +24,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
 from fit.gap.screening import Screened
 from fit.observer.edge import is_seen_on_edge
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from formats.arrays import Floats
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise

@@ -17,17 +17,16 @@ from fit.gap.closure import (
     gain_p_value,
     solver_draws,
 )
-from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.floor import NOISE_REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_favoured_by_edge, is_seen_on_edge
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import wrong_by_law, wrong_by_mesh
 from fit.search.intervals import NEAR_BOUND
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Figure, Gate
-from formats.nature import NORMAL_90
 
 SMALLEST_CLOSURE = 0.25  # share of the gap; our choice: less leaves three quarters to another cause
 MOST_UNEXPLAINED = 0.6  # of the gap, left beyond noise and mesh; our choice: once the only limit (decision 20), now one
@@ -133,11 +132,6 @@ def per_millimetre(observer: Observer, signature: Signature) -> float:
     return signature.typical / float(np.sqrt(max(moved, 1e-12)))
 
 
-def wrong_by_mesh(numerics_mm: float, size_per_millimetre: float) -> float:
-    """Return half the 90 % interval of a size due to an error of mesh and solver [mm], in the effect's unit."""
-    return NORMAL_90 * numerics_mm * size_per_millimetre / float(np.sqrt(FREE_DIRECTIONS))
-
-
 def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -> tuple[float, tuple[float, float]]:
     """Return an effect's size and its 90 % interval from noise, mesh and solver, in the effect's unit.
 
@@ -232,7 +226,7 @@ class Evidence:
         """
         wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
         size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
-        law = NORMAL_90 * self.observer.library[effect].law_spread * size if any_law else 0.0
+        law = wrong_by_law(self.observer.library[effect].law_spread, size) if any_law else 0.0
         half = float(np.hypot((high - low) / 2, law))
         return size, (size - half, size + half)
 

@@ -32,7 +32,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
-from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.evidence import LAW_DEVIATIONS
 from fit.gap.fitting import COST_TOLERANCE, Fitted, Problem, Task
 from fit.gap.hypotheses import polishing
@@ -52,6 +51,7 @@ from fit.gap.subsets import (
 from fit.gap.verdict import is_brought
 from fit.observer.edge import LEAST_BY_LAW
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from formats.arrays import Floats
 from formats.plain_text import counted
 

@@ -25,7 +25,6 @@ from fit.gap.evidence import (
     is_shown_by_edge,
     least_gain,
     per_millimetre,
-    wrong_by_mesh,
 )
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import Floor
@@ -36,6 +35,7 @@ from fit.gap.subsets import MOST_EFFECTS
 from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import wrong_by_mesh
 from formats.diagnosis_records import Gate
 from formats.plain_text import counted
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
+from fit.identification.effect_sizes import with_sizes
 from fit.identification.free_intervals import blocks_of, free_intervals
 from fit.identification.notes_on_values import notes_on_values
 from fit.identification.observed import begin_observed
@@ -206,6 +207,9 @@ def calibrate(
             _ = judge.error_before  # a take that blows up is refused before the search
         run = _least_squares if request.search in OBSERVED else _ask_and_tell
         found = run(model, request, saved, progress)
+        if request.engine == OWN_ENGINE:
+            intervals, more = with_sizes(train, request, found.vector, found.intervals)
+            found = replace(found, intervals=intervals, simulations=found.simulations + more)
         result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
         result,

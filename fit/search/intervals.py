@@ -26,7 +26,7 @@ whose prior mean has the prior's variance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -122,6 +122,22 @@ def block_intervals(
 def at_bounds(unit: Floats) -> tuple[Booleans, Booleans]:
     """Return which parameters lie at their lower and at their upper bound, (p,) each, from shares of the box, (p,)."""
     return unit <= NEAR_BOUND, unit >= 1 - NEAR_BOUND
+
+
+def widened(space: BoundedSpace, intervals: Intervals, best: Floats, more: Floats) -> Intervals:
+    """Return intervals with independent errors added in squares.
+
+    - best, (parameters,): the search's result
+    - more, (parameters,): half widths of the errors' own 90 % intervals, in the parameters' units
+    """
+    more = np.minimum(more, space.maximum - space.minimum)
+    below, above = best - intervals.ends[:, 0], intervals.ends[:, 1] - best
+    ends = np.stack([best - np.hypot(below, more), best + np.hypot(above, more)], axis=1)
+    ends = np.clip(ends, space.minimum[:, None], space.maximum[:, None])
+    covariance = intervals.covariance + np.diag((more / intervals.spread) ** 2)
+    most = SHARE_IDENTIFIED * PRIOR_SD * space.slope(best)
+    is_identified = intervals.is_identified & ((more == 0.0) | (np.sqrt(np.diag(covariance)) < most))
+    return replace(intervals, ends=ends, covariance=covariance, is_identified=is_identified)
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Intervals:

@@ -18,11 +18,11 @@ from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, Task, amplitude_of, fit
 from fit.gap.floor import neighbour_noise
 from fit.gap.hypotheses import shortlist
-from fit.gap.numerics import motion_mm
 from fit.gap.rounds import Rounds
 from fit.gap.screening import ended_at, screen
 from fit.methods import LEAN, SI
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import motion_mm
 from fit.recordings.recording import prepare
 from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import signature

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from fit.gap import diagnosis as steps
-from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import MENU
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from formats.diagnosis_records import Gate
 from tests.fit.gap.linear_cloth import (
     EFFECTS,
@@ -325,7 +325,7 @@ def test_a_parameter_at_its_bound_and_an_incomplete_or_unpredictable_take_are_to
     d = diagnosed(training, [cut], world).diagnosis
     assert not gate(d, "predictability").passed
     assert d.notes[0].startswith("Free rollouts, which no pull makes predictable; ")
-    assert "velocity damping (0.02 per s)" in d.sentence
+    assert "velocity damping (range from 0.02 per s)" in d.sentence
     assert "are at their bounds" in d.sentence
     assert [state.is_complete for state in d.take_states] == [True, True, False]
     (note,) = [note for note in d.notes[3:] if "incomplete" in note]

@@ -10,11 +10,11 @@ import pytest
 
 from fit.gap import from_raw
 from fit.gap import rounds as module
-from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import Pinned
 from fit.gap.floor import Floor
 from fit.gap.rounds import Rounds
 from fit.gap.weighed import known_error_mm, weigh
+from fit.observer.simulation_error import FREE_DIRECTIONS
 from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes, best_of
 from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import EFFECTS, hypothesis

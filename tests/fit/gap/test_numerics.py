@@ -10,10 +10,11 @@ import pytest
 
 from fit.cloth.model import Resolution
 from fit.gap.fitting import Fitted
-from fit.gap.numerics import LEAST_REFINEMENT, motion_mm, refine
+from fit.gap.numerics import refine
 from fit.methods import KINECT_SKIRT, SI
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
+from fit.observer.simulation_error import LEAST_REFINEMENT, motion_mm
 from fit.recordings.recording import prepare
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.scenes import hung, sheet, swing, take_of

@@ -47,7 +47,7 @@ Overwrite = Annotated[
     bool,
     typer.Option(
         "--overwrite",
-        help="Replace a picture of this name. Results of other takes in DIR are kept under a number in any case.",
+        help="Replace a picture of this name. Results of other takes or options in DIR are kept under a number anyhow.",
     ),
 ]
 Seed = Annotated[
@@ -174,7 +174,7 @@ def fit_command(
     from fit.api.takes import say_takes, sorted_out
     from fit.api.watched import fit_words
     from fit.engines import check_engine
-    from fit.folders import alone, make_folder, set_aside_other_takes
+    from fit.folders import alone, make_folder, set_aside_others
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
     from fit.recordings.ready import ready
@@ -210,7 +210,7 @@ def fit_command(
                 begun=lambda: say_takes(training, testing, mesh),
             )  # fmt: skip
             progress.end()
-            aside = set_aside_other_takes(out / "fit.json", prepared.are_of)
+            aside = set_aside_others(out / "fit.json", prepared.are_of, result)
             save_fit_result(out / "fit.json", result)
             report = write_fit_report(out / "report.html", result, prepared, request, training[0], command_line())
             checkpoint.unlink(missing_ok=True)  # after the report, so that the command can continue
@@ -318,7 +318,7 @@ def diagnose_command(
     from fit.cloth.model import Resolution
     from fit.effects import find_effects
     from fit.errors import INCONCLUSIVE, FitError
-    from fit.folders import alone, make_folder, set_aside_other_takes
+    from fit.folders import alone, make_folder, set_aside_others
     from fit.gap.diagnosis import deciding, diagnose
     from fit.gap.gates import data_gates
     from fit.identification.read_again import load_fit
@@ -375,7 +375,7 @@ def diagnose_command(
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
-            aside = set_aside_other_takes(out / "diagnosis.json", prepared.are_of)
+            aside = set_aside_others(out / "diagnosis.json", prepared.are_of, findings.diagnosis)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:

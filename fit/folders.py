@@ -67,13 +67,15 @@ def alone(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], bool]) -> str:
-    """Rename an earlier result of other takes, and its report, by a number; return a sentence that reports this.
+def set_aside_others(
+    path: Path, are_of: Callable[[FitResult | Diagnosis], bool], new: FitResult | Diagnosis | None = None
+) -> str:
+    """Rename an earlier result of other takes or options, and its report, by a number; return a sentence on this.
 
-    Nothing is returned if there is no earlier result, or one of the same takes, which the new one replaces. A report
-    beside no result at all is somebody's own page, and is renamed too.
+    Nothing is returned if there is no earlier result, or one of the same takes and options, which the new one replaces.
+    A report beside no result at all is somebody's own page, and is renamed too.
 
-    are_of: returns whether a result is of the present takes, such as `Ready.are_of`
+    are_of: returns whether a result is of the present takes, such as `Ready.are_of`; new: the result to be written
     """
     both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))
     if not path.exists():
@@ -86,10 +88,36 @@ def set_aside_other_takes(path: Path, are_of: Callable[[FitResult | Diagnosis], 
     except ResultError as error:
         whose = f"is not known to be of these takes ({error.what})"
     else:
+        whose = f"is of other takes ({_named(kept.take_ids)})"
         if are_of(kept):
+            whose = _made_otherwise(kept, new) if new is not None else ""
+        if not whose:
             return ""
-        whose = f"is of other takes ({plain(', '.join(map(shortened, kept.take_ids)))})"
     return f"{plain(path)} {whose}: kept as {plain(_kept(both).name)}, with its report."
+
+
+def _named(takes: Sequence[str]) -> str:
+    return plain(", ".join(map(shortened, takes)))
+
+
+def _made_otherwise(kept: FitResult | Diagnosis, new: FitResult | Diagnosis) -> str:
+    """Return how a result of the same takes differs from a new one by its options, '' where it does not."""
+    if kept.held_out_ids != new.held_out_ids:
+        return f"is judged on {_named(kept.held_out_ids) or 'no held-out take'}"
+    if isinstance(kept, FitResult) and isinstance(new, FitResult):
+        made = [(one.method, one.search, one.engine, one.seed, one.spacing, sorted(one.effects)) for one in (kept, new)]
+        words = tuple(f"another {word}" for word in ("method", "search", "engine", "seed", "mesh spacing"))
+        words += ("other effects",)
+        differing = [word for word, before, after in zip(words, *made, strict=True) if before != after]
+        ranges = [[(p.name, p.initial, p.minimum, p.maximum) for p in one.parameters] for one in (kept, new)]
+    else:
+        library = [{e.id for e in one.effects} if isinstance(one, Diagnosis) else set() for one in (kept, new)]
+        differing = ["another library of effects"] if library[0] != library[1] else []
+        models = (one.base_parameters if isinstance(one, Diagnosis) else [] for one in (kept, new))
+        ranges = [[(p.name, p.initial, p.minimum, p.maximum) for p in parameters] for parameters in models]
+    if not differing and ranges[0] != ranges[1]:
+        differing = ["other starts or ranges of its parameters"]
+    return f"has {differing[0]}" if differing else ""
 
 
 def _kept(files: Sequence[Path]) -> Path:

@@ -156,5 +156,9 @@ def _added_line(finding: EffectFinding, named: list[str]) -> str:
         f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
     )
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
-    size = f" at {with_unit(short(finding.amplitude), finding.unit)}" if tells_size(finding, named) else ""
+    ends, size = finding.amplitude_interval, ""
+    if tells_size(finding, named):
+        size = f" at {with_unit(short(finding.amplitude), finding.unit)}"
+    elif ends is not None:
+        size = f" ({with_unit(span_of(ends), finding.unit)}, 90 % interval)"
     return f"With {finding.id}{size}: {closed}{p_value}."

@@ -11,7 +11,7 @@ import pytest
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
 from fit.errors import FitError
-from fit.folders import alone, set_aside_other_takes
+from fit.folders import alone, set_aside_others
 from fit.gap.diagnosis import diagnose
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
@@ -245,36 +245,36 @@ def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(
     save_diagnosis(diagnosed, msgspec.structs.replace(of_a, take_contents=[content_of(a_take())]))
     report.write_text("one")
     for path in (fit, diagnosed, tmp_path / "gone.json"):
-        assert set_aside_other_takes(path, ready([a_take()], []).are_of) == ""
-    said = set_aside_other_takes(fit, ready([a_take(hz=0.9)], []).are_of)
+        assert set_aside_others(path, ready([a_take()], []).are_of) == ""
+    said = set_aside_others(fit, ready([a_take(hz=0.9)], []).are_of)
     assert said == f"{fit} is of other takes (a): kept as fit.1.json, with its report."
     assert {p.name for p in tmp_path.iterdir()} == {"fit.1.json", "report.1.html", "diagnosis.json"}
     report.write_text("two")
-    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []).are_of)
+    assert "kept as diagnosis.2.json" in set_aside_others(diagnosed, ready([a_take(hz=0.9)], []).are_of)
     assert (tmp_path / "report.2.html").read_text() == "two"
     save_diagnosis(diagnosed, of_a)
-    assert set_aside_other_takes(diagnosed, ready([a_take(hz=0.9)], []).are_of) == ""
-    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, ready([a_take("b")], []).are_of)
+    assert set_aside_others(diagnosed, ready([a_take(hz=0.9)], []).are_of) == ""
+    assert "kept as diagnosis.3.json" in set_aside_others(diagnosed, ready([a_take("b")], []).are_of)
     fit.write_text("{}")
-    assert "is not known to be of these takes" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
+    assert "is not known to be of these takes" in set_aside_others(fit, ready([a_take()], []).are_of)
 
 
 def test_a_page_that_is_of_no_result_gets_a_number(tmp_path):
     """Somebody's own page stays; beside a diagnosis a page is the report of both, which the new one replaces."""
     fit, report, elsewhere = tmp_path / "fit.json", tmp_path / "report.html", tmp_path / "elsewhere.html"
     report.write_text("mine")
-    said = set_aside_other_takes(fit, ready([a_take()], []).are_of)
+    said = set_aside_others(fit, ready([a_take()], []).are_of)
     assert said == f"{report} is of no result in this folder: kept as report.1.html."
     assert (tmp_path / "report.1.html").read_text() == "mine"
-    assert set_aside_other_takes(fit, ready([a_take()], []).are_of) == ""
+    assert set_aside_others(fit, ready([a_take()], []).are_of) == ""
     (tmp_path / "two\nlines").mkdir()
     (tmp_path / "two\nlines/report.html").write_text("mine")
-    assert "\n" not in set_aside_other_takes(tmp_path / "two\nlines/fit.json", ready([a_take()], []).are_of)
+    assert "\n" not in set_aside_others(tmp_path / "two\nlines/fit.json", ready([a_take()], []).are_of)
     report.symlink_to(elsewhere)
-    assert "kept as report.2.html" in set_aside_other_takes(fit, ready([a_take()], []).are_of)
+    assert "kept as report.2.html" in set_aside_others(fit, ready([a_take()], []).are_of)
     save_diagnosis(tmp_path / "diagnosis.json", diagnosis("none", [], []))
     report.write_text("of both")
-    assert set_aside_other_takes(fit, ready([a_take()], []).are_of) == ""
+    assert set_aside_others(fit, ready([a_take()], []).are_of) == ""
 
 
 def test_a_folder_is_one_commands_at_a_time(tmp_path):

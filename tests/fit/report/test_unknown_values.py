@@ -98,3 +98,10 @@ def test_a_fits_terminal_names_the_measure_of_the_report_and_why_its_figures_are
         ["as", "in", "the", "report,", "held"],
     ]  # fmt: skip
     assert lines[3] == WHY_LARGER
+
+
+def test_an_effect_that_was_asked_for_and_may_be_absent_is_told_by_its_interval_alone():
+    """A hem of -0.001 to 0.009 kg/m about 0.004."""
+    told = as_text(diagnosis_tables(diagnosis(), ("hem", "air_drag")))
+    assert "With hem (-0.001 to 0.009 kg/m, 90 % interval): closes 8 % of the gap (p = 0.210)." in told
+    assert "With air_drag at 1.31: closes 87 % of the gap" in told

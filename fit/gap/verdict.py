@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fit.gap.closure import SIGNIFICANT_GAP, gain_p_value
 from fit.gap.detectable import mesh_share
+from fit.gap.edge_words import describe_held_edge, edge_says, still_off
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
@@ -15,7 +16,6 @@ from fit.gap.evidence import (
     Evidence,
     best_of,
     closes_enough,
-    edge_left_by_law,
     is_at_bound,
     is_refuted_by_edge,
     is_shown_by_edge,
@@ -24,10 +24,10 @@ from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.power import first_few, power_of
 from fit.gap.probabilities import probabilities
-from fit.observer.edge import is_edge_explained, is_favoured_by_edge
+from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from formats import figures
-from formats.diagnosis_records import Figure, in_percent, place_of
+from formats.diagnosis_records import in_percent, place_of
 
 # Probability of any wrong rejection among the refitted effects (Bonferroni); our choice: as is usual.
 FAMILY_WISE_LEVEL = 0.05
@@ -98,8 +98,9 @@ def decide(evidence: Evidence) -> Verdict:
     # A finer mesh is a rival like an effect: it decides if no effect closes more of the gap.
     if coarse is not None and not identified and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
-    if several is not None:
+    if several is not None and (evidence.explains_enough(several) or not identified):
         return _name_several(evidence, several)
+    passing = _likely(evidence, passing)
     if not passing and evidence.is_coarse and mesh > MOSTLY_MESH * evidence.gap_mm2:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
         return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {most}. {numbers}")
@@ -133,14 +134,15 @@ def decide(evidence: Evidence) -> Verdict:
             [best, *rivals],
             f"{either[0].upper()}{either[1:]}: these takes cannot tell them apart. {numbers}",
         )
-    title = library[best].title
+    title, alone = library[best].title, evidence.singles[best]
+    on_edge = edge_says(evidence, best, closed, several) if best in identified else still_off(evidence, alone)
     return Verdict(
         "effect",
         [best],
         f"{_lacks(evidence, None, title, (best,))} {numbers} With {title} ({with_unit(evidence, best)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm"
         f"{share_closed(evidence, evidence.singles[best])}."
-        f"{_edge_says(evidence, best, closed) if best in identified else ''}",
+        f"{on_edge}",
     )
 
 
@@ -177,41 +179,6 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
     if closed.value <= 0:
         return f", which closes nothing of the gap{noise}"
     return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:z.0f} to {100 * high:.0f} %]{noise}"
-
-
-def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
-    """Return the sentences on the held edge's evidence for an effect, and on a remaining unexplained gap."""
-    hypothesis = evidence.singles[effect]
-    before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
-    said = (
-        f" The held edge shows this effect: the model puts that edge {before:.1f} mm off without the effect and "
-        f"{after:.1f} mm off with it, noise included."
-    )
-    if not evidence.is_predictable:
-        return f"{said} These takes say nothing more of the cloth, which is not predictable in them."
-    if closed is None or evidence.explains_enough(hypothesis):
-        return said
-    return f"{said} The rest of the gap, {100 - 100 * max(closed.value, 0):.0f} %, no effect in the library explains."
-
-
-def describe_held_edge(evidence: Evidence) -> str:
-    """Return a sentence if no effect was named although the base model's held edge is in the wrong position.
-
-    It states the refitted effect that puts the edge nearest, if the edge favours one.
-    """
-    edge = evidence.base.errors.edge
-    if is_edge_explained(edge):
-        return ""
-    said = f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise"
-    nearer = {k: h.errors.edge for k, h in evidence.singles.items() if is_favoured_by_edge(edge, h.errors.edge, edge)}
-    if not nearer:
-        return f"{said}, and no single effect in the library explains that."
-    best = min(nearer, key=lambda k: nearer[k].shown)
-    title = evidence.observer.library[best].title
-    by_law = edge_left_by_law(evidence.observer, evidence.base, evidence.singles[best])
-    is_enough = is_edge_explained(nearer[best], by_law)
-    but = "but the evidence is too weak to name it" if is_enough else "which this effect alone does not explain"
-    return f"{said}. With {title} it is {nearer[best].mm:.1f} mm off, {but}."
 
 
 def _closed(evidence: Evidence, effect: str) -> float:
@@ -339,7 +306,7 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
         list(several.effects),
         f"{_lacks(evidence, several, titles, *((k, *others.get(k, [])) for k in several.effects))} "
         f"{gap_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm"
-        f"{share_closed(evidence, several)}.",
+        f"{share_closed(evidence, several)}.{still_off(evidence, several)}",
         {name: list(alike) for name, alike in others.items()},
     )
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fit.gap.edge_words import describe_held_edge, still_off
 from fit.gap.evidence import RIVAL, SMALLEST_CLOSURE, Evidence
 from fit.gap.fitting import Fitted, Task, excludes_zero, fit
 from fit.gap.floor import Floor, measured_noise
@@ -30,7 +31,7 @@ from fit.gap.numerics import Refined
 from fit.gap.posterior import Found, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
-from fit.gap.verdict import Verdict, describe_held_edge, gap_numbers, lacks, no_gap, share_closed, with_unit
+from fit.gap.verdict import Verdict, gap_numbers, lacks, no_gap, share_closed, with_unit
 from fit.observer.edge import is_edge_explained
 from formats.arrays import Floats
 from formats.diagnosis_records import in_percent
@@ -182,7 +183,8 @@ def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str,
     return Verdict(
         verdict, list(best.effects),
         f"{lacks(held, titles)} {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} "
-        f"({sizes}) it misses by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}.",
+        f"({sizes}) it misses by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}."
+        f"{still_off(evidence, best)}",
         others,
     )  # fmt: skip
 

@@ -62,6 +62,7 @@ LEAST_SEEN_NEARBY = 0.6  # of the frames around an instant: least share that is 
 MOST_EMPTY = 10  # times the frames: a take with longer clock jumps is not compared
 MOST_SLOWER = 20.0  # times the other take's interval: a copy with one frame in ten at twice the speed
 MOST_STEPS = 3000  # steps used in the fit at most: more cost time and add little
+LEAST_PRODUCT = 1e-12  # of the largest product; our choice: parts of 1e-6 of the motion are rounding
 LAGS = 3  # lags that are tried, as swings are similar one period apart
 # s between frames, below which motion hardly affects sixth differences. At 25 frames a second, flutter of 3 cm at 4 Hz
 # measures as 1.2 mm of noise.
@@ -286,12 +287,20 @@ def _left(x: _Smoothed, y: _Smoothed, lag: int, fewest: float, noises: tuple[Flo
 
 
 def _residual(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return residual e, (n, 3), and taps h of the best fit of y, (n, 3), by shifted x, (taps, n, 3) [m]."""
+    """Return residual e, (n, 3), and taps h of the best fit of y, (n, 3), by shifted x, (taps, n, 3) [m].
+
+    The products of shifted positions with each other are those of turned ones, so that they are summed once.
+    """
     x, y = x - x.mean(1, keepdims=True), y - y.mean(0)
+    flat = x.reshape(len(x), -1)
+    own, both = flat @ flat.T, x.transpose(0, 2, 1) @ y
+    values, vectors = np.linalg.eigh(own)
+    known = values > LEAST_PRODUCT * values[-1]
     taps = np.zeros(len(x))
     taps[len(x) // 2] = 1.0
     for _ in range(2):  # a filter hardly turns a motion
-        left, _, right = np.linalg.svd(np.tensordot(taps, x, 1).T @ y)
-        turned = x @ (left @ right)
-        taps = np.linalg.lstsq(turned.reshape(len(x), -1).T, y.ravel(), rcond=1e-6)[0]
-    return y - np.tensordot(taps, turned, 1), taps
+        left, _, right = np.linalg.svd(np.tensordot(taps, both, 1))
+        turn = left @ right
+        along = vectors[:, known].T @ np.einsum("kab,ab->k", both, turn)
+        taps = vectors[:, known] @ (along / values[known])
+    return y - np.tensordot(taps, x, 1) @ turn, taps

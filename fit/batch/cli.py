@@ -258,10 +258,10 @@ def _diagnose(
     work: Callable[[Survey, str], bool],
 ) -> tuple[Morning, bool]:  # fmt: skip
     """Diagnose every garment with enough takes; return the morning page, and whether the run was interrupted."""
-    from fit.batch.garments import diagnoses_of, wardrobes
+    from fit.batch.garments import diagnoses_of, is_diagnosed, wardrobes
     from fit.batch.morning import morning_of, write_morning
 
-    every = wardrobes(rows, found, takes)
+    every = wardrobes(rows, found, takes, lambda one: is_diagnosed(one, results, seed))
     diagnoses = diagnoses_of(every, takes, results, seed, retry_failed=retry_failed, anyway=anyway)
     say(f"{counted(len(every), 'garment')}, {len(diagnoses.jobs)} to diagnose.")
     try:

@@ -9,15 +9,16 @@ A diagnosis fits to some motions and judges on another one of the same garment. 
 
 Takes whose hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
 One take that is too short would end the diagnosis of all, so it is left out as well. So would two takes that share
-frames of one recording, such as a take and a cut or filtered copy of it. The longer one stays.
+frames of one recording, such as a take and a cut or filtered copy of it. `fit.batch.twins` chooses which one stays.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 from fit.batch.jobs import DiagnosisJob, diagnosis_key, diagnosis_name, failure_name, report_name
@@ -25,6 +26,7 @@ from fit.batch.kept import has_diagnosis, known_outcome
 from fit.batch.runner import Survey, kept_sentence
 from fit.batch.store import Store
 from fit.batch.summary import Row, short_name
+from fit.batch.twins import Twins, left_out, sharing
 from fit.provenance import physics_version
 from formats.archive import take_of
 from formats.findings import SHORTEST_DIAGNOSED
@@ -55,7 +57,7 @@ class Seen:
     - `is_calibrated`: whether its rig was
     - `damage`: the take's missing parts and damage, with the next step; '' for a whole take
     - `copy_of`: name of an earlier file with the same recording; '' without one
-    - `twin_of`: name of a take that holds frames of the same recording, and stays; '' without one
+    - `twin_of`: names of takes that hold frames of the same recording, and stay
     """
 
     name: str
@@ -66,7 +68,7 @@ class Seen:
     is_calibrated: bool
     damage: str = ""
     copy_of: str = ""
-    twin_of: str = ""
+    twin_of: tuple[str, ...] = ()
 
     @property
     def why_left_out(self) -> str:
@@ -74,7 +76,7 @@ class Seen:
         if self.copy_of:
             return f"{self.copy_of} is the same recording"
         if self.twin_of:
-            return f"it holds frames of the recording that {self.twin_of} holds"
+            return sharing(self.twin_of)
         if not self.is_calibrated:
             return "its rig was never calibrated"
         if self.kind == "still":
@@ -151,11 +153,15 @@ def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
     return []
 
 
-def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe]:
+def wardrobes(
+    rows: Sequence[Row], found: Survey, takes: Store, is_known: Callable[[Wardrobe], bool] = lambda _: False
+) -> list[Wardrobe]:
     """Return the garments of the takes that were fitted, in the order in which they first appear.
 
     A take whose recording an earlier file contains, such as a recovered file, is left out, as it adds no information.
-    So is the shorter one of two takes of a garment that share frames.
+    So is one of two takes of a garment that share frames (`fit.batch.twins`).
+
+    is_known: whether the results hold the diagnosis of a garment's takes
 
     Raises:
         BatchError, UnreachableError: a take cannot be read any more.
@@ -186,24 +192,24 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
         else:
             same.append((seen, Track(take)))
     names = _distinct([garment.name for garment, _ in by_garment])
-    return [_wardrobe(name, twins_named(pairs)) for name, (_, pairs) in zip(names, by_garment, strict=True)]
+    return [_wardrobe(name, twins_named(pairs, is_known)) for name, (_, pairs) in zip(names, by_garment, strict=True)]
 
 
-def twins_named(pairs: Sequence[tuple[Seen, Track]]) -> list[Seen]:
-    """Return a garment's takes, in their order; each that shares frames with a longer or earlier one names that one."""
+def twins_named(pairs: Sequence[tuple[Seen, Track]], is_known: Callable[[Wardrobe], bool]) -> list[Seen]:
+    """Return a garment's takes, in their order; each that shares frames with ones that stay names these."""
     from fit.recordings.copies import are_copies
 
-    staying: list[tuple[Seen, Track]] = []
-    twin_of: dict[str, str] = {}
-    for seen, track in sorted(pairs, key=lambda pair: -pair[0].seconds):
-        if seen.why_left_out:
-            continue
-        twin = next((other for other, its in staying if are_copies(its, track)), None)
-        if twin is None:
-            staying.append((seen, track))
-        else:
-            twin_of[seen.name] = short_name(twin.name)
-    return [replace(seen, twin_of=twin_of.get(seen.name, "")) for seen, _ in pairs]
+    used = [(seen, track) for seen, track in pairs if not seen.why_left_out]
+    twins: Twins = {seen.name: set() for seen, _ in used}
+    for (one, its), (other, others) in combinations(used, 2):
+        if are_copies(its, others):
+            twins[one.name].add(other.name)
+            twins[other.name].add(one.name)
+    out = left_out(
+        [seen for seen, _ in used], twins, can=lambda some: not wardrobe_of("", some).missing,
+        known=lambda some: is_known(wardrobe_of("", some)),
+    )  # fmt: skip
+    return [replace(seen, twin_of=tuple(out.get(seen.name, ()))) for seen, _ in pairs]
 
 
 def _wardrobe(name: str, every: Sequence[Seen]) -> Wardrobe:
@@ -212,6 +218,21 @@ def _wardrobe(name: str, every: Sequence[Seen]) -> Wardrobe:
     made = wardrobe_of(name, [take for take in every if take not in copies])
     twins = [f"{short_name(take.name)} is left out: {take.why_left_out}" for take in copies if take.twin_of]
     return replace(made, copies=copies, missing="; ".join([made.missing, *twins]) if made.missing else "")
+
+
+def is_diagnosed(one: Wardrobe, results: Store, seed: int) -> bool:
+    """Return whether the results hold the diagnosis of a garment's takes, or the reason why it failed.
+
+    Raises:
+        UnreachableError: the results cannot be reached now.
+    """
+    key = _key_of(one, seed, physics_version())
+    return not one.missing and any(results.has(name) for name in (diagnosis_name(key), failure_name(key)))
+
+
+def _key_of(one: Wardrobe, seed: int, physics: str) -> str:
+    training, held_out = ([take.digest for take in part] for part in (one.training, one.held_out))
+    return diagnosis_key(training, held_out, seed, physics)
 
 
 def diagnoses_of(
@@ -234,8 +255,7 @@ def diagnoses_of(
     for one in every:
         if one.missing:
             continue
-        training, held_out = ([take.digest for take in part] for part in (one.training, one.held_out))
-        key = diagnosis_key(training, held_out, seed, physics)
+        key = _key_of(one, seed, physics)
         found.keys[one.name] = key
         why = kept_sentence(results, key) if results.has(failure_name(key)) and not retry_failed else None
         known = known_outcome(results, key, has_diagnosis, "diagnosed", why, [diagnosis_name(key), report_name(key)])
@@ -247,7 +267,8 @@ def diagnoses_of(
                     key=key, takes_url=takes.url, results_url=results.url, physics=physics, seed=seed,
                     anyway=anyway,
                     training=tuple(take.name for take in one.training),
-                    held_out=tuple(take.name for take in one.held_out), digests=(*training, *held_out),
+                    held_out=tuple(take.name for take in one.held_out),
+                    digests=tuple(take.digest for take in (*one.training, *one.held_out)),
                 )
             )  # fmt: skip
     return found

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 
 from fit.batch import runner
-from fit.batch.garments import diagnoses_of, wardrobes
+from fit.batch.garments import diagnoses_of, is_diagnosed, wardrobes
 from fit.batch.jobs import Outcome, diagnosis_name, failure_name, report_name, result_name
 from fit.batch.kept import keep
 from fit.batch.runner import survey
@@ -57,7 +58,8 @@ class Night:
     def diagnoses(self):
         """The diagnoses to make."""
         found = survey(self.takes, self.results, PLAN)
-        every = wardrobes(rows_of(found, self.results), found, self.takes)
+        rows = rows_of(found, self.results)
+        every = wardrobes(rows, found, self.takes, lambda one: is_diagnosed(one, self.results, 0))
         return diagnoses_of(every, self.takes, self.results, 0).jobs
 
     def diagnosis_key(self):
@@ -117,6 +119,41 @@ def test_a_twin_of_a_take_is_left_out_with_a_note_that_names_both_and_the_garmen
     assert f"{name}.mcap: {why}\n" in done.stderr
     assert why in (tmp_path / "out/morning.html").read_text()
     assert why in (tmp_path / "out/morning.txt").read_text()
+
+
+def test_of_two_takes_as_long_the_one_that_was_diagnosed_stays(tmp_path):
+    """A rounded copy, which sorts first, comes after the diagnosis."""
+    night = Night(tmp_path, "front", "side")
+    (job,) = night.diagnoses()
+    keep(night.results, report_name(job.key), b"<html></html>")
+    keep(night.results, diagnosis_name(job.key), result_bytes(diagnosis(), tmp_path / "k"))
+    whole = read_take(tmp_path / "takes/front.mcap")
+    write_take(tmp_path / "takes/a.mcap", dataclasses.replace(whole, take_id="a", points=whole.points.round(4)))
+    night.keep_fits()
+    assert night.diagnoses() == []
+    done = night.run("--diagnose", "--json")
+    why = "Left out of the diagnosis: it holds frames of the recording that front.mcap holds."
+    assert json.loads(done.stdout)["left_out"] == [{"take": "a.mcap", "why": why}]
+
+
+@pytest.mark.parametrize("name", ["a", "z"])
+def test_a_file_that_joins_two_takes_is_left_out_and_both_takes_stay(tmp_path, name):
+    night = Night(tmp_path, "front", "side")
+    front, side = (read_take(tmp_path / f"takes/{one}.mcap") for one in ("front", "side"))
+    joined = {
+        key: np.concatenate([one, getattr(side, key)]) for key in FRAME_FIELDS
+        if (one := getattr(front, key)) is not None
+    }  # fmt: skip
+    joined["time"] = np.concatenate([front.time, side.time - side.time[0] + front.time[-1] + 1 / 30])
+    write_take(tmp_path / f"takes/{name}.mcap", dataclasses.replace(front, take_id=name, **joined))
+    night.keep_fits()
+    (job,) = night.diagnoses()
+    assert (job.training, job.held_out) == (("front.mcap",), ("side.mcap",))
+    keep(night.results, report_name(job.key), b"<html></html>")
+    keep(night.results, diagnosis_name(job.key), result_bytes(diagnosis(), tmp_path / "k"))
+    done = night.run("--diagnose", "--json")
+    why = "Left out of the diagnosis: it holds frames of the recordings that front.mcap and side.mcap hold."
+    assert json.loads(done.stdout)["left_out"] == [{"take": f"{name}.mcap", "why": why}]
 
 
 def test_a_garment_whose_twins_leave_too_few_takes_names_them(tmp_path):

@@ -37,7 +37,7 @@ from fit.methods import distance as objective
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
-from fit.recordings.intact import describe_flaws, naming_damage
+from fit.recordings.intact import describe_flaws, describe_short, naming_damage
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
@@ -213,7 +213,7 @@ def calibrate(
         result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
         result,
-        notes=[*result.notes, *describe_flaws([*training, *held_out])],
+        notes=[*result.notes, *describe_short(training), *describe_flaws([*training, *held_out])],
         camera=describe_camera(train + test),
         take_states=[state_of_take(take) for take in (*training, *held_out)],
     )

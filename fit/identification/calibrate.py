@@ -28,7 +28,7 @@ from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
 from fit.identification.effect_sizes import with_sizes
 from fit.identification.free_intervals import blocks_of, free_intervals
-from fit.identification.notes_on_values import notes_on_values
+from fit.identification.notes_on_values import note_on_start, notes_on_values
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
@@ -355,6 +355,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         held_out_before=judge.error_before if judge else None,
         held_out_after=judge.error(best) if judge else None,
     )
+    if worse := note_on_start(errors, request.search):
+        notes.append(worse)
     trivial = trivial_figures(model, judge)
     after = errors.held_out_after or errors.train_after
     notes.append(describe_trivial(after.mean_m, trivial, is_held_out=judge is not None))

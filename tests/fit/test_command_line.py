@@ -76,8 +76,8 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     assert result.history == sorted(result.history, reverse=True)
     assert not (tmp_path / "out" / "fit.partial.json").exists()
     assert "mean distance of all points" in done.stdout
-    assert "mean, held out" in done.stdout
-    assert re.search(r"^annealing: \d+ %, [\d.]+ mm on fitted takes, \d+/40", done.stderr, re.MULTILINE)
+    assert "all frames, held out" in done.stdout
+    assert re.search(r"^annealing: \d+ %, [\d.]+ mm mean distance on fitted takes, \d+/40", done.stderr, re.MULTILINE)
     assert (tmp_path / "out" / "report.html").read_text().startswith("<!doctype html>")
 
 

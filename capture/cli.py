@@ -266,7 +266,7 @@ def record_command(
         if (in_view := garment_in_view(sensor)) is not None:  # before its cloth is simulated, for up to minutes
             check_known_garment(described_garment, in_view, garment)
     is_terminal = is_watched()
-    clear = CLEAR_LINE if is_terminal else ""
+    clear, is_live = CLEAR_LINE if is_terminal else "", True
     whose = "" if is_terminal else f"{plain(out.name)}: "  # a log may hold the lines of several recordings
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:
@@ -276,7 +276,8 @@ def record_command(
 
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
-        say(f"{whose}{time:6.1f} s  {with_advice(said.words, said.advice)}", begin=clear)
+        step = said.next_step(is_live=is_live)
+        say(f"{whose}{time:6.1f} s  {with_advice(said.words, step)}", begin=clear)
         if lamps:
             try:
                 show_condition(lamps[0], condition)
@@ -295,9 +296,10 @@ def record_command(
                 opened.enter_context(precedence)
             source = opened.enter_context(open_sensor(sensor, anyway=anyway))
             check_sensor(source.info, described_rig, rig)
+            is_live = source.info.is_live
             for note in source.info.notes:
                 tell_entry("notes", f"note: {note}", words=note)
-            if source.info.is_live:
+            if is_live:
                 source = opened.enter_context(QueuedSensor(source))
                 precedence.begin_tracking()
                 if not precedence.is_granted:

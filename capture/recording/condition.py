@@ -15,6 +15,7 @@ from enum import Enum
 from formats.take import FrameState
 
 HOLD = 0.4  # s without the announced condition: longer than markers are lost at the end of a hard swing
+RECORD_AGAIN = "record the file again"
 
 
 class Lamp(Enum):
@@ -27,11 +28,19 @@ class Lamp(Enum):
 
 @dataclass(frozen=True)
 class Saying:
-    """A condition in words, the next action, and the lamp's signal."""
+    """A condition in words, the next action, and the lamp's signal.
+
+    of_file: next action where the frames come from a recording, '' for `advice`
+    """
 
     words: str
     advice: str
     lamp: Lamp
+    of_file: str = ""
+
+    def next_step(self, *, is_live: bool) -> str:
+        """Return the next action for frames of a live sensor, or of a recording."""
+        return self.advice if is_live else self.of_file or self.advice
 
 
 class Condition(Enum):
@@ -42,9 +51,17 @@ class Condition(Enum):
         "set the rig's [sensor] to what `hangtime sensor play` says",
         Lamp.FAST,
     )
-    CLOCK = Saying("the sensor's clock runs backwards or leaps", "unplug and replug the sensor", Lamp.FAST)
-    NO_DEPTH = Saying("no depth", "uncover the sensor, keep the sun out, replug it", Lamp.FAST)
-    NO_COLOUR = Saying("no colour picture", "replug the sensor; without colour no marker is found", Lamp.FAST)
+    CLOCK = Saying(
+        "the sensor's clock runs backwards or leaps", "unplug and replug the sensor", Lamp.FAST, RECORD_AGAIN
+    )
+    NO_DEPTH = Saying(
+        "no depth", "uncover the sensor, keep the sun out, replug it", Lamp.FAST,
+        f"{RECORD_AGAIN} with the sensor uncovered and out of the sun",
+    )  # fmt: skip
+    NO_COLOUR = Saying(
+        "no colour picture", "replug the sensor; without colour no marker is found", Lamp.FAST,
+        f"{RECORD_AGAIN} with colour, without which no marker is found",
+    )  # fmt: skip
     BLOCKED = Saying("something is in front of the hanger or the garment", "step out of the view", Lamp.SLOW)
     TOO_NEAR = Saying("too near", "go back until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)
     TOO_FAR = Saying("too far", "come closer until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)

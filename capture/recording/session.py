@@ -16,7 +16,7 @@ from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
 from capture.hanger.seen_otherwise import is_seen_twice, seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
-from capture.recording.condition import Condition
+from capture.recording.condition import RECORD_AGAIN, Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
@@ -207,7 +207,7 @@ def record(
         is_interrupted=is_interrupted,
         failure=failure,
         findings=findings,
-        doubt=_doubt(out, rig, tally, findings),
+        doubt=_doubt(out, rig, tally, findings, sensor.info),
     )
 
 
@@ -269,10 +269,11 @@ def _no_markers(
     worst = tally.conditions.worst
     what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
     what += "the take was kept, but nothing can be fitted to it" if kept else "no take was kept"
-    advice = worst.value.advice or "record longer"
+    is_live = info is None or info.is_live
+    advice = worst.value.next_step(is_live=is_live) or "record longer"
     if info is not None and info.left_out and worst is Condition.GOOD:
         advice = f"write the file again: {info.left_out} of its depth frames have numbers too high to be read"
-    if kept:
+    elif kept and not advice.startswith(RECORD_AGAIN):
         advice = f"record it again: {advice}"
     picture = None if frame is None else frame.colour
     how = ""
@@ -289,16 +290,17 @@ def _no_markers(
     return NoMarkersError(what, where=where, advice=advice)
 
 
-def _doubt(where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...]) -> CaptureError | None:
+def _doubt(
+    where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...], info: SensorInfo | None = None
+) -> CaptureError | None:
     """Return the error of the most serious finding if it makes a fit impossible, else None."""
     if not findings or not findings[0].is_grave:
         return None
     worst = findings[0]
     if worst.name == "hanger_hardly_seen":
-        return _no_markers(where, rig, tally, kept=True)
+        return _no_markers(where, rig, tally, kept=True, info=info)
     kind = HangerGapError if worst.name == "hanger_lost" else UnfitTakeError
-    alone = " by itself" if worst.name == "too_short" else ""  # beside longer takes, a fit uses what there is
-    what = f"{worst.words}; the take was kept, but nothing can be fitted to it{alone}"
+    what = f"{worst.words}; the take was kept, but nothing can be fitted to it"
     return kind(what, where=where, advice=worst.advice)
 
 

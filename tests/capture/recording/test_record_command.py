@@ -64,11 +64,12 @@ CASES = {
     "too near": Case("too near; go back", FrameState.TOO_NEAR, 500, lambda: scenes(*hung((0, -0.1, 0.7))), late=2),
     "too far": Case("too far; come closer", LOST | FrameState.TOO_FAR, 500,
                     spoil=lambda depth, colour: (np.full_like(depth, 3700), np.full_like(colour, 128))),
-    "depth all zero": Case("no depth; uncover the sensor", LOST | FrameState.DEPTH_MISSING, 125,
+    "depth all zero": Case("no depth; record the file again with the sensor", LOST | FrameState.DEPTH_MISSING, 125,
                            spoil=lambda depth, colour: (np.zeros_like(depth), colour)),
-    "colour missing": Case("no colour picture; replug", LOST | FrameState.COLOUR_MISSING, 125,
+    "colour missing": Case("no colour picture; record the file again", LOST | FrameState.COLOUR_MISSING, 125,
                            spoil=lambda depth, colour: (depth, None)),
-    "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; unplug", 0, 125, step=-33_333),
+    "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; record the file again", 0, 125,
+                                        step=-33_333),
 }  # fmt: skip
 GOOD = 35  # frames, five times seven pictures: a fit needs three half-seconds with the hanger
 QUICK = ("a clock that runs backwards",)  # the others: test_conditions.py

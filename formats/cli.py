@@ -176,17 +176,21 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
     from msgspec import to_builtins
 
     from formats.archive import write_take
-    from formats.descriptions_beside import check_description, described_beside
+    from formats.descriptions_beside import check_description, described_beside, is_of_a_sensor
     from formats.errors import OutputError
     from formats.fault_words import doubts_of, state_of_take
     from formats.judgement import judge
-    from formats.left_descriptions import named
+    from formats.left_descriptions import RIG_FILE, is_said, named
     from formats.outputs import unwritable
     from formats.plain_text import plain, with_advice
     from formats.two_clocks import hanger_gap, shows_hanger, shows_points
     from formats.unfinished import ANOTHER_FOLDER
 
     described = named(take.rig, take.garment)
+    rig = target.with_name(RIG_FILE)
+    keeps_rig = overwrite and is_of_a_sensor(rig) and not is_said(rig, take.rig)
+    if keeps_rig:
+        del described[RIG_FILE]
     for name, one in described.items():
         check_description(target.with_name(name), one, overwrite=overwrite)
     left: dict[str, OutputError] = {}
@@ -209,6 +213,9 @@ def _write_imported(take: Take, target: Path, *, overwrite: bool) -> bool:
         words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         words += hanger_gap(take)
     findings = judge(take)
+    if keeps_rig:
+        told = with_advice("describes a sensor's rig, and stays as it is", f"{ANOTHER_FOLDER} for the take's own rig")
+        words += f"\nWarning: {plain(rig)}: {told}"
     words += "".join(f"\nWarning: {doubt}" for doubt in (*left.values(), *doubts))
     words += "".join(f"\nWarning: {plain(with_advice(one.words, one.advice))}" for one in findings)
     tell_entry(

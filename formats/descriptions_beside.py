@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from formats.descriptions import check_garment, check_rig, dump_description, refuse_codes, says
+from formats.descriptions import check_garment, check_rig, dump_description, load_rig, refuse_codes, says
 from formats.errors import DescriptionError, OutputError, TakeError
 from formats.garment import Garment
 from formats.left_descriptions import DESCRIBED_BESIDE, is_said, named, prepared_name
@@ -32,6 +32,7 @@ from formats.whole_files import give_name, is_device, is_folder, sync_folder
 
 TellLeft = Callable[[str, OutputError], None]
 
+OF_A_SENSOR = (b"hanger", b"sensor", b"calibration", b"bodies", b"camera_at_m")  # parts of a rig that no import writes
 PATIENCE = 10.0  # s, longest wait for the lock; an import holds it for some milliseconds
 
 
@@ -69,6 +70,21 @@ def check_description(path: Path, description: Garment | Rig, *, overwrite: bool
     except DescriptionError as error:
         what = f"is already there and cannot be compared with the {kind} of this take: {error.what}"
     raise already_there(path, instead=ANOTHER_FOLDER, what=what)
+
+
+def is_of_a_sensor(path: Path) -> bool:
+    """Return whether a file describes a rig that no import writes: with a hanger, sensor, calibration or bodies.
+
+    A file that cannot be read counts if its text has one of these words.
+    """
+    try:
+        rig = load_rig(path, anyway=True)
+    except DescriptionError:
+        with contextlib.suppress(OSError):
+            return path.is_file() and any(word in path.read_bytes() for word in OF_A_SENSOR)
+        return False
+    parts = (rig.hanger, rig.sensor, rig.calibration, rig.bodies, rig.camera_at_m)
+    return any(part not in (None, msgspec.UNSET) for part in parts)
 
 
 @contextlib.contextmanager

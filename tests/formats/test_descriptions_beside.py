@@ -55,6 +55,36 @@ def test_a_description_that_says_the_same_keeps_its_comments(tmp_path, descripti
     assert held_in(tmp_path) == {name: mine}
 
 
+CALIBRATED = """format = "hangtime-rig/1"
+name = "bench"
+gravity = [0.0, 1.0, 0.0]
+[calibration]
+created = "2026-01-01T00:00:00+00:00"
+"""
+
+
+@pytest.mark.parametrize("text", [CALIBRATED, CALIBRATED.replace("name", "nmae"), f'{CALIBRATED}broken = "'])
+def test_an_import_that_may_overwrite_keeps_the_rig_of_a_sensor_and_says_so(tmp_path, text):
+    swung_cloth(tmp_path / "a.npz")
+    (tmp_path / "rig.toml").write_text(text)
+    for words in ((), ("--overwrite",)):
+        done = hangtime_here("import", "a.npz", "--out", ".", *words, folder=tmp_path)
+        assert (tmp_path / "rig.toml").read_text() == text
+        assert done.returncode == (0 if words else 2), done.stderr
+    told = "Warning: rig.toml: describes a sensor's rig, and stays as it is; choose another folder with --out for "
+    assert f"{told}the take's own rig\n" in done.stdout
+    assert read_take(tmp_path / "a.mcap").rig.calibration is None
+    assert (tmp_path / "garment.toml").exists()
+
+
+def test_an_import_that_may_overwrite_replaces_the_rig_of_another_import(tmp_path):
+    swung_cloth(tmp_path / "a.npz")
+    (tmp_path / "rig.toml").write_text(dump_description(OTHER))
+    done = hangtime_here("import", "a.npz", "--out", ".", "--overwrite", folder=tmp_path)
+    assert "rig" not in done.stdout
+    assert load_rig(tmp_path / "rig.toml") == read_take(tmp_path / "a.mcap").rig
+
+
 def test_a_garment_that_means_the_same_in_other_words_is_the_same_and_one_that_was_accepted_is_read(tmp_path):
     """Two versions of the format say the same; of 0.5 kg no swatch would be, unless --anyway accepts it."""
     heavy = msgspec.structs.replace(GARMENT, mass_kg=0.5)

@@ -88,16 +88,9 @@ def has_size(effect: EffectFinding) -> bool:
 
 
 def tells_size(effect: EffectFinding, named: Sequence[str]) -> bool:
-    """Return whether the takes tell an effect's size: it has one, and is named or surely not 0.
-
-    A size without an interval is told where the takes could have shown an effect of this size.
-    """
-    if not has_size(effect) or effect.id in named:
-        return has_size(effect)
-    if effect.amplitude_interval is None:
-        return effect.minimum_detectable is not None and abs(effect.amplitude) >= effect.minimum_detectable
-    low, high = effect.amplitude_interval
-    return not low <= 0 <= high
+    """Return whether the takes tell an effect's size: it has one, and is named or surely not 0."""
+    ends = effect.amplitude_interval
+    return has_size(effect) and (effect.id in named or ends is None or not ends[0] <= 0 <= ends[1])
 
 
 def in_percent(probability: float) -> str:
@@ -224,6 +217,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     take_contents: list[str] = []  # sha256 of the content of each take fitted to
     camera: list[CameraFinding] = []
     take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
+    digest: str | msgspec.UnsetType = msgspec.UNSET  # in a file alone: `formats.result_digests`
 
     def __repr__(self) -> str:
         """Return one line; `sentence` says the finding."""

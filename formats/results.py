@@ -13,6 +13,7 @@ from formats.errors import NewerFormatError, ResultError
 from formats.fit_records import FitResult
 from formats.plain_text import encoding_of, sized
 from formats.result_checks import as_plain, check_result
+from formats.result_digests import check_digest, with_digest
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends, write_whole
 from formats.wrong_fields import wrong_field
@@ -99,7 +100,7 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
         ResultError: a number in it is not finite.
     """
     check_result(record, path)
-    raw = msgspec.json.format(msgspec.json.encode(record, enc_hook=as_plain), indent=2)
+    raw = msgspec.json.format(with_digest(msgspec.json.encode(record, enc_hook=as_plain)), indent=2)
     msgspec.json.decode(raw, type=type(record))
     return raw + b"\n"
 
@@ -130,6 +131,10 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
         words = "the file is nested too deep" if isinstance(error, RecursionError) else wrong_field(error, (kind,))
         raise ResultError(f"is not a {KINDS_OF_RESULTS[kind]}: {words}", where=where, advice="make it again") from error
     check_result(record, where)
+    stated, record = record.digest, msgspec.structs.replace(record, digest=msgspec.UNSET)
+    if isinstance(stated, str):
+        again = "fit again" if isinstance(record, FitResult) else "diagnose again"
+        check_digest(raw, stated, msgspec.json.encode(record), where, again)
     return record
 
 

@@ -129,8 +129,9 @@ def test_a_result_of_millions_of_short_notes_is_refused_before_it_is_decoded(tmp
 
 
 def edited(path, *changes):
-    """Write what a person made of a result: each change is a path through the JSON and the new value."""
+    """Write what a person made of a result, without its digest: each change is a path in the JSON and a value."""
     plain = json.loads(path.read_text())
+    plain.pop("digest", None)  # removed, so that the numbers themselves are looked at
     for keys, value in changes:
         inner = plain
         for key in keys[:-1]:

@@ -17,6 +17,7 @@ from tests.fit.report.report_scene import diagnosis
 
 def edited(path, *keys, value):
     whole = inner = json.loads(path.read_text())
+    whole.pop("digest", None)  # removed, so that the numbers themselves are looked at
     for key in keys[:-1]:
         inner = inner[key]
     inner[keys[-1]] = value
@@ -109,6 +110,18 @@ def test_a_damaged_diagnosis_is_named_as_one_also_where_a_fit_is_wanted(tmp_path
     for read in (hangtime.load, load_either, read_fit):
         with pytest.raises(HangtimeError, match="is not a diagnosis: verdict must be text"):
             read(file)
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda words: words[0])
+def test_a_command_refuses_a_fit_that_was_changed_within_range_and_writes_nothing(fitted, command):
+    text = (fitted / "fit.json").read_text()
+    density = json.loads(text)["material"]["areal_density"]
+    (fitted / "fit.json").write_text(text.replace(f'"areal_density": {density}', f'"areal_density": {1.1 * density}'))
+    done = hangtime_here(*command, folder=fitted)
+    assert done.returncode == 2, done.stderr
+    told = "fit.json: was changed after it was written: its content has another digest than it states; fit again; or "
+    assert f"{told}remove its line 'digest', and it is read as it is" in done.stderr
+    assert [file.name for file in fitted.iterdir()] == ["fit.json"]
 
 
 def test_results_without_a_fault_are_read(fitted):

@@ -1,0 +1,96 @@
+"""A result that was changed after it was written is refused; one that was only written in other words is read."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from formats.errors import ResultError
+from formats.results import (
+    load_diagnosis,
+    load_fit_result,
+    load_result,
+    result_bytes,
+    save_diagnosis,
+    save_fit_result,
+)
+from tests.fit.report.report_scene import diagnosis, fit_result
+
+KINDS = [
+    (save_fit_result, load_fit_result, fit_result, "fit again"),
+    (save_diagnosis, load_diagnosis, diagnosis, "diagnose again"),
+]
+
+
+@pytest.fixture(params=KINDS, ids=["fit", "diagnosis"])
+def kept(request, tmp_path):
+    """A file, its reader, what it holds, and what makes it again."""
+    save, load, record, again = request.param
+    save(tmp_path / "r.json", record())
+    return tmp_path / "r.json", load, record(), again
+
+
+def numbers_in(text):
+    """Where each number of a text stands."""
+    return [found.span() for found in re.finditer(r"(?<=[ \[])-?\d+(\.\d+)?(e-?\d+)?(?=[,\n\]])", text)]
+
+
+def test_every_changed_number_is_found(kept):
+    path, load, _, again = kept
+    text = path.read_text()
+    spans = numbers_in(text)
+    assert len(spans) > 50
+    for begin, stop in spans:
+        number = json.loads(text[begin:stop])
+        changed = number + 1 if isinstance(number, int) else number * (1 + 1e-7) + 1e-12
+        path.write_text(f"{text[:begin]}{json.dumps(changed)}{text[stop:]}")
+        with pytest.raises(ResultError) as refused:
+            load(path)
+        assert again in str(refused.value)
+
+
+def test_a_changed_word_and_a_further_one_are_found(kept):
+    path, load, record, again = kept
+    for change in ({"created": "2031-01-01"}, {"notes": [*record.notes, "more"]}):
+        whole = json.loads(path.read_text()) | change
+        path.with_name("other.json").write_text(json.dumps(whole))
+        for read in (load, load_result):
+            with pytest.raises(ResultError) as refused:
+                read(path.with_name("other.json"))
+            assert str(refused.value) == (
+                f"{path.with_name('other.json')}: was changed after it was written: its content has another digest "
+                f"than it states; {again}; or remove its line 'digest', and it is read as it is"
+            )
+
+
+@pytest.mark.parametrize("indent", [None, 1, 4])
+def test_a_result_in_other_spaces_line_ends_and_order_is_the_same(kept, indent):
+    path, load, record, _ = kept
+    whole = json.loads(path.read_text())
+    for one in (whole, dict(reversed(whole.items()))):
+        path.write_bytes(b"\xef\xbb\xbf" + json.dumps(one, indent=indent).replace("\n", "\r\n").encode())
+        assert load(path) == record
+
+
+def test_whole_numbers_without_a_point_are_the_same(kept):
+    path, load, record, _ = kept
+    text = re.sub(r"(?<=\d)\.0(?=[,\n\]])", "", path.read_text())
+    assert text != path.read_text()
+    path.write_text(text)
+    assert load(path) == record
+
+
+def test_a_result_without_a_digest_is_read_as_it_is(kept):
+    """As one of an older version, or with its line removed."""
+    path, load, record, _ = kept
+    lines = path.read_text().splitlines()
+    assert lines[2].startswith('  "digest": "')
+    path.write_text("\n".join(lines[:2] + lines[3:]).replace(record.created, "2031-01-01"))
+    assert load(path).created == "2031-01-01"
+
+
+def test_a_result_that_is_written_again_states_its_own_digest(kept):
+    path, load, record, _ = kept
+    assert result_bytes(load(path), path) == result_bytes(record, path) == path.read_bytes()

@@ -88,9 +88,16 @@ def has_size(effect: EffectFinding) -> bool:
 
 
 def tells_size(effect: EffectFinding, named: Sequence[str]) -> bool:
-    """Return whether the takes tell an effect's size: it has one, and is named or surely not 0."""
-    ends = effect.amplitude_interval
-    return has_size(effect) and (effect.id in named or ends is None or not ends[0] <= 0 <= ends[1])
+    """Return whether the takes tell an effect's size: it has one, and is named or surely not 0.
+
+    A size without an interval is told where the takes could have shown an effect of this size.
+    """
+    if not has_size(effect) or effect.id in named:
+        return has_size(effect)
+    if effect.amplitude_interval is None:
+        return effect.minimum_detectable is not None and abs(effect.amplitude) >= effect.minimum_detectable
+    low, high = effect.amplitude_interval
+    return not low <= 0 <= high
 
 
 def in_percent(probability: float) -> str:

@@ -117,13 +117,13 @@ def describe(summary: dict[str, Any]) -> str:
     points = s["points"]
     if len(points) <= 12:
         for p in points:
-            noise = f"noise {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
+            noise = f"noise {p['sd_mm']:g} mm a coordinate" if p["sd_mm"] is not None else "never seen"
             hidden = f"   hidden {p['hidden_percent']:g} %" if p["hidden_percent"] else ""
             lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}{hidden}")
     else:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
-        noise = f"median noise {float(np.median(noises)):g} mm" if noises else "never seen"
+        noise = f"median noise {float(np.median(noises)):g} mm a coordinate" if noises else "never seen"
         lines.append(f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, {noise}")
     if s["quality"] is not None:
         lines.append(f"quality   {s['quality']:g} in the median frame, 1 at best")

@@ -300,7 +300,8 @@ def _doubt(
     if worst.name == "hanger_hardly_seen":
         return _no_markers(where, rig, tally, kept=True, info=info)
     kind = HangerGapError if worst.name == "hanger_lost" else UnfitTakeError
-    what = f"{worst.words}; the take was kept, but nothing can be fitted to it"
+    alone = " by itself" if worst.name == "too_short" else ""  # beside longer takes, a fit uses what there is
+    what = f"{worst.words}; the take was kept, but nothing can be fitted to it{alone}"
     return kind(what, where=where, advice=worst.advice)
 
 

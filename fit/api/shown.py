@@ -124,12 +124,12 @@ def _error_table(result: FitResult) -> Table:
         pairs.append(("held out", result.error.held_out_before, result.error.held_out_after))
     rows = []
     for name, before, after in pairs:
-        rows.append((f"mean, {name}", millimetres(before.mean_m), millimetres(after.mean_m)))
-        rows.append((f"largest, {name}", millimetres(before.max_m), millimetres(after.max_m)))
+        rows.append((f"all frames, {name}", millimetres(before.mean_m), millimetres(after.mean_m)))
+        rows.append((f"worst frame, {name}", millimetres(before.max_m), millimetres(after.max_m)))
     for one in result.trivial:
         error = one.held_out or one.train
         where = "held out" if one.held_out else "training"
-        rows.append((f"mean, {where}, {TRIVIAL_NAMES[one.name]}", "", millimetres(error.mean_m)))
+        rows.append((f"all frames, {where}, {TRIVIAL_NAMES[one.name]}", "", millimetres(error.mean_m)))
     return Table(heads=("mean distance of all points", "before", "after"), rows=tuple(rows))
 
 

@@ -27,7 +27,7 @@ def fit_words(request: Request, done: int, total: int, best: float) -> str:
     """Return the words of a fit's progress: the least error so far, and the steps."""
     from fit.search.choice import OBSERVED
 
-    error = f"{1e3 * best:.1f} mm" if request.method.is_in_metres else f"E/N {best:.3f}"
+    error = f"{1e3 * best:.1f} mm mean distance" if request.method.is_in_metres else f"E/N {best:.3f}"
     count = f"step {done} of at most {total}" if request.search in OBSERVED else f"{done}/{total}"
     return f"{error} on fitted takes, {count}"
 

@@ -28,7 +28,7 @@ from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
 from fit.identification.effect_sizes import with_sizes
 from fit.identification.free_intervals import blocks_of, free_intervals
-from fit.identification.notes_on_values import notes_on_values
+from fit.identification.notes_on_values import note_on_start, notes_on_values
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
@@ -37,7 +37,7 @@ from fit.methods import distance as objective
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
-from fit.recordings.intact import describe_flaws, naming_damage
+from fit.recordings.intact import describe_flaws, describe_short, naming_damage
 from fit.recordings.ready import Ready, ready
 from fit.recordings.recording import Recording
 from fit.recordings.selection import content_of_garment
@@ -213,7 +213,7 @@ def calibrate(
         result = _result(model, judge, found, contents=takes.contents, seconds=saved.seconds)
     return msgspec.structs.replace(
         result,
-        notes=[*result.notes, *describe_flaws([*training, *held_out])],
+        notes=[*result.notes, *describe_short(training), *describe_flaws([*training, *held_out])],
         camera=describe_camera(train + test),
         take_states=[state_of_take(take) for take in (*training, *held_out)],
     )
@@ -355,6 +355,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         held_out_before=judge.error_before if judge else None,
         held_out_after=judge.error(best) if judge else None,
     )
+    if worse := note_on_start(errors, request.search):
+        notes.append(worse)
     trivial = trivial_figures(model, judge)
     after = errors.held_out_after or errors.train_after
     notes.append(describe_trivial(after.mean_m, trivial, is_held_out=judge is not None))

@@ -1,10 +1,15 @@
-"""Notes of a result on the parameters that the takes do not identify, and on those at their bounds."""
+"""Notes of a result on parameters that are not identified or at their bounds, and on a fit worse than its start.
+
+Every search returns the candidate with the least of its own figure, and its start is one of the candidates. Least
+squares and short windows minimise other figures than the distance that a result reports. So this distance may grow, and
+it may grow on held-out takes after any search.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from formats.fit_records import BOUND_NOTE, FitParameter
+from formats.fit_records import BOUND_NOTE, FitError, FitParameter
 
 FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval{of_each}. The fitted value is one of many that follow the takes "
@@ -18,6 +23,33 @@ STOPPED_AT_BOUNDS = (  # where they are several
     f"{BOUND_NOTE} {{names}}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
     "cloth. --bounds only narrows a range. A missing effect may drive them there: hangtime diagnose looks for one."
 )
+WORSE_THAN_START = (
+    "Warning: the fit follows {takes} worse than its initial parameters do: {after:.1f} mm instead of {before:.1f} mm "
+    "(mean distance of all points). The search lowered another figure, {lowered}. Its parameters tell little of the "
+    "cloth; {advice}."
+)
+LOWERED_FIGURE = {
+    "least-squares": "the sum of the points' squared residuals",
+    "short-windows": "residuals of cloth that a pull catches every two seconds",
+}
+LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
+MORE_TAKES = "fit to takes of this kind of motion as well"
+
+
+def note_on_start(error: FitError, search: str) -> str:
+    """Return a warning if a fit's error exceeds that of its initial parameters, on fitted or else on held-out takes."""
+    before, after, takes = error.train_before, error.train_after, "the takes it was fitted to"
+    advice = "use --search least-squares" if search == "short-windows" else LOOK_FOR_PHYSICS
+    if after.mean_m <= before.mean_m:
+        if error.held_out_before is None or error.held_out_after is None:
+            return ""
+        before, after, takes, advice = error.held_out_before, error.held_out_after, "the held-out takes", MORE_TAKES
+    if after.mean_m <= before.mean_m:
+        return ""
+    lowered = LOWERED_FIGURE.get(search, "the method's objective on the takes it was fitted to")
+    return WORSE_THAN_START.format(
+        takes=takes, after=1e3 * after.mean_m, before=1e3 * before.mean_m, lowered=lowered, advice=advice
+    )
 
 
 def notes_on_values(described: Sequence[FitParameter]) -> list[str]:

@@ -27,7 +27,7 @@ from formats.fit_records import OF_A_TAKE
 from formats.missing import listed, missing_words, origin_of, span_words
 from formats.motion import STILL_MOTION
 from formats.plain_text import counted
-from formats.sights import SETTLING
+from formats.sights import SETTLING, shown_halves, sights_of, too_few_halves
 from formats.take import LONGEST_GAP, Take, told_apart
 
 REST_WINDOW = 0.5  # s: beginning of a stretch that is tested for rest
@@ -138,6 +138,16 @@ def describe_doubts(takes: Sequence[Take]) -> list[str]:
 def doubts_in_words(names: Sequence[str], doubts: Sequence[Sequence[str]]) -> list[str]:
     """Return the warnings of `describe_doubts` from the name and the doubts of each take."""
     return [f"{OF_A_TAKE}{name}: {doubt}." for name, every in zip(names, doubts, strict=True) for doubt in every]
+
+
+def describe_short(takes: Sequence[Take]) -> list[str]:
+    """Return a warning for each whole take that is too short to be fitted to by itself, in the words of `record`."""
+    found = []
+    for take, name in zip(takes, told_apart(takes), strict=True):
+        lack = "" if take.missing else too_few_halves(shown_halves(take, sights_of(take)))
+        if lack:
+            found.append(f"{OF_A_TAKE}{name} is too short to be fitted to by itself: {lack}.")
+    return found
 
 
 def describe_flaws(takes: Sequence[Take]) -> list[str]:

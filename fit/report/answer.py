@@ -9,7 +9,7 @@ from markupsafe import Markup
 from fit.report.effects import meaning_of
 from fit.report.motion import ReportMotion, rms_of
 from fit.report.templating import piece
-from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval, unbroken
+from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval, unbroken, unit_words
 from formats.diagnosis_records import Diagnosis, in_percent
 from formats.fit_records import FitResult
 
@@ -81,7 +81,7 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), "; ".join(filter(None, [RMS, ends]))))
     for effect in diagnosis.effects:
         if effect.id in diagnosis.named:
-            unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
+            unit = "" if effect.unit in ("", "1") else f" {unit_words(effect.unit)}"
             ends = f"{interval(effect.amplitude_interval)}{unit}; " if effect.amplitude_interval else ""
             meaning = ends + meaning_of(effect.id, effect.amplitude)
             title = effect.id.replace("_", " ")

@@ -201,7 +201,7 @@ def _take_rows(known: dict[str, Any]) -> dict[str, str]:
         "rig": known["rig"],
     }
     for point in known["points"]:
-        noise = f", noise {point['sd_mm']:g} mm" if point["sd_mm"] is not None else ""
+        noise = f", noise {point['sd_mm']:g} mm a coordinate" if point["sd_mm"] is not None else ""
         rows[point["name"].replace("_", " ")] = f"seen {point['seen_percent']:g} %{noise}"
     return rows
 

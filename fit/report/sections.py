@@ -28,7 +28,7 @@ from fit.report.motion import RUNS, ReportMotion, rms_of
 from fit.report.origin import Origin
 from fit.report.tables import effect_table, parameter_table
 from fit.report.templating import NOTHING, piece
-from fit.report.text import MISSING, duration, instant, number, percent, words
+from fit.report.text import MISSING, duration, instant, number, percent, unit_words, words
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import NOT_IDENTIFIED, ErrorFigure, FitParameter, FitResult, warnings_in
@@ -43,7 +43,9 @@ SHARE_OF_SQUARES = (
     "The share of the gap closed is of squared errors above the noise, as independent errors add by their squares. So "
     "the share is not the ratio of two lengths here."
 )
-MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
+MEASURE = (
+    "Root mean square (rms) distance between simulated and real free points (points that the hanger does not hold)"
+)
 # The instruction of a failed check follows the last colon of its sentence.
 SHARED_MOTION = (
     "Both errors rise and fall with the same stretches of motion, so the share of the gap closed can be surer than "
@@ -202,7 +204,7 @@ def _size(name: str, amplitude: float | None) -> str:
     effect = name.partition(".")[0]
     if amplitude is None:
         return "; ".join(filter(None, [NOT_IDENTIFIED, meaning_of(effect, None)]))
-    unit = next((f" {known.unit}" for known in LIBRARY if known.name == effect and known.unit != "1"), "")
+    unit = next((f" {unit_words(known.unit)}" for known in LIBRARY if known.name == effect and known.unit != "1"), "")
     return f"{number(amplitude)}{unit}: {meaning_of(effect, amplitude)}"
 
 

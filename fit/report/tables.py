@@ -94,11 +94,16 @@ def _parameter_row(row: FitParameter, meaning: str) -> Row:
     )
 
 
+def _as_sentences(note: str) -> str:
+    """Return a note with a capital letter and a full stop."""
+    return f"{note[:1].upper()}{note[1:]}{'' if not note or note.endswith('.') else '.'}"
+
+
 def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     name, unit = words(effect.id), unit_of(effect.unit)
     about = {"sketch": sketch_of(effect.id), "sentence": sentence_of(effect.id)}
     if not effect.tested:
-        about["remark"] = effect.note or "not tested"
+        about["remark"] = _as_sentences(effect.note or "not tested")
         head = piece("tables.html", "effect", name, about, is_named)
         return Row(name=head, cells=(MISSING,) * 5, mark="is-untested")
     twin = f"Not told apart from {effect.group.replace('_', ' ')}. " if effect.group not in ("", effect.id) else ""
@@ -108,7 +113,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Row:
     place = f"Acts {place_of(effect.regions)}. " if is_named and effect.regions else ""
     least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
     closure = effect.closure
-    about["remark"] = place + twin + absorbed + effect.note[:1].upper() + effect.note[1:]
+    about["remark"] = place + twin + absorbed + _as_sentences(effect.note)
     between = effect.amplitude_interval
     is_sized = tells_size(effect, [effect.id] if is_named else [])
     spread, meaning = interval(between), meaning_of(effect.id, effect.amplitude if is_sized else None)

@@ -9,7 +9,8 @@ from datetime import UTC, datetime
 from markupsafe import Markup, escape
 
 NO_BREAK = "\u00a0"  # a space at which no line breaks: a unit stays beside its number
-BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:mm|cm|m|m/s|ms|s|kg|g|kg/m\^?2|N|N/m|N m|Pa|Hz|1/s|1/m|%|\u2192)(?![A-Za-z]))")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:mm|cm|m|m/s|ms|s|kg|g|kg/m\^?2|N|N/m|N m|Pa|Hz|per|%|\u2192)(?![A-Za-z]))")
+POWER = re.compile(r"(?<=[a-z])\^?(-?\d)")  # of a unit: m2, s^2
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MISSING = "–"
 
@@ -81,8 +82,14 @@ def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int =
 
 
 def unit_of(unit: str) -> Markup:
-    """Return a unit after a thin space; nothing for a pure number."""
-    return Markup("") if unit in ("", "1") else Markup("&#8239;{}").format(unit)
+    """Return a unit after a thin space, as `per s` for 1/s and m\u00b2 for m2; nothing for a pure number."""
+    return Markup("") if unit in ("", "1") else Markup("&#8239;{}").format(unit_words(unit))
+
+
+def unit_words(unit: str) -> str:
+    """Return a unit as a page sets it: `per s` for 1/s, and powers as superscripts."""
+    raised = POWER.sub(lambda power: power[1].translate(SUPERSCRIPTS), unit)
+    return f"per {raised.removeprefix('1/')}" if raised.startswith("1/") else raised
 
 
 def probability(value: float | None) -> str:

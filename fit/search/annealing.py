@@ -138,7 +138,6 @@ class Annealing:
         Raises:
             FitError: the start lies outside the bounds.
         """
-        start = np.array(start, dtype=float)
         if not ((box.minimum <= start) & (start <= box.maximum)).all():
             raise FitError(
                 "the start of the search lies outside the bounds", where="annealing", advice="move it inside"
@@ -151,7 +150,7 @@ class Annealing:
         self._changes: list[float] = []
         self.iteration = 0
         self.is_started = False
-        self.current, self.current_distance = start, math.inf
+        self.current, self.current_distance = start.copy(), math.inf
         self.best, self.best_distance = start.copy(), math.inf
         self.steps: list[AnnealingStep] = []
         self.evaluations = 0

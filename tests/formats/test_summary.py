@@ -74,7 +74,7 @@ def test_a_summary_says_its_figures_in_words():
     for line in (
         "length    1.967 s, 60 frames, 30 a second", "garment   sheet, 30.0 g",
         "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
-        "point     p0             seen  75.0 %   noise 2.89 mm", "seen   0.0 %   never seen   hidden 50 %",
+        "point     p0             seen  75.0 %   noise 2.89 mm a coordinate", "seen   0.0 %   never seen   hidden 50 %",
         "quality   0.9 in the median frame", "state     too far in 5 frames", "note      who: me",
     ):  # fmt: skip
         assert line in said
@@ -107,9 +107,9 @@ def test_a_summary_is_reported_line_by_line():
         "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
         "motion    still",
         "tracked   material points, which stay on the cloth",
-        "point     p0             seen  75.0 %   noise 2.89 mm",
-        "point     p1             seen 100.0 %   noise 3 mm",
-        "point     p2             seen 100.0 %   noise 3 mm",
+        "point     p0             seen  75.0 %   noise 2.89 mm a coordinate",
+        "point     p1             seen 100.0 %   noise 3 mm a coordinate",
+        "point     p2             seen 100.0 %   noise 3 mm a coordinate",
         "point     p3             seen   0.0 %   never seen   hidden 50 %",
         "quality   0.9 in the median frame, 1 at best",
         "surface   scanned 2 times",
@@ -137,8 +137,8 @@ def of_points(count, sd):
 @pytest.mark.parametrize(
     ("count", "sd", "line"),
     [
-        (12, 0.002, "point     p11            seen 100.0 %   noise 2 mm"),
-        (13, 0.002, "points    13, seen 100 to 100 %, median noise 2 mm"),
+        (12, 0.002, "point     p11            seen 100.0 %   noise 2 mm a coordinate"),
+        (13, 0.002, "points    13, seen 100 to 100 %, median noise 2 mm a coordinate"),
         (13, None, "points    13, seen 0 to 0 %, never seen"),
     ],
 )

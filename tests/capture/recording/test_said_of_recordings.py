@@ -96,7 +96,12 @@ def test_markers_and_dots_of_a_rig_are_stated_in_millimetres():
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [("hanger_hardly_seen", NoMarkersError), ("hanger_lost", HangerGapError), ("jumps", UnfitTakeError)],
+    [
+        ("hanger_hardly_seen", NoMarkersError),
+        ("hanger_lost", HangerGapError),
+        ("jumps", UnfitTakeError),
+        ("too_short", UnfitTakeError),
+    ],
 )
 def test_only_a_grave_first_finding_is_a_doubt_and_each_has_its_error(name, kind):
     grave = Finding(name=name, words="it is so", advice="do this", is_grave=True)
@@ -107,6 +112,7 @@ def test_only_a_grave_first_finding_is_a_doubt_and_each_has_its_error(name, kind
     error = session._doubt("t.mcap", RIG, tally, (grave, slight))
     assert type(error) is kind
     assert "the take was kept, but nothing can be fitted to it" in str(error)
+    assert ("nothing can be fitted to it by itself;" in str(error)) == (name == "too_short")
     if kind is not NoMarkersError:
         assert str(error).startswith("t.mcap: it is so; the take was kept")
         assert error.advice == "do this"

@@ -61,7 +61,7 @@ def test_a_fit_shows_the_commands_line_where_it_is_seen_and_its_numbers_stay_the
         shown, said = fitted(take, stream, monkeypatch)
         assert shown == quiet
         assert "\rannealing [##########] 100 %" in said
-        assert "mm on fitted takes, 12/12" in said
+        assert "mm mean distance on fitted takes, 12/12" in said
         assert said.endswith("\n")
     shown, said = fitted(take, Terminal(), monkeypatch, progress=False)
     assert (shown, said) == (quiet, "")

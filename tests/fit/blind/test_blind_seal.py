@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 
@@ -60,8 +59,8 @@ def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):
 def test_of_a_key_that_no_disk_holds_nothing_is_left(tmp_path):
     """In a process whose files hold not a byte: `blind make` once left an empty key, and then refused it."""
     make = ["-B", "-m", "formats.command", "blind", "make", str(tmp_path / "set"), "--nulls", "1"]
-    full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}
-    done = subprocess.run([sys.executable, *make], capture_output=True, text=True, **full)
+    full = ["sh", "-c", 'ulimit -f 0; exec "$@"', "sh", sys.executable, *make]
+    done = subprocess.run(full, capture_output=True, text=True)
     assert done.returncode == 2
     assert "set/sealed/key: cannot be written (File too large); raise the limit" in done.stderr
     assert "Traceback" not in done.stderr

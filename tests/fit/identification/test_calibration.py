@@ -193,7 +193,7 @@ def test_narrow_bounds_identify_nothing_that_the_points_do_not():
 @pytest.mark.parametrize(
     ("search", "shown"),
     [
-        ("least-squares", "least-squares: 10 %, 9.0 mm on fitted takes, step 13 of at most 130"),
+        ("least-squares", "least-squares: 10 %, 9.0 mm mean distance on fitted takes, step 13 of at most 130"),
         ("annealing", "annealing: 10 %, 9.0 mm on fitted takes, 13/130"),
     ],
 )

@@ -175,7 +175,7 @@ def test_a_combination_in_the_report_has_a_verdict_and_a_value_only_where_the_ta
         )  # fmt: skip
         page = method_figures(msgspec.structs.replace(a_fit(), combinations=[one]))
         text = " ".join(re.sub("<[^>]*>", " ", page[page.index("velocity damping") :]).split())
-        rows.append(("0.625" in text, text.rsplit("1/s ", 1)[-1]))
+        rows.append(("0.625" in text, text.rsplit("per s ", 1)[-1]))
     assert rows == [(True, "identified"), (False, "not identified"), (False, "not identified, at its bound")]
 
 

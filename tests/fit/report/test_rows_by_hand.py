@@ -54,7 +54,7 @@ def test_every_column_of_a_table_is_called_what_it_holds():
     assert [words_on(head) for head in parameters] == [
         "parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "meaning",
     ]  # fmt: skip
-    row = "stretch stiffness / density 1500 m2/s2 1000 m2/s2 800 to 1250 m2/s2 identified"
+    row = "stretch stiffness / density 1500 m²/s² 1000 m²/s² 800 to 1250 m²/s² identified"
     assert row in words_on(page)
     assert "part of the objective" not in words_on(method_figures(fit_result()))
     one = msgspec.structs.replace(objective, parts={"place": (8.0, 2.0)})
@@ -77,8 +77,8 @@ def test_an_error_without_a_held_out_take_flatters_and_says_so():
 def test_an_effect_that_was_not_tested_has_its_note_and_no_figure():
     untested = diagnosis().effects[3]
     row = words_on(effect_table([untested], []))
-    assert row.endswith("not built yet – – – – –")
-    assert "not tested –" in words_on(effect_table([msgspec.structs.replace(untested, note="")], []))
+    assert row.endswith("Not built yet. – – – – –")
+    assert "Not tested. –" in words_on(effect_table([msgspec.structs.replace(untested, note="")], []))
     near = msgspec.structs.replace(diagnosis().effects[0], group="air_lift", closure=None, minimum_detectable=None)
     row = words_on(effect_table([near], []))
     assert "Not told apart from air lift. Best effect in 99 % of bootstrap draws" in row
@@ -187,8 +187,8 @@ def test_the_rows_of_a_take_are_its_summary():
     assert rows["hanger travels"] == "0 x 100 x 0 mm"
     assert rows["hanger seen"] == "100 %"
     assert rows["rig"] == "test"
-    assert rows["centre"] == "seen 90 %, noise 1 mm"
-    assert rows["top left"] == "seen 100 %, noise 1 mm"
+    assert rows["centre"] == "seen 90 %, noise 1 mm a coordinate"
+    assert rows["top left"] == "seen 100 %, noise 1 mm a coordinate"
 
 
 def test_only_things_of_one_kind_are_compared_and_two_of_them(tmp_path):

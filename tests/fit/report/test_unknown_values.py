@@ -9,13 +9,14 @@ import msgspec
 import pytest
 
 import hangtime
-from fit.api.shown import diagnosis_tables, effect_table
+from fit.api.shown import diagnosis_tables, effect_table, fit_tables
 from fit.api.tables import as_html, as_text
 from fit.report import sections, terms
 from fit.report.again import WHY_LARGER, errors_of_report
 from fit.report.kept import created_of, save_motions
 from fit.report.origin import Origin
 from fit.report.page import render_report
+from fit.report.text import unit_words
 from formats.fit_records import FitParameter
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 from tests.fit.report.test_shown_figures import words_on
@@ -105,3 +106,33 @@ def test_an_effect_that_was_asked_for_and_may_be_absent_is_told_by_its_interval_
     told = as_text(diagnosis_tables(diagnosis(), ("hem", "air_drag")))
     assert "With hem (-0.001 to 0.009 kg/m, 90 % interval): closes 8 % of the gap (p = 0.210)." in told
     assert "With air_drag at 1.31: closes 87 % of the gap" in told
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "least", "is_told"), [(0.02, 0.01, True), (0.005, 0.01, False), (0.0, None, False)]
+)
+def test_a_screened_effect_has_a_size_only_where_the_takes_could_have_shown_one_so_large(amplitude, least, is_told):
+    """None of these has an interval: they were not refitted."""
+    hem = diagnosis().effects[1]
+    screened = msgspec.structs.replace(
+        hem, amplitude=amplitude, amplitude_interval=None, closure=None, minimum_detectable=least, note="screened only"
+    )
+    found = diagnosis(effects=[screened], verdict="none", named=[])
+    size = as_text([effect_table(found)]).splitlines()[1].split()[3]
+    assert size == ("0.02" if is_told else "-")
+    page = words_on(sections.effects(found))
+    assert "Screened only." in page
+    assert ("0.02 kg/m" in page) == is_told
+
+
+def test_units_of_the_page_are_set_and_not_typed():
+    typed = ("1/s", "1/m", "m2/s2", "m4/s2", "kg/m^2", "s^2", "N m", "Blender")
+    assert [unit_words(unit) for unit in typed] == [
+        "per s", "per m", "m²/s²", "m⁴/s²", "kg/m²", "s²", "N m", "Blender",
+    ]  # fmt: skip
+
+
+def test_a_fits_table_says_what_the_mean_and_the_worst_are_of():
+    text = as_text(fit_tables(fit_result()))
+    for row in ("all frames, training", "worst frame, training", "all frames, held out", "worst frame, held out"):
+        assert row in text

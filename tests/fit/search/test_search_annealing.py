@@ -232,13 +232,20 @@ def test_a_chain_counts_what_was_tried_and_is_done_when_all_is():
     assert chain.tell(np.empty((0, len(BOX.minimum))), np.empty(0)) == 0
 
 
+def test_the_first_batch_goes_on_from_the_start_and_of_equal_distances_the_first_is_the_best():
+    chain = chain_of(iterations=20)
+    candidates = chain.ask(4)
+    assert chain.tell(candidates, np.full(4, 0.1)) >= 1
+    assert chain.best.tolist() == KINECT_SKIRT.initial.tolist()
+
+
 def test_the_guess_of_an_acceptance_is_laplaces_share_of_recent_rises_that_would_pass():
-    """Of the rises 0, 1 and 3 mm two pass where the largest that may is 2 mm: (2 + 1) / (3 + 2).."""
+    """Of rises of nothing, and of hardly less and more than the largest that may, two pass: (2 + 1) / (3 + 2)."""
     chain = chain_of()
     assert chain._guess_acceptance(0) == 0.5
     draws, temperature = chain._ahead(0)
     most = -temperature / chain.settings.gamma * math.log(draws[-1])
-    chain._changes = [0.0, most, 1.5 * most]
+    chain._changes = [0.0, most * (1 - 1e-9), most * (1 + 1e-9)]
     assert chain._guess_acceptance(0) == (2 + 1) / (3 + 2)
 
 

@@ -151,6 +151,8 @@ def test_a_box_is_measured_on_its_scale():
     assert space.to_unit(np.array([10.0, -1.0])) == pytest.approx([0.5, 0.25])
     assert space.to_unit(np.array([1e4, -9.0])).tolist() == [1.0, 0.0]
     assert space.from_unit(np.array([1e9, -1e9])).tolist() == [100.0, -2.0]
+    assert space.to_unit(np.array([0.0, 2.0])).tolist() == [0.0, 1.0]
+    assert np.isnan(space.to_unit(np.array([-1.0, 0.0]))[0])  # nowhere, and no warning
     assert space.slope(np.array([10.0, -1.0])) == pytest.approx([10 * np.log(100), 4.0])
     for low, high, is_log in ((1.0, 1.0, False), (0.0, 1.0, True), (-1.0, 1.0, True)):
         with pytest.raises(FitError):

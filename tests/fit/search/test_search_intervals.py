@@ -9,12 +9,14 @@ from fit.errors import FitError
 from fit.search.intervals import (
     NEAR_BOUND,
     PRIOR_SD,
+    Intervals,
     LinearModel,
     at_bounds,
     block_intervals,
     check_blocks,
     draw_intervals,
     jackknife,
+    widened,
 )
 from fit.search.least_squares import BoundedSpace
 
@@ -171,6 +173,40 @@ def test_intervals_of_draws_are_their_quantiles_in_own_units():
     assert found.is_identified.tolist() == [False]
     narrow = draw_intervals(box, 100 + 0.4 * (draws - 100), np.array([100.0]))
     assert narrow.is_identified.tolist() == [True]
+
+
+@pytest.mark.parametrize(
+    ("deviation", "ends", "more", "wider", "larger", "is_identified"),
+    [
+        (6.0, (90, 120), 24.0, (74, 100 + np.hypot(20, 24)), np.hypot(6, 12), True),
+        (6.0, (97, 104), 60.0, (50, 100 + np.hypot(4, 60)), np.hypot(6, 30), False),
+        (6.0, (97, 104), 1e9, (50, 250), np.hypot(6, 100), False),
+        (40.0, (70, 170), 0.0, (70, 170), 40.0, True),
+        (40.0, (70, 170), 1.0, (100 - np.hypot(30, 1), 100 + np.hypot(70, 1)), np.hypot(40, 0.5), False),
+    ],
+)
+def test_independent_errors_widen_an_interval_in_squares_within_its_box(
+    deviation, ends, more, wider, larger, is_identified
+):
+    """In a box from 50 to 250 a deviation of 0.5 / sqrt(12) of it, 28.9, is too much, unless nothing was added.
+
+    Intervals of 2 deviations. Errors are at most as wide as the box. The second parameter is on a scale of logarithms,
+    from 1 to 100, of which 10 ln 100 = 46.05 at 10 is the width, and 6.65 too much. The third was not identified.
+    """
+    box = BoundedSpace(
+        minimum=np.array([50.0, 1.0, 50.0]), maximum=np.array([250.0, 100.0, 250.0]), is_log=np.arange(3) == 1
+    )
+    before = Intervals(
+        np.array([ends, (9, 11), (90, 110)], float), np.array([True, True, False]), np.diag([deviation, 1.0, 1.0]) ** 2,
+        np.array([0.1, 0.2, 0.3]), 2.0, np.zeros(3, bool),
+    )  # fmt: skip
+    for added, still in ((13.0, True), (13.3, False)):
+        found = widened(box, before, np.array([100.0, 10.0, 100.0]), np.array([more, added, 0.0]))
+        assert found.ends[0] == pytest.approx(wider)
+        assert found.covariance == pytest.approx(np.diag([larger**2, 1 + added**2 / 4, 1.0]))
+        assert found.is_identified.tolist() == [is_identified, still, False]
+        assert (found.way.tolist(), found.spread) == ([0.1, 0.2, 0.3], 2.0)
+    assert found.ends[1:] == pytest.approx(np.array([[1.0, 10 + np.hypot(1, 13.3)], [90, 110]]))
 
 
 def test_each_parameters_draws_are_judged_by_their_own_spread():

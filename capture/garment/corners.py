@@ -57,7 +57,9 @@ FLATTEST_CROSSING = 0.34
 # px, a side is not quite straight near its end. On the same scenes the corners' z then has a deviation of 0.96. Half
 # gives 1.23, and double 0.72.
 CURL_SD = 0.5
-CORNER_SD = 0.3  # px, the held edge is rigidly attached to the markers, and a bar's edge is as ragged as others
+# px, of the held edge across, where the markers' own deviation is not known. Our choice: three times what markers give
+# at 1.6 m, 0.25 mm.
+HELD_LINE_SD = 0.3
 # px, of an unrefined Harris corner on a ragged edge. Hardly a corner stays unrefined: half and double change the
 # deviation of z on the same scenes by 0.002.
 HARRIS_SD = 2.5
@@ -83,12 +85,13 @@ class CornerFinder(Protocol):
         """Return the corners [m], (4, 2), of a flat garment's outline [m], (n, 2), y up, by the rule for images."""
         ...
 
-    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats, held_sd: float = HELD_LINE_SD) -> CornersInView:
         """Locate the corners on a silhouette.
 
         - `held` [px of the image], (2, 2): the ends of the held edge, left first
         - `sides` [px], (4, 2): projected lengths of the flat garment's sides before and after each corner, clockwise,
           at the garment's distance
+        - `held_sd` [px]: of the held edge, across it
         """
         ...
 
@@ -103,14 +106,14 @@ class PanelCorners:
         x, y = outline[:, 0], -outline[:, 1]
         return outline[[(x + y).argmin(), (x - y).argmax(), (x + y).argmax(), (x - y).argmin()]]
 
-    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats, held_sd: float = HELD_LINE_SD) -> CornersInView:
         """Locate the strong Harris corners that lie outermost along the diagonals; the held edge is one side."""
         x, y = silhouette.outline.T
         strong = _strong_corners(silhouette)
         if strong.size < 4:
             return _none()
         starts = [_extreme(value, strong) for value in (-x - y, x - y, x + y, y - x)]
-        return _refine(silhouette, starts, held, sides)
+        return _refine(silhouette, starts, (held, held_sd), sides)
 
 
 class ShirtCorners:
@@ -123,7 +126,7 @@ class ShirtCorners:
         x, y = outline[:, 0], -outline[:, 1]
         return outline[[x.argmin(), x.argmax(), (x + y).argmax(), (x - y).argmin()]]
 
-    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats, held_sd: float = HELD_LINE_SD) -> CornersInView:
         """Locate the leftmost and rightmost points, and the Harris corners lowest along both diagonals."""
         x, y = silhouette.outline.T
         strong = _strong_corners(silhouette)
@@ -157,30 +160,40 @@ def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
     return np.flatnonzero(strength > STRONG_CORNER * strength.max())
 
 
-def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, sides: Floats) -> CornersInView:
-    """Refine four corners on the outline; if the held edge is the top side, its line is used there."""
+def _refine(
+    silhouette: Silhouette, starts: list[int], held: tuple[Floats, float] | None, sides: Floats
+) -> CornersInView:
+    """Refine four corners on the outline; if the held edge is the top side, its line and sd [px] are used there."""
     if len(set(starts)) < 4:
         return _none()
     corners, sd = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
     outline = silhouette.outline
     middle = outline.mean(0)
     offset = np.array([silhouette.window.left, silhouette.window.top], dtype=np.float64)
-    top = None if held is None else _line_through(held - offset)
+    ends = None if held is None else held[0] - offset
+    top = None if ends is None else _line_through(ends)
     for i in range(4):
         lines: list[tuple[Floats, float] | None] = []
         for neighbour, side in (((i - 1) % 4, sides[i, 0]), ((i + 1) % 4, sides[i, 1])):
-            if top is not None and {i, neighbour} == {0, 1}:
-                lines.append((top, CORNER_SD))
+            if held is not None and top is not None and {i, neighbour} == {0, 1}:
+                lines.append((top, held[1]))
             else:
-                lines.append(
-                    _side_line(outline, starts[i], starts[neighbour], middle, min(LONGEST_ARM, STRAIGHT * side))
-                )
-        corners[i], sd[i] = _refined(outline[starts[i]], lines)
+                longest = min(LONGEST_ARM, STRAIGHT * side)
+                lines.append(_side_line(outline, starts[i], starts[neighbour], middle, longest, top))
+        near = outline[[starts[i]]]
+        if ends is not None and top is not None and i < 2 and abs(_across(top, near[0])) <= FARTHEST_REFINEMENT:
+            near = np.vstack([near, ends[i]])  # the start may be the bar's end, farther out along the held edge
+        corners[i], sd[i] = _refined(near, lines)
     return CornersInView(corners + offset, sd)
 
 
-def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: float) -> tuple[Floats, float] | None:
-    """Fit a line to the outline next to `start` towards `end`, up to `longest` [px]; return it and its sd [px]."""
+def _side_line(
+    outline: Floats, start: int, end: int, middle: Floats, longest: float, top: Floats | None
+) -> tuple[Floats, float] | None:
+    """Fit a line to the outline next to `start` towards `end`, up to `longest` [px]; return it and its sd [px].
+
+    top: line of the held edge, if known; the outline beside it is the bar's end and not the garment's
+    """
     n = len(outline)
     forward, backward = (end - start) % n, (start - end) % n
     step, length = (1, forward) if forward <= backward else (-1, backward)
@@ -191,6 +204,8 @@ def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: f
     x, y = way[:, 0] - x0, way[:, 1] - y0
     far = np.hypot(x, y)
     arm = (far >= SKIPPED_ARM) & (far <= longest)
+    if top is not None:
+        arm &= np.abs(_across(top, way)) >= SKIPPED_ARM
     for _ in range(2):
         x, y = x[arm], y[arm]
         if x.size < SHORTEST_ARM:
@@ -217,12 +232,21 @@ def _line_through(ends: Floats) -> Floats:
     return np.array([normal[0], normal[1], -(normal @ ends[0])])
 
 
-def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, Floats]:
-    """Return the crossing of two lines and its sd [px], (2,); the Harris corner if they do not cross near it.
+def _across(line: Floats, pixels: Floats) -> Floats:
+    """Return the distances [px], (...,), of pixels, (..., 2), from a line (a, b, c), positive on its normal's side."""
+    return np.asarray(pixels @ line[:2] + line[2])
+
+
+def _refined(near: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, Floats]:
+    """Return the crossing of two lines and its sd [px], (2,), if it is near one of some pixels, (n, 2) or (2,).
+
+    Otherwise the first of these, the Harris corner.
 
     With the lines' unit normals as rows of N and deviations s across them its covariance is N^-1 diag(s^2) N^-T.
     """
     first, second = lines
+    near = np.atleast_2d(near)
+    start = near[0]
     unrefined = np.full(2, HARRIS_SD)
     if first is None or second is None:
         return start, unrefined
@@ -231,6 +255,6 @@ def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[F
     if abs(sine) < FLATTEST_CROSSING:
         return start, unrefined
     crossing = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]]) / sine
-    if np.linalg.norm(crossing - start) > FARTHEST_REFINEMENT:
+    if np.linalg.norm(near - crossing, axis=1).min() > FARTHEST_REFINEMENT:
         return start, unrefined
     return crossing, np.hypot([b[1], b[0]] * np.array(sd_a), [a[1], a[0]] * np.array(sd_b)) / abs(sine)

@@ -8,7 +8,8 @@ frame rate, the second difference of an evenly accelerated point.
 
 A point that was lost for longer than `POINT_MEMORY` counts again from its second detection on. So a fold that looks
 like a corner for one frame does not count. In the first detections after any gap, only the image can reveal a wrong
-corner. So its deviation is larger by `UNSETTLED_SD`. Rejected points are marked as missing; nothing replaces them.
+corner. So its deviation is larger by `UNSETTLED_SD`. A wrong corner moves the centre by a share of its own error, and
+the centre's deviation grows by that share. Rejected points are marked as missing; nothing replaces them.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ UNSETTLED_SD = 0.010
 class MotionGate:
     """Rejects detections that contradict the motion of their point."""
 
-    def __init__(self, points: int) -> None:
+    def __init__(self, points: int, shares: Floats | None = None) -> None:
+        """Prepare for points; shares, (points,): of a wrong corner's error that each of them has, 1 unless given."""
+        self._unsettled = UNSETTLED_SD * (np.ones(points) if shares is None else shares)
         self._place = np.full((points, 3), np.nan)
         self._velocity = np.full((points, 3), np.nan)  # NaN where only one detection is known
         self._time = np.full(points, -np.inf)
@@ -46,14 +49,19 @@ class MotionGate:
         self._frame = -np.inf  # time of the frame before
         self._in_a_row = np.full(points, SETTLED)
 
-    def admit(self, places: Floats, sd: Floats, time: float) -> tuple[Booleans, Floats]:
+    def admit(self, places: Floats, sd: Floats, time: float, weak: Booleans | None = None) -> tuple[Booleans, Floats]:
         """Return which points agree with their earlier motion, and all standard deviations [m], (points, 3).
 
-        places [m], (points, 3): positions, NaN if not detected; sd [m], (points, 3); time [s], increasing.
+        - `places` [m], (points, 3): positions, NaN if not detected
+        - `sd` [m], (points, 3)
+        - `time` [s], increasing
+        - `weak`, (points,): detections that only a settled motion confirms
         """
         seen, is_first = np.isfinite(places).all(1), np.isinf(self._time)
         gone = time - self._time
         missed = self._time < self._frame
+        if weak is not None:
+            seen &= ~(weak & (missed | (self._in_a_row < SETTLED)))
         self._frame = time
         # One detection predicts a position for the next frame only.
         fresh = is_first | (missed & (np.isnan(self._velocity).any(1) | (gone > POINT_MEMORY)))
@@ -67,7 +75,7 @@ class MotionGate:
         self._interval[moved] = dt[moved]
         self._velocity[begins], self._interval[begins] = np.nan, 0.0
         self._in_a_row[seen & missed & ~is_first] = 0
-        unsettled = np.where(self._in_a_row < SETTLED, UNSETTLED_SD, 0.0)
+        unsettled = np.where(self._in_a_row < SETTLED, self._unsettled, 0.0)
         self._in_a_row[follows] += 1
         self._place = np.where((follows | begins)[:, None], places, self._place)
         self._time = np.where(follows | begins, time, self._time)

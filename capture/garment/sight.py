@@ -53,11 +53,13 @@ class GarmentSight:
 class GarmentTracker(Protocol):
     """Tracks one garment through a recording."""
 
-    def track(self, depth: Unsigned, held: Floats, time: float) -> GarmentSight:
+    def track(self, depth: Unsigned, held: Floats, time: float, held_sd: Floats | None = None) -> GarmentSight:
         """Find the garment's points in one frame.
 
-        depth [mm], (H, W), 0 where missing; held [m], (2, 3): ends of the held edge, left first, sensor frame;
-        time [s], increasing.
+        - `depth` [mm], (H, W), 0 where missing
+        - `held` [m], (2, 3): ends of the held edge, left first, sensor frame
+        - `time` [s], increasing
+        - `held_sd` [m], (2, 3): standard deviations of the markers that the held edge is attached to, if known
         """
         ...
 

@@ -3,19 +3,39 @@
     held edge -> silhouette -> corners in pixels -> corners in metres -> occlusion of corners -> centre
 
 One `SilhouetteTracker` for all garments; the kinds differ in where their corners are (`capture.garment.corners`).
+
+Distances along the cloth show a misplaced corner. With the excess x_ij = max(0, |d_ij - D_ij| - slack) of its distances
+to the others, a corner's deviation along each axis grows by
+
+    the second largest of x_ij over j
+
+A corner may be off by e along each axis, so by sqrt(2) e over the cloth. This changes its distance to another one by
+sqrt(2) e times the cosine of the angle between. The others lie at some 0, 45 and 90 degrees. Over directions of the
+error, the second largest of the three changes is then e, root mean square. One distance alone accuses the cloth
+between the two, or the other corner.
+
+The centre is the point p with equal distances from the four corners. With unit vectors g_i from the corners, errors n_i
+of these distances move it by
+
+    -(G^T G)^-1 G^T n,    of one corner in a panel's diagonals, at an angle a: n / (4 cos a) along an axis
+
+A corner that only its distances place, at no corner of the outline, counts where its motion was followed before.
 """
 
 from __future__ import annotations
+
+import math
 
 import cv2
 import numpy as np
 
 from capture.depth.surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
+from capture.garment.corners import HELD_LINE_SD
 from capture.garment.coverage import Beyond, SeenWays, beyond_the_seen
 from capture.garment.flat_garment import CENTRE_ROLE, flat_garment
 from capture.garment.folding import THRESHOLD, TRACES, Belief, traces
-from capture.garment.geodesic import farthest_place, geodesic_distances
+from capture.garment.geodesic import FINE_STEPS, farthest_place, geodesic_distances
 from capture.garment.occlusion import COVERED, folded_away, is_at_border, is_behind_something
 from capture.garment.peeking import peeking_area
 from capture.garment.placing import Placer, project
@@ -49,9 +69,8 @@ NEAREST_HANGER = 0.1  # m; a hanger cannot be nearer, so this is an error
 # m, a held corner this far from the held edge's end is not that corner. On the same scenes half puts the corners' 95 %
 # at 9.7 mm in place of 9.9, and double changes nothing.
 HELD_MATCH = 0.03
-# m along each axis that a held corner and the held edge's end differ by, from noise alone. Our choice: half and
-# double place all garments of `test_garment_points.py` as well.
-HELD_SLACK = 0.006
+# own deviations along each axis by which a held corner and the held edge's end differ from noise alone: 95 % do
+HELD_SLACK = 2.0
 # m: a doubtful corner that is at most so far beyond the visible cloth lies at its nearest point. On the same scenes the
 # corners' 95 % are 9.9 mm, and 96.7 % are located. Half gives 9.2 mm and 95.3 %, double 10.8 mm and 97.9 %.
 BY_WAYS = 0.020
@@ -65,13 +84,14 @@ CELL = 0.028
 # of a distance between corners: tolerance of its measurement. Our choice: half and double place all garments of
 # `test_garment_points.py` as well.
 CORNER_SLACK = 0.02
-# of the rest, for each corner of the pair: z is then 1 on the development set. On the same scenes it is 0.96; 1.00 with
-# half, and 0.92 with double.
-CORNER_SHARE = 0.5
 # of the rms error of the distances between corners: the development set's z is then 1. On the same scenes it is 0.91;
 # 1.03 with half, and 0.75 with double.
 CENTRE_SHARE = 0.3
-GARMENT_CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
+# grid steps across the view: the maps are compared at `FINE_STEPS` points of a step. A value rounded to a step has a
+# deviation of the step / sqrt 12. The corners' errors are part of the distances' error above.
+GARMENT_CENTRE_SD = 1.0 / FINE_STEPS / math.sqrt(12.0)
+# of one corner's error, along each axis, that moves the centre: see the module
+CENTRE_MOVES = 1.0 / (4.0 * math.cos(math.pi / 4.0))
 UNPLACED = np.full((CENTRE_ROLE + 1, 3), np.nan)  # m, of the corners and the centre before they are found
 
 
@@ -107,13 +127,15 @@ class SilhouetteTracker:
         self.held_corners = [
             next((e for e in (0, 1) if np.linalg.norm(corners[i] - outline[e]) < HELD_MATCH), None) for i in range(4)
         ]
-        self._gate = MotionGate(len(self.flat.roles))
+        self._gate = MotionGate(
+            len(self.flat.roles), np.where(np.array(self.flat.roles) == CENTRE_ROLE, CENTRE_MOVES, 1.0)
+        )
         self._last: tuple[float, Window] | None = None
         self._seen: tuple[Silhouette, Floats] | None = None
         self._belief = Belief()
         self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's doubtful corners, NaN for others
 
-    def track(self, depth: Unsigned, held: Floats, time: float) -> GarmentSight:
+    def track(self, depth: Unsigned, held: Floats, time: float, held_sd: Floats | None = None) -> GarmentSight:
         """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
         roles = self.flat.roles
         silhouette = self._silhouette(depth, held, time)
@@ -124,7 +146,10 @@ class SilhouetteTracker:
             return nothing_found(len(roles))
         self._last = (time, silhouette.window)
         sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
-        view = self.finder.find(silhouette, project(held, self.sensor), sides)
+        across = HELD_LINE_SD
+        if held_sd is not None:
+            across = float(np.sqrt((held_sd[:, :2] ** 2).mean())) * self.sensor.fx / float(held[:, 2].mean())
+        view = self.finder.find(silhouette, project(held, self.sensor), sides, across)
         placer = Placer(silhouette, self.sensor, self.correlation)
         places, sd = UNPLACED.copy(), UNPLACED.copy()
         pixels = np.vstack([view.pixels, UNPLACED[CENTRE_ROLE, :2]])
@@ -160,7 +185,7 @@ class SilhouetteTracker:
             centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
             places[CENTRE_ROLE], sd[CENTRE_ROLE] = placer.place(pixels[CENTRE_ROLE], np.full(2, centre_sd))
         points, sd, pixels = places[roles], sd[roles], pixels[roles]
-        valid, sd = self._gate.admit(points, sd, time)
+        valid, sd = self._gate.admit(points, sd, time, np.append(by_ways, False)[roles])
         points[~valid] = np.nan
         sd[~valid] = np.nan
         self._seen = silhouette, np.where(_are_known(places[:4])[:, None], pixels[:4], np.nan)
@@ -229,10 +254,10 @@ class SilhouetteTracker:
         return np.isfinite(z) and is_behind_something(silhouette, project(place, self.sensor), z, self._jump(z) + lost)
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
-        """Return each corner's error [m], (4,), estimated from its distances to the others and the flat garment's."""
+        """Return each corner's error along an axis [m], (4,), from its distances to the others: see the module."""
         flat, placed = self.flat.distances, _are_known(places[:4])
         off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
-        return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
+        return np.where(is_held, 0.0, np.sort(np.maximum(off - CORNER_SLACK * flat, 0.0), axis=1)[:, -2])
 
     def _match_held(self, places: Floats, sd: Floats, held: Floats) -> Booleans:
         """Return which corners are ends of the held edge; remove those that should be but are elsewhere.
@@ -245,7 +270,7 @@ class SilhouetteTracker:
                 apart = places[i] - held[end]
                 is_held[i] = np.linalg.norm(apart) < HELD_MATCH
                 if is_held[i]:
-                    sd[i] = np.hypot(sd[i], np.maximum(np.abs(apart) - HELD_SLACK, 0.0))
+                    sd[i] = np.hypot(sd[i], np.maximum(np.abs(apart) - HELD_SLACK * sd[i], 0.0))
                 else:
                     places[i] = np.nan
         return is_held

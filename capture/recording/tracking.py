@@ -62,7 +62,7 @@ class FrameTracker:
         state |= self._watch.faults(hanger, depth, time)
         if hanger.is_found:
             held = held_ends(hanger.positions, self.rig)
-            cloth = self._cloth.track(depth, held, time)
+            cloth = self._cloth.track(depth, held, time, hanger.sd)
             if not cloth.valid.all() and is_garment_covered(depth, held, self.camera):
                 state |= FrameState.VIEW_BLOCKED
         state |= 0 if cloth.is_found else FrameState.GARMENT_LOST

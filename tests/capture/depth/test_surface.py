@@ -137,27 +137,24 @@ def test_a_plane_that_goes_through_the_sensor_has_no_depth():
     assert fitted(u.ravel(), v.ravel(), z.ravel(), spread=0.3) is None
 
 
-def start():
-    return (math.sqrt(13) - 1) / (math.sqrt(13) + 1)
-
-
-def of(rho_u, rho_v):
-    return (1 + rho_u) / (1 - rho_u) * (1 + rho_v) / (1 - rho_v)
-
-
-def test_correlation_starts_from_a_kinects_thirteen_pixels():
-    assert CorrelationMeter().pixels == pytest.approx(13.0)
+def test_correlation_starts_from_a_kinects_nineteen_pixels():
+    assert CorrelationMeter().pixels == pytest.approx(19.0)
     assert CorrelationMeter(4.0).pixels == pytest.approx(4.0)
 
 
-def test_correlation_moves_by_the_pairs_of_one_plate():
-    """Rows of 1 and 3 by turns, 4 x 5 pixels: 15 pairs downwards, product 3, square 5; 16 across: 8 of 1, 8 of 9."""
-    meter = CorrelationMeter()
-    residuals = np.tile(np.array([[1.0], [3.0], [1.0], [3.0]]), (1, 5))
-    meter.add(residuals, np.ones(residuals.shape, bool))
-    down = (200 * start() + 45) / (200 + 75)
-    across = (200 * start() + 80) / (200 + 80)
-    assert meter.pixels == pytest.approx(of(down, across))
+@pytest.mark.parametrize("reach", [1, 2, 3])
+@pytest.mark.parametrize("side", [14, 24])
+def test_correlation_of_noise_that_a_mean_of_pixels_makes(reach, side):
+    """A mean over r x r pixels ends after r, and r^2 pixels hold the information of one, whatever the plate's size."""
+    random, meter = np.random.default_rng(3), CorrelationMeter()
+    v, u = np.mgrid[:side, :side].astype(float)
+    terms = np.stack([np.ones(side * side), u.ravel(), v.ravel()], axis=1)
+    for _ in range(150):
+        white = random.normal(size=(side + reach, side + reach))
+        noise = sum(white[i : i + side, j : j + side] for i in range(reach) for j in range(reach)) / reach
+        plane = terms @ np.linalg.lstsq(terms, noise.ravel(), rcond=None)[0]
+        meter.add(noise - plane.reshape(noise.shape), np.ones(noise.shape, bool))
+    assert meter.pixels == pytest.approx(reach**2, rel=0.25)
 
 
 @pytest.mark.parametrize("turned", [lambda image: image, np.fliplr, np.transpose, lambda image: np.flipud(image.T)])
@@ -171,12 +168,13 @@ def test_correlation_counts_pairs_of_used_pixels_only(turned):
 
 
 def test_correlation_stays_between_none_and_four_fifths():
-    """A chess board has the correlation -1, taken for 0; a bias has 1, taken for 0.8: 9 pixels along either axis."""
+    """A bias correlates by 1, taken for 0.8 at each of three lags and beyond: 1 + 2 (1.6 + 0.8 / 0.2) along an axis."""
     rows, columns = np.indices((90, 90))
-    for residuals, pixels in (((-1.0) ** (rows + columns), 1.0), (np.ones((90, 90)), 81.0), ((-1.0) ** rows, 9.0)):
+    chess = (-1.0) ** (rows + columns)
+    for residuals, low, high in ((chess, 1.0, 7.0), (np.ones((90, 90)), 148.84, 148.84)):
         meter = CorrelationMeter()
         meter.add(residuals, np.ones((90, 90), bool))
-        assert meter.pixels == pytest.approx(pixels)
+        assert low - 1e-6 <= meter.pixels <= high + 1e-6
 
 
 @pytest.mark.parametrize("size", [1.0, 100.0])

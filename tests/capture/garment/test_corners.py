@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from capture.garment.corners import (
-    CORNER_SD,
     CURL_SD,
     HARRIS_SD,
+    HELD_LINE_SD,
     PanelCorners,
     ShirtCorners,
     _extreme,
@@ -34,7 +34,7 @@ def test_corners_of_a_rectangle_lie_at_the_rims_of_its_outermost_pixels():
     assert found.pixels == pytest.approx(expected, abs=1e-6)
     # A side of up to 45 px from 3 px on is 43 pixels: 2 x 0.8 px / sqrt 43 and 0.5 px of curl.
     side = math.hypot(1.6 / math.sqrt(43), CURL_SD)
-    assert found.sd == pytest.approx(np.array([[side, CORNER_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
+    assert found.sd == pytest.approx(np.array([[side, HELD_LINE_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
 
 
 def test_a_shorter_side_gives_a_shorter_line():
@@ -57,8 +57,17 @@ def test_a_held_edge_far_from_the_corners_leaves_them_as_they_were_found():
     """A crossing more than 10 px away is none."""
     for above, refined in ((9, True), (11, False)):
         found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20 - above], [179, 20 - above]), SIDES)
-        assert (found.sd[0, 1] == CORNER_SD) == refined
+        assert (found.sd[0, 1] == HELD_LINE_SD) == refined
         assert (found.sd[0, 0] == HARRIS_SD) != refined
+
+
+def test_a_bars_end_beside_a_held_corner_does_not_move_it():
+    """The bar shows for 25 px to either side, and for 3 px below the held edge; the held edge is known to 0.1 px."""
+    mask = WHOLE | rectangle(5, 20, 194, 22)
+    held = window_held([19.5, 20], [179.5, 20])
+    found = PanelCorners().find(silhouette(mask), held, SIDES, 0.1)
+    assert found.pixels[:2] == pytest.approx(held, abs=0.1)
+    assert found.sd[:2, 1] == pytest.approx(0.1)
 
 
 def test_corners_of_a_turned_rectangle_are_found_to_a_third_of_a_pixel():
@@ -164,6 +173,6 @@ def test_a_side_is_followed_through_the_outlines_first_pixel_either_way():
             turned = np.roll(outline, begin, axis=0)
             at = [int(np.linalg.norm(turned - corner, axis=1).argmin()) for corner in ((179, 139), (20, 139))]
             for start, end in (at, at[::-1]):
-                line, sd = _side_line(turned, start, end, middle, 45.0)
+                line, sd = _side_line(turned, start, end, middle, 45.0, None)
                 assert line == pytest.approx([0.0, 1.0, -139.5], abs=1e-9)
                 assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(43), CURL_SD))

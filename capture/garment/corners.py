@@ -54,8 +54,8 @@ FARTHEST_REFINEMENT = 10.0
 # Sine of 20 degrees: there a crossing is 3 times as uncertain across as at right angles. Our choice: at half it is 6
 # times; at twice, 43 degrees, corners sharper than that would stay unrefined.
 FLATTEST_CROSSING = 0.34
-# px, a side is not quite straight near its end. On the same scenes the corners' z then has a deviation of 0.96. Half
-# gives 1.23, and double 0.72.
+# px, a side is not quite straight near its end. On the same scenes the corners' z then has a deviation of 1.12. Half
+# gives 1.38, and double 0.88.
 CURL_SD = 0.5
 # px, of the held edge across, where the markers' own deviation is not known. Our choice: three times what markers give
 # at 1.6 m, 0.25 mm.

@@ -1,6 +1,6 @@
 """Compare the probabilities that a diagnosis gives two nearly collinear effects with how often it is right.
 
-    benchmarks/collinear.py [--takes 24] [--apart 0.03 0.01 0.003] [--law 0 0.1] [--by evidence rules]
+    benchmarks/collinear.py [--takes 24] [--first 0] [--apart 0.03 0.01 0.003] [--law 0 0.1] [--by evidence rules]
 
 Takes are those of a linear cloth (`tests/fit/gap/linear_cloth.py`), so nothing is simulated. Strain stiffening moves
 this cloth as air drag does, but for the share `--apart` of a field of its own. One of the two is planted in turn, with
@@ -52,10 +52,10 @@ def takes_of(world: Lawful, effect: str, size: float, law: float) -> tuple[list[
                            unknown=unknown)]  # fmt: skip
 
 
-def measure(count: int, apart: float, law: float, by: str) -> str:
+def measure(first: int, count: int, apart: float, law: float, by: str) -> str:
     """Return a row of counts."""
     stated, right, alone = [], [], 0
-    for seed in range(count):
+    for seed in range(first, first + count):
         planted, other = (DRAG, TWIN)[:: 1 if seed % 2 == 0 else -1]
         world = Lawful(alike={TWIN: DRAG}, apart=apart)
         world.seed = seed
@@ -75,6 +75,7 @@ def measure(count: int, apart: float, law: float, by: str) -> str:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--takes", type=int, default=24, help="diagnoses a row")
+    parser.add_argument("--first", type=int, default=0, help="seed of a row's first takes")
     parser.add_argument("--apart", type=float, nargs="+", default=[0.03, 0.01, 0.003])
     parser.add_argument("--law", type=float, nargs="+", default=[0.0, 0.1])
     parser.add_argument("--by", nargs="+", default=["evidence", "rules"])
@@ -82,4 +83,4 @@ if __name__ == "__main__":
     for law in given.law:
         for apart in given.apart:
             for by in given.by:
-                print(measure(given.takes, apart, law, by), flush=True)
+                print(measure(given.first, given.takes, apart, law, by), flush=True)

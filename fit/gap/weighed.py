@@ -22,19 +22,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from fit.gap.closure import block_errors, gain_p_value
 from fit.gap.edge_words import describe_held_edge, still_off
 from fit.gap.evidence import RIVAL, SMALLEST_CLOSURE, Evidence
 from fit.gap.fitting import Fitted, Task, excludes_zero, fit
 from fit.gap.floor import Floor, measured_noise
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.gap.numerics import Refined
-from fit.gap.posterior import Found, Search, Subset
+from fit.gap.posterior import Found, Mass, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
-from fit.gap.verdict import Verdict, gap_numbers, lacks, no_gap, share_closed, with_unit
-from fit.observer.edge import is_edge_explained
+from fit.gap.verdict import Verdict, gap_numbers, is_brought, lacks, no_gap, share_closed, with_unit
+from fit.observer.edge import is_edge_explained, is_favoured_by_edge
+from fit.observer.residuals import Observer
 from formats.arrays import Floats
 from formats.diagnosis_records import in_percent
+
+# Of odds between two sets; our choice: beyond any odds that are shown, so that their logarithm is finite.
+LEAST_P_VALUE = 1e-300
 
 
 def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]) -> Found:
@@ -65,6 +70,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
 
     search = Search(rounds.observer, measured_noise(rounds.observer, base.residual), base, rows, known, refit, renew)
     found = search.go(lambda stage: rounds.progress(stage, 0.5))
+    found.mass = limited(rounds.observer, found)
     if found.fits[()] is not base:
         (rounds.base,) = judged(rounds.judge, [found.fits[()]])
         rounds.fits = sorted([*rounds.fits, found.fits[()]], key=lambda one: one.cost)
@@ -75,6 +81,38 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     rounds.refit_alone([name for name in rounds.screened if name in added and name not in rounds.singles])
     rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
     return found
+
+
+def limited(observer: Observer, found: Found) -> Mass | None:
+    """Return masses in which no set beats one that differs in one effect by more than the half-seconds confirm.
+
+    The likelihood states the covariance of the errors. Where an effect's law is inexact, this covariance is wrong, and
+    its odds between two sets are too large. The half-seconds of the fitted takes need no covariance. Student's t of
+    their gains (`fit.gap.closure.gain_p_value`) gives the probability p that the better set is no better. The odds
+    between both are at most (1 - p) / p. A set that is refuted about the present fit has its odds, too, because its own
+    fit decides. Where the held edge tells the sets apart, the likelihood's odds stay.
+    Source: Q. H. Vuong, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57 (1989).
+    """
+    mass = found.mass
+    if mass is None:
+        return None
+    best = mass.among[int(mass.total.argmax())]
+    if not best or best not in found.fits:
+        return mass
+    known, wide, top = mass.known.copy(), mass.wide.copy(), mass.among.index(best)
+    base, least = (block_errors(observer, found.fits[one].residual) for one in ((), best))
+    for n, subset in enumerate(mass.among):
+        fitted = found.fits.get(subset)
+        is_swapped = len(subset) == len(best) and len(set(subset) - set(best)) == 1
+        if fitted is None or not is_swapped or any(is_brought(observer, fitted, name) for name in subset):
+            continue
+        errors = block_errors(observer, fitted.residual)
+        p = float(np.clip(gain_p_value(errors, least, 0.0), LEAST_P_VALUE, 0.5))
+        odds = float(np.log((1 - p) / p))
+        is_told_by_edge = is_favoured_by_edge(errors.edge, least.edge, base.edge)
+        if mass.total[top] - odds > mass.total[n] and not is_told_by_edge:
+            known[n], wide[n] = mass.known[top] - odds, mass.wide[top] - odds
+    return Mass(mass.among, known, wide, mass.sharp)
 
 
 def known_error_mm(noise: Floor, refined: Refined) -> float:

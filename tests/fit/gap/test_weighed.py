@@ -255,7 +255,7 @@ def test_effects_that_are_not_there_yet_are_screened_again_and_fits_are_told_by_
 
         def go(self, tell):
             self.renew(hem)
-            return SimpleNamespace(fits={one.active: one for one in (base, hem, pair)})
+            return SimpleNamespace(fits={one.active: one for one in (base, hem, pair)}, mass=None)
 
     def screen(observer, about, names, before=None):
         screened.append((about, list(names)))

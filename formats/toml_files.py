@@ -46,6 +46,12 @@ LAST_KEY = re.compile(r"([\w.-]+)[ \t]*=(?=[^=]*$)")
 LISTED_NUMBER = re.compile(r"[+-]?\d+,0(?!00(?!\d))\d+")  # in a list 05 is no TOML, so that the comma is no separator
 
 
+# What Python says of a key or table that is there before, as another value or closed (`tomllib` of Python 3.11 to 3.14)
+STATED_TWICE = re.compile(
+    r"Cannot overwrite a value|Cannot declare |Cannot (?:mutate immutable|redefine) |Duplicate inline table key '(.*?)'"
+)
+
+
 class Tables(dict[str, Any]):
     """The tables of a file, and the text from which they were parsed."""
 
@@ -97,6 +103,8 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
         lines = text.rstrip().split("\n")
         detail = str(error).replace("(at end of document)", f"(at line {len(lines)}, the last)")
         named = re.search(r"\(at line (\d+)(?:, column (\d+))?", detail)
+        if named and STATED_TWICE.match(detail):
+            raise failure(_twice(lines, int(named[1]), detail), where=path, advice="leave out one") from error
         meant = _meant_on(lines[min(int(named[1]), len(lines)) - 1], int(named[2] or 0)) if named else ""
         raise failure(f"is not valid TOML: {detail}{meant}", where=path, advice="mend that line") from error
     except ValueError as error:  # Python reads no more than 4300 digits
@@ -106,6 +114,38 @@ def parse_toml(raw: bytes, path: Path, failure: type[HangtimeError]) -> Tables:
         raise failure("has too many brackets in each other", where=path, advice="mend it") from error
     tables.text = text
     return tables
+
+
+def _twice(lines: list[str], until: int, detail: str) -> str:
+    """Return which key or table a file states twice, and in which lines; `until`: line at which the second one ends."""
+    inline = STATED_TWICE.match(detail)
+    if inline and inline[1]:
+        return f"states {inline[1]} twice in one table (at line {until})"
+    keys, table, second = list[tuple[int, tuple[str, ...], bool]](), tuple[str, ...](), ""
+    for number, line in enumerate(lines[:until], 1):
+        if found := TABLE_LINE.match(line[:LONGEST_LINE]):
+            second, table = found[2], _parts(found[2])
+            keys.append((number, table, True))
+        elif found := KEY_LINE.match(line[:LONGEST_LINE]):
+            second = found[1]
+            keys.append((number, (*table, *_parts(found[1])), False))
+    *earlier, (at, whole, _) = keys
+    same = [number for number, key, _ in earlier if key == whole]
+    within = [
+        number for number, key, is_table in earlier
+        if key[: len(whole)] == whole or (whole[: len(key)] == key and not is_table)
+    ]  # fmt: skip
+    tables = max(
+        ((len(key), number) for number, key, is_table in earlier if is_table and key == whole[: len(key)]),
+        default=(0, None),
+    )
+    first = next(reversed(same or within), tables[1])
+    return f"states {second} twice (at line {at}{'' if first is None else f', and before at line {first}'})"
+
+
+def _parts(key: str) -> tuple[str, ...]:
+    """Return the parts of a key without their quotation marks."""
+    return tuple(part.strip("\"'") for part in re.findall(KEY_PART, key))
 
 
 def _meant_on(line: str, column: int) -> str:

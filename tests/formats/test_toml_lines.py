@@ -10,6 +10,30 @@ from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError
 from formats.toml_files import LARGEST_TOML, line_of, place_in, read_toml
 
+TWICE = [
+    ("mass_kg = 1\nname = 'a'\nmass_kg = 2\n", "states mass_kg twice (at line 3, and before at line 1)"),
+    ('points = [\n  1,\n]\n"points" = [\n  3,\n]\n', 'states "points" twice (at line 4, and before at line 1)'),
+    ("[hanger]\nids = [0]\n[sensor]\nids = 2\n[hanger]\n", "states hanger twice (at line 5, and before at line 1)"),
+    ("[hanger]\nids = 1\n[sensor]\nids = 2\nids = 3\n", "states ids twice (at line 5, and before at line 4)"),
+    ("[[p]]\nx = 1\n[[p]]\nx = 2\nx = 3\n", "states x twice (at line 5, and before at line 4)"),
+    ("points = []\n[[points]]\n", "states points twice (at line 2, and before at line 1)"),
+    ("[[points]]\n[points]\n", "states points twice (at line 2, and before at line 1)"),
+    ("[[a.b]]\n[a]\nb.c = 2\n", "states b.c twice (at line 3, and before at line 1)"),
+    ("a = 1\na.b = 2\n", "states a.b twice (at line 2, and before at line 1)"),
+    ("a = {x = 1}\n[a.y]\n", "states a.y twice (at line 2, and before at line 1)"),
+    ("[a]\nb.c = 1\n[a.b]\n", "states a.b twice (at line 3, and before at line 2)"),
+    ("points = [\n  {name = 'a', name = 'b'}]\n", "states name twice in one table (at line 2)"),
+]
+
+
+@pytest.mark.parametrize(("text", "says"), TWICE)
+def test_a_key_or_table_that_is_there_twice_is_named_with_both_lines(tmp_path, text, says):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(DescriptionError) as refused:
+        read_toml(tmp_path / "a.toml")
+    assert str(refused.value) == f"{tmp_path}/a.toml: {says}; leave out one"
+
+
 TEXT = """format = "hangtime-rig/1"
 name = "x"
 

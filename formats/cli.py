@@ -242,6 +242,9 @@ def list_labels(
         DecimalSign | None,
         typer.Option("--decimal", show_default="as the file shows", help="Decimal separator of a text file."),
     ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Let --unit count where the file states another unit.")
+    ] = False,
 ) -> None:  # fmt: skip
     """List the markers of motion capture files before a garment is described: names, how often seen, first position.
 
@@ -257,7 +260,7 @@ def list_labels(
     lost: dict[Path, HangtimeError] = {}
     for path in paths:
         try:
-            words, facts = _labels_in(path, unit, decimal or "")
+            words, facts = _labels_in(path, unit, decimal or "", anyway=anyway)
         except TakeError as error:
             if isinstance(error.where, str) and error.where.startswith("--"):  # an option is wrong for every file
                 raise
@@ -270,7 +273,7 @@ def list_labels(
     end_with(lost, len(paths))
 
 
-def _labels_in(path: Path, unit: str | None, decimal: str) -> tuple[str, dict[str, object]]:
+def _labels_in(path: Path, unit: str | None, decimal: str, *, anyway: bool) -> tuple[str, dict[str, object]]:
     """Return the markers of a file, in words and as facts.
 
     Raises:
@@ -281,7 +284,7 @@ def _labels_in(path: Path, unit: str | None, decimal: str) -> tuple[str, dict[st
     from formats.importers.marker_files import read_marker_tracks
     from formats.plain_text import counted, plain
 
-    tracks = read_marker_tracks(path, unit, decimal)
+    tracks = read_marker_tracks(path, unit, decimal, anyway=anyway)
     seen = np.asarray(np.isfinite(tracks.positions).all(2))
     time = tracks.time
     length = float(time[-1] - time[0]) if len(time) else 0.0

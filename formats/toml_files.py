@@ -46,7 +46,7 @@ LAST_KEY = re.compile(r"([\w.-]+)[ \t]*=(?=[^=]*$)")
 LISTED_NUMBER = re.compile(r"[+-]?\d+,0(?!00(?!\d))\d+")  # in a list 05 is no TOML, so that the comma is no separator
 
 
-# What Python says of a key or table that is there before, as another value or closed (`tomllib` of Python 3.11 to 3.14)
+# Words of Python's parser about a key or table that is there before; source: `tomllib` of Python 3.11
 STATED_TWICE = re.compile(
     r"Cannot overwrite a value|Cannot declare |Cannot (?:mutate immutable|redefine) |Duplicate inline table key '(.*?)'"
 )

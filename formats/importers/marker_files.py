@@ -75,5 +75,6 @@ def read_marker_tracks(
     if given is not None and given.overridden:
         box = np.nanmax(tracks.positions, (0, 1)) - np.nanmin(tracks.positions, (0, 1))
         told = given.warning_of(float(box.max()))
-        return replace(tracks, warning="; ".join(filter(None, [told, tracks.warning])))
+        warning = "; ".join(filter(None, [told, tracks.warning]))
+        return replace(tracks, warning=warning, overridden=tuple(given.overridden))
     return tracks

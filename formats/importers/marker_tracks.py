@@ -39,6 +39,7 @@ class MarkerTracks:
     - `without_path`: names for which the file has no trajectory
     - `zeros`: how often each marker has three zero coordinates, read as not seen, (markers,); None if unknown
     - `expected`: names for which the file has only a computed trajectory, and no measured one
+    - `overridden`: symbols of the units that the file states and that did not count
     - `named_unit` [s]: unit that the times' column states in Hangtime's own CSV, None in other files
     """
 
@@ -52,6 +53,7 @@ class MarkerTracks:
     expected: tuple[str, ...] = ()
     zeros: Integers | None = None
     named_unit: float | None = None
+    overridden: tuple[str, ...] = ()
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return the indices of the markers with this name, of one subject or, by default, of any."""

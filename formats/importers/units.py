@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from formats.errors import TakeError
@@ -112,10 +113,15 @@ def other_unit(ratio: float) -> str:
     return f"; are these {USUAL[meant]} that were taken for {USUAL[taken]}?"
 
 
-def step_of_unit(ratio: float) -> str:
-    """Return the options with which the probable unit counts, '' where none fits; `ratio` as in `other_unit`."""
-    found = _taken_and_meant(ratio)
-    return f"; if so, give --unit {found[1]} --anyway" if found else ""
+def step_of_unit(ratio: float, overridden: Sequence[str] = ()) -> str:
+    """Return the options with which the probable unit counts, '' where none fits.
+
+    - `ratio`: as in `other_unit`
+    - `overridden`: symbols of the units that the file states and that --unit overrides
+    """
+    if (found := _taken_and_meant(ratio)) is None:
+        return ""
+    return "; if so, leave out --unit" if found[1] in overridden else f"; if so, give --unit {found[1]} --anyway"
 
 
 def _taken_and_meant(ratio: float) -> tuple[str, str] | None:

@@ -56,6 +56,32 @@ def test_the_given_unit_counts_with_anyway_and_the_take_says_which_was_overridde
     assert f"Warning: {OVERRIDDEN}\n" in done.stdout
 
 
+def test_a_unit_that_was_overridden_falsely_is_refused_with_the_simpler_step(tmp_path):
+    """The file states millimetres, which they are."""
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    places = 1e3 * hanging().positions
+    (tmp_path / "m.c3d").write_bytes(c3d_bytes(places, list(hanging().labels)))
+    words = [word.replace("m.csv", "m.c3d") for word in IMPORT]
+    done = hangtime_here(*words, "--unit", "m", "--anyway", folder=tmp_path)
+    assert done.returncode == 2
+    assert (
+        "taken for metres? Check the unit, the garment's size and the names of the markers; if so, leave out --unit"
+        in (done.stderr)
+    )
+
+
+def test_labels_are_listed_in_the_given_unit_with_anyway(desk):
+    words = ("takes", "labels", "m.csv", "--unit", "mm")
+    refused = hangtime_here(*words, folder=desk)
+    assert refused.returncode == 2
+    assert "leave out --unit, or give --anyway too, and mm counts" in refused.stderr
+    done = hangtime_here(*words, "--anyway", "--json", folder=desk)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["file_doubt"].startswith("the file states its lengths in m, and --unit mm counts")
+    np.testing.assert_allclose(told["markers"][0]["first_m"], hanging().positions[0, 0], atol=1e-6)
+
+
 def test_anyway_alone_and_the_unit_that_the_file_states_override_nothing(tmp_path):
     path = write_marker_csv(tmp_path / "m.csv", hanging())
     for unit in (None, "m"):

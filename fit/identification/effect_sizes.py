@@ -7,8 +7,8 @@ other solvers and with nature. So its interval also covers the error of mesh and
     half width = sqrt(search^2 + mesh and solver^2 + laws^2)
 
 Each parameter moves once by a twentieth of its box from the search's result. So the motion m per unit of an amplitude
-is known beyond what the other parameters imitate. The result is simulated once on a finer mesh. A simulation that blows
-up leaves a size without an interval within its range.
+is known beyond what the other parameters imitate. The result is simulated once on a finer mesh. Where one of these
+simulations blows up, the interval of every size is its whole range.
 """
 
 from __future__ import annotations
@@ -45,15 +45,16 @@ def half_widths(observer: Observer, request: Request, best: Floats) -> Floats:
     step = np.where(unit + DIFFERENCE <= 1, DIFFERENCE, -DIFFERENCE)
     candidates = space.from_unit(np.concatenate([unit[None], unit + np.diag(step)]))
     residuals = _sound(observer, candidates, count)
-    rows = np.nan_to_num((residuals[1:] - residuals[0]) / step[:, None])
+    rows = (residuals[1:] - residuals[0]) / step[:, None]
     fine, _, ratio = finer(observer)
     apart = float(observer.in_mm(_sound(fine, best[None], count)[0] - residuals[0]))
     numerics = with_solver_mm(mesh_error_mm(apart, ratio), observer)
     more, slope, place = np.zeros(len(best)), space.slope(best), count
+    is_sound = np.isfinite(numerics) and np.isfinite(rows).all()
     for effect in request.effects:
         for k in range(place, place + len(effect.components)):
-            moved = float(observer.in_mm(_beyond_others(rows, k))) / slope[k]
-            wrong = wrong_by_mesh(numerics, 1 / max(moved, 1e-12)) if np.isfinite(numerics) else np.inf
+            moved = float(observer.in_mm(_beyond_others(rows, k))) / slope[k] if is_sound else 0.0
+            wrong = wrong_by_mesh(numerics, 1 / max(moved, 1e-12)) if is_sound else np.inf
             more[k] = np.hypot(wrong, wrong_by_law(effect.law_spread, best[k]))
         place += len(effect.components)
     return more

@@ -127,13 +127,14 @@ def at_bounds(unit: Floats) -> tuple[Booleans, Booleans]:
 def widened(space: BoundedSpace, intervals: Intervals, best: Floats, more: Floats) -> Intervals:
     """Return intervals with independent errors added in squares.
 
-    - best, (parameters,): the search's result
-    - more, (parameters,): half widths of the errors' own 90 % intervals, in the parameters' units
+    - best, (parameters,): the search's result, which may lie outside an interval of draws
+    - more, (parameters,): half widths of the errors' own 90 % intervals, in the parameters' units; 0 changes nothing
     """
     more = np.minimum(more, space.maximum - space.minimum)
-    below, above = best - intervals.ends[:, 0], intervals.ends[:, 1] - best
+    below, above = np.maximum([best - intervals.ends[:, 0], intervals.ends[:, 1] - best], 0.0)
     ends = np.stack([best - np.hypot(below, more), best + np.hypot(above, more)], axis=1)
     ends = np.clip(ends, space.minimum[:, None], space.maximum[:, None])
+    ends = np.where(more[:, None] > 0.0, ends, intervals.ends)
     covariance = intervals.covariance + np.diag((more / intervals.spread) ** 2)
     most = SHARE_IDENTIFIED * PRIOR_SD * space.slope(best)
     is_identified = intervals.is_identified & ((more == 0.0) | (np.sqrt(np.diag(covariance)) < most))

@@ -19,7 +19,7 @@ from fit.recordings.recording import prepare
 from fit.search.intervals import PRIOR_SD, Intervals, LinearModel, block_intervals, widened
 from fit.search.least_squares import BoundedSpace
 from formats.nature import NORMAL_90
-from tests.fit.gap.linear_cloth import MESH, LinearCloth, World, a_take
+from tests.fit.gap.linear_cloth import MESH, OF_VECTOR, LinearCloth, World, a_take
 
 REQUEST = Request(method=SI, effects=find_effects(["air_drag", "hem"]), resolution=MESH)
 TRUE = {"air_drag": 1.2, "hem": 0.01}
@@ -142,7 +142,26 @@ def test_a_fit_without_an_effect_is_not_simulated_again(monkeypatch):
     assert with_sizes([], plain, np.ones(5), GIVEN) == (GIVEN, 0)
 
 
-def test_a_size_whose_simulation_blows_up_has_no_interval(monkeypatch):
+def test_an_end_of_another_parameter_stays_to_the_last_digit():
+    given = dataclasses.replace(GIVEN, ends=np.array([[1.0, 7.3], [0.7, 1.6]]))
+    for best in np.linspace(1.01, 7.29, 50):
+        wide = widened(SPACE, given, np.array([best, 1.0]), np.array([0.0, 0.4]))
+        assert wide.ends[0].tolist() == [1.0, 7.3]
+
+
+@pytest.mark.parametrize(
+    ("best", "ends"), [(0.5, [0.1, 0.5 + np.hypot(1.1, 0.4)]), (1.7, [1.7 - np.hypot(1.0, 0.4), 2.0])]
+)
+def test_a_best_draw_outside_the_draws_interval_widens_it_and_no_other_one(best, ends):
+    """The best draw of a parameter may lie beyond the 5 % or the 95 % of the draws, which then hold it no more."""
+    wide = widened(SPACE, GIVEN, np.array([6.0, best]), np.array([0.0, 0.4]))
+    assert wide.ends[0].tolist() == [2.0, 5.0]
+    assert wide.ends[1] == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("mesh", ["finer", "own"])
+def test_where_a_simulation_blows_up_no_size_has_an_interval(monkeypatch, mesh):
+    """On the finer mesh; or that of another parameter, so that nothing tells what it imitates of the sizes."""
     world = World()
     in_world(monkeypatch, world)
     recording = prepare(a_take("a", world, TRUE))
@@ -150,11 +169,14 @@ def test_a_size_whose_simulation_blows_up_has_no_interval(monkeypatch):
     best, _ = solved(observer)
     usual = LinearCloth.run
 
-    def run(self, *given, **options):
-        found = usual(self, *given, **options)
-        if self.mesh.spacing < 0.09:
-            found.points[:] = np.nan
+    def run(self, materials, *given, **options):
+        found = usual(self, materials, *given, **options)
+        damping = materials[:, OF_VECTOR[-1]]
+        is_broken = self.mesh.spacing < 0.09 if mesh == "finer" else damping > damping[0]
+        found.points[np.broadcast_to(is_broken, len(materials))] = np.nan
         return found
 
     monkeypatch.setattr(LinearCloth, "run", run)
-    assert np.isinf(half_widths(observer, REQUEST, best)[5:]).all()
+    found = half_widths(observer, REQUEST, best)
+    assert np.isinf(found[5:]).all()
+    assert not found[:5].any()

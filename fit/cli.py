@@ -186,7 +186,7 @@ def fit_command(
     request = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
-    ).request()  # fmt: skip
+    ).without_unused(say).request()  # fmt: skip
     check_engine(request.engine, request.method, request.effects)
     mesh = request.resolution.spacing
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)

@@ -173,8 +173,7 @@ def batch_command(
     plan = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma, search=search,
         spacing=spacing, seed=seed, fabric=fabric,
-    )  # fmt: skip
-    plan.request()
+    ).without_unused(say)  # fmt: skip
     for option, given, its in (("--workers", workers, "workers"), ("--dashboard-port", dashboard_port, "a dashboard")):
         if scheduler is not None and given is not None:
             raise BatchError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -110,27 +111,46 @@ class Plan:
             FitError: an unknown method, fabric, effect, engine or search, bounds that do not hold, or a setting of the
                 search that the search does not use.
         """
+        made = self._made()
+        for option, why in self._unused().items():  # last, so that a value without a meaning is named as such
+            advice = "leave it out, or choose another --search, as annealing"
+            raise FitError(f"changes nothing here: {why}", where=option, advice=advice)
+        return made
+
+    def without_unused(self, say: Callable[[str], None]) -> Plan:
+        """Return the plan without the settings that its search does not use, and say of each that it changes nothing.
+
+        Raises:
+            FitError: as `request`, except for settings that are not used.
+        """
+        self._made()  # a value without a meaning is refused, whether the search uses it or not
+        unused = self._unused()
+        for option, why in unused.items():
+            say(f"{option} changes nothing here: {why}.")
+        return replace(
+            self, gamma=None if "--gamma" in unused else self.gamma,
+            iterations=None if "--iterations" in unused else self.iterations,
+        )  # fmt: skip
+
+    def _made(self) -> Request:
         method = find_method(self.method)
         if self.fabric is not None:
             method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
-        made = request_of(
+        return request_of(
             method, list(self.effects), seed=self.seed, gamma=self.gamma,
             iterations=PRINTED_ITERATIONS if self.iterations is None else self.iterations,
             spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
             engine=self.engine, search=self.search,
         )  # fmt: skip
-        _check_used(self)  # last, so that a value without a meaning is named as such
-        return made
 
-
-def _check_used(plan: Plan) -> None:
-    """Refuse a setting that the plan's search does not use."""
-    name, advice = plan.search, "leave it out, or choose another --search, as annealing"
-    if plan.gamma is not None and name not in ANNEALED:
-        raise FitError(f"changes nothing here: {name} does not use gamma", where="--gamma", advice=advice)
-    if name in OBSERVED and plan.iterations is not None:
-        what = f"changes nothing here: {name} has no number of iterations"
-        raise FitError(what, where="--iterations", advice=advice)
+    def _unused(self) -> dict[str, str]:
+        """Return the reason for each given option that the plan's search does not use."""
+        unused = {}
+        if self.gamma is not None and self.search not in ANNEALED:
+            unused["--gamma"] = f"{self.search} does not use gamma"
+        if self.search in OBSERVED and self.iterations is not None:
+            unused["--iterations"] = f"{self.search} has no number of iterations"
+        return unused
 
 
 def request_of(

@@ -159,9 +159,10 @@ def test_three_hundred_workers_of_one_processor_are_one_and_the_batch_says_so(tm
         (("--workers", "2.5"), "--workers"),
         (("--workers", "2", "--scheduler", "tcp://127.0.0.1:9"), "--workers: changes nothing here"),
         (("--dashboard-port", "0", "--scheduler", "tcp://127.0.0.1:9"), "--dashboard-port: changes nothing here"),
-        (("--gamma", "1e4"), "--gamma: changes nothing here: least-squares does not use gamma"),
-        (("--iterations", "20"), "--iterations: changes nothing here: least-squares has no number of iterations"),
-        (("--iterations", "350"), "--iterations: changes nothing here: least-squares has no number of iterations"),
+        (  # told, and refused for the workers alone
+            ("--iterations", "20", "--workers", "2", "--scheduler", "tcp://127.0.0.1:9"),
+            "--iterations changes nothing here: least-squares has no number of iterations.\n",
+        ),
         (("--iterations", "0"), "the value must be at least 1"),
         (("--iterations", "999999999999"), "--iterations"),
         (("--gamma", "nan"), "--gamma: gamma is nan; give a number above 0"),

@@ -137,3 +137,29 @@ def test_a_search_without_iterations_refuses_every_number_of_them_and_none_is_no
     assert Plan(search="annealing") == Plan(search="annealing", iterations=350)
     with pytest.raises(FitError, match="give a whole number from 1 to 1000000"):
         Plan(search=search, iterations=0).request()
+
+
+@pytest.mark.parametrize(
+    ("search", "given", "told"),
+    [
+        (
+            "least-squares",
+            {"iterations": 1},
+            ["--iterations changes nothing here: least-squares has no number of iterations."],
+        ),
+        ("cma-es", {"gamma": 1e5, "iterations": 9}, ["--gamma changes nothing here: cma-es does not use gamma."]),
+        ("annealing", {"gamma": 1e5, "iterations": 9}, []),
+    ],
+)
+def test_a_command_leaves_out_what_its_search_does_not_use_and_says_so(search, given, told):
+    said = []
+    plan = Plan(search=search, **given).without_unused(said.append)
+    assert said == told
+    unused = {words.split()[0].removeprefix("--") for words in told}
+    assert plan == Plan(search=search, **{name: value for name, value in given.items() if name not in unused})
+    assert plan.request().search == search
+
+
+def test_what_a_search_does_not_use_is_still_refused_where_it_has_no_meaning():
+    with pytest.raises(FitError, match="gamma is -1; give a number above 0"):
+        Plan(gamma=-1.0).without_unused(print)

@@ -1,7 +1,8 @@
 """State the digest of a result's content in its file, and refuse a file that was changed after it was written.
 
-A digest is the SHA-256 of the file's JSON without spaces and without the digest. How numbers are written does
-not count. Results of older versions state no digest, and are read as they are.
+A digest is the SHA-256 of the content as JSON without the digest and without spaces. Fields stand in the order of their
+names, and every number is a double, as in 1.0. So a result may pass through any program that keeps its content. Results
+of older versions state no digest, and are read as they are.
 """
 
 from __future__ import annotations
@@ -18,36 +19,43 @@ KEY = "digest"  # of the field
 
 def with_digest(raw: bytes) -> bytes:
     """Return the JSON of a result with its digest, behind its first field, the format."""
-    compact = msgspec.json.format(raw, indent=-1)
-    fields: dict[str, msgspec.Raw] = msgspec.json.decode(compact, type=dict[str, msgspec.Raw])
+    fields: dict[str, msgspec.Raw] = msgspec.json.decode(raw, type=dict[str, msgspec.Raw])
     first, *others = fields
-    named = msgspec.Raw(msgspec.json.encode(_digest_of(compact)))
+    named = msgspec.Raw(msgspec.json.encode(_digest_of(raw)))
     return msgspec.json.encode({first: fields[first], KEY: named, **{name: fields[name] for name in others}})
 
 
-def check_digest(raw: bytes, stated: str, typed: bytes, where: object, again: str) -> None:
+def check_digest(raw: bytes, stated: str, where: object, again: str) -> None:
     """Refuse the JSON of a result whose content has another digest than it states.
 
-    - `typed`: the JSON of what was read, without a digest
-    - `again`: the command that makes it again, such as "fit again"
+    again: the command that makes it again, such as "fit again"
 
     Raises:
         ResultError: it was changed after it was written.
     """
-    raw = raw.removeprefix(BOM_UTF8)
-    compact = msgspec.json.format(raw, indent=-1)
-    own = b'"%s":%s,' % (KEY.encode(), msgspec.json.encode(stated))
-    if _digest_of(compact.replace(own, b"", 1)) == stated:
-        return
-    # Another program may have written the same numbers in other words, or the fields in another order.
-    plain = msgspec.json.decode(compact, type=dict[str, object])
-    plain.pop(KEY, None)
-    if stated not in (_digest_of(msgspec.json.encode(plain)), _digest_of(typed)):
+    if _digest_of(raw.removeprefix(BOM_UTF8)) != stated:
         raise ResultError(
             "was changed after it was written: its content has another digest than it states", where=where,
             advice=f"{again}; or remove its line {KEY!r}, and it is read as it is",
         )  # fmt: skip
 
 
-def _digest_of(compact: bytes) -> str:
-    return hashlib.sha256(compact).hexdigest()
+def _digest_of(raw: bytes) -> str:
+    content: dict[str, object] = msgspec.json.decode(raw, type=dict[str, object])
+    content.pop(KEY, None)
+    return hashlib.sha256(msgspec.json.encode(_in_doubles(content), order="sorted")).hexdigest()
+
+
+def _in_doubles(value: object) -> object:
+    """Return a value with each number as a double, if this is exact; some programs write 1.0 as 1, and -0.0 as 0."""
+    if isinstance(value, dict):
+        return {name: _in_doubles(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_in_doubles(one) for one in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            double = float(value) + 0.0  # -0.0 + 0.0 is 0.0
+        except OverflowError:
+            return value
+        return double if double == value else value
+    return value

@@ -134,7 +134,7 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     stated, record = record.digest, msgspec.structs.replace(record, digest=msgspec.UNSET)
     if isinstance(stated, str):
         again = "fit again" if isinstance(record, FitResult) else "diagnose again"
-        check_digest(raw, stated, msgspec.json.encode(record), where, again)
+        check_digest(raw, stated, where, again)
     return record
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import msgspec
 import pytest
 
 from formats.errors import ResultError
@@ -69,17 +70,38 @@ def test_a_changed_word_and_a_further_one_are_found(kept):
 def test_a_result_in_other_spaces_line_ends_and_order_is_the_same(kept, indent):
     path, load, record, _ = kept
     whole = json.loads(path.read_text())
-    for one in (whole, dict(reversed(whole.items()))):
+    for one in (whole, dict(reversed(whole.items())), json.loads(json.dumps(whole, sort_keys=True))):
         path.write_bytes(b"\xef\xbb\xbf" + json.dumps(one, indent=indent).replace("\n", "\r\n").encode())
         assert load(path) == record
 
 
-def test_whole_numbers_without_a_point_are_the_same(kept):
+def test_a_result_as_other_programs_write_its_numbers_is_the_same(kept):
+    """JavaScript writes 1.0 and -0.0 as 1 and 0, and 1e-07 as 1e-7."""
     path, load, record, _ = kept
     text = re.sub(r"(?<=\d)\.0(?=[,\n\]])", "", path.read_text())
     assert text != path.read_text()
     path.write_text(text)
     assert load(path) == record
+    path.write_text(json.dumps(json.loads(text), sort_keys=True))
+    assert load(path) == record
+
+
+def test_numbers_of_any_size_have_one_digest(tmp_path):
+    numbers = [-0.0, 0.0, 1e-7, 2.0**53 + 2, 1e22, 1.5, 7.0]
+    save_fit_result(tmp_path / "r.json", msgspec.structs.replace(fit_result(), history=numbers))
+    whole = json.loads((tmp_path / "r.json").read_text())
+    assert whole["history"] == numbers
+    text = json.dumps(whole | {"history": "here"})
+    (tmp_path / "r.json").write_text(text.replace('"here"', "[0, 0, 1e-7, 9007199254740994, 1e+22, 15e-1, 7]"))
+    assert load_fit_result(tmp_path / "r.json").history == numbers
+
+
+def test_a_whole_number_beyond_every_double_is_a_change(tmp_path):
+    save_fit_result(tmp_path / "r.json", fit_result())
+    whole = json.loads((tmp_path / "r.json").read_text())
+    (tmp_path / "r.json").write_text(json.dumps(whole | {"seed": 10**400}))
+    with pytest.raises(ResultError, match="was changed after it was written"):
+        load_fit_result(tmp_path / "r.json")
 
 
 def test_a_result_without_a_digest_is_read_as_it_is(kept):

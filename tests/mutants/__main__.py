@@ -88,7 +88,7 @@ def main() -> int:
     parser.add_argument("--sample", type=int, metavar="N", help="test N mutants of each folder, drawn at random")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
     parser.add_argument("--keep", type=Path, default=COPIES / "kept", metavar="DIR", help="folder of the results")
-    parser.add_argument("--minutes", type=float, default=math.inf, metavar="N", help="end after N minutes")
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="N", help="test no mutant after N minutes")
     asked = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # ends mutmut too, and keeps its results
     listed, untested = (

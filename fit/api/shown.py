@@ -23,17 +23,18 @@ IF_IT_HOLDS = "90 % interval, if the model holds"
 # The coverage is measured on takes of the fit's own solver and mesh (`benchmarks/search.py`).
 COVERED_BY_INTERVALS = (
     "90 % intervals cover the takes' noise and the local minima that the search found, but neither missing physics nor "
-    "the mesh's error.",
-    "That of an effect's size covers mesh, solver and the effect's other laws as well. `hangtime diagnose` finds "
-    "missing physics.",
+    "the mesh's error."
 )
+COVERED_OF_EFFECTS = "That of an effect's size covers mesh, solver and the effect's other laws as well."
+FINDS_PHYSICS = "`hangtime diagnose` finds missing physics."
 
 
 def fit_tables(result: FitResult) -> list[Table]:
     """Return tables of the parameters, errors, objective parts and parameter combinations of a fit."""
     tables = [parameter_table(result.parameters), _error_table(result)]
     if any(p.interval_low is not None for p in result.parameters):
-        tables[0] = Table(heads=tables[0].heads, rows=tables[0].rows, remarks=COVERED_BY_INTERVALS)
+        more = f"{COVERED_OF_EFFECTS} {FINDS_PHYSICS}" if result.effects else FINDS_PHYSICS
+        tables[0] = Table(heads=tables[0].heads, rows=tables[0].rows, remarks=(COVERED_BY_INTERVALS, more))
     if result.objective is not None and len(result.objective.parts) > 1:
         whole = result.objective
         parts = [(f"{whole.name}, training", (whole.before, whole.after))]

@@ -21,7 +21,8 @@ OF_A_DIAGNOSIS = {
 }
 OF_PARAMETERS = {
     "90 % interval": "Of a fitted value, if the model is right. The interval covers the takes' noise and the local "
-    "minima that the search found. The interval covers neither missing physics nor the mesh's error.",
+    "minima that the search found. The interval covers neither missing physics nor the mesh's error. The interval of "
+    "an effect's size also covers mesh, solver and other laws of the effect.",
     "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
     "Not identified": "This recording cannot tell the value, so the parameter has an interval and no value. Other "
     "parameters can make up for this one, or the range stopped it.",

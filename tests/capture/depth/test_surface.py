@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.depth.surface import CorrelationMeter, fit_surface, pixel_sd
+from capture.depth.surface import CorrelationMeter, _reach, fit_surface, pixel_sd
 
 FOCAL = 575.8
 A, B, C = 0.625, 4e-4, -3e-4  # 1/m and 1/(m px): 1.6 m at u = v = 0, inverse depth rising to the right
@@ -175,6 +175,60 @@ def test_correlation_stays_between_none_and_four_fifths():
         meter = CorrelationMeter()
         meter.add(residuals, np.ones((90, 90), bool))
         assert low - 1e-6 <= meter.pixels <= high + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("rho", "reach"),
+    [([0.5, 0.4, 0.2], 3.6), ([0.5, 0.0, 0.25], 2.5), ([0.0, 0.1, 0.2], 3.2), ([0.0, 0.0, 0.0], 1.0)],
+)
+def test_correlation_goes_on_beyond_three_pixels_as_from_the_second_to_the_third(rho, reach):
+    """1 + 2 (0.9 + 0.2 / (1 - 0.5)); nothing goes on from a second of 0; and 0.8 at most: 1 + 2 (0.1 + 0.2 / 0.2)."""
+    assert _reach(rho) == pytest.approx(reach)
+
+
+def test_the_start_of_correlation_weighs_two_hundred_pixels():
+    """Two pixels of the square 200 correlate by 1: from white noise 200 of 400, and 1 + 2 x 0.5 along u alone.
+
+    A Kinect's 0.58 becomes (116 + 20) / 220 by two of the square 20. 0.38 + 0.27 / (1 - 0.27 / 0.38) stays.
+    """
+    for way in (np.asarray, np.transpose):
+        white, kinect = CorrelationMeter(1.0), CorrelationMeter()
+        white.add(way(np.full((1, 2), math.sqrt(200))), way(np.ones((1, 2), bool)))
+        assert white.pixels == pytest.approx(2.0)
+        kinect.add(way(np.full((1, 2), math.sqrt(20))), way(np.ones((1, 2), bool)))
+        rest = 0.38 + 0.27 / (1 - 0.27 / 0.38)
+        assert kinect.pixels == pytest.approx((1 + 2 * (136 / 220 + rest)) * (1 + 2 * (0.58 + rest)))
+
+
+@pytest.mark.parametrize("plates", [1, 2])
+def test_correlation_gives_back_what_the_plane_took_up(plates):
+    """A row of 1000 used pixels whose residuals are 2, 1 and then 0: products 2, 0 and 0, squares 3, 2.5 and 2.5.
+
+    The plane took up b = 3 p / 1000: rho = 2 / 3 + b / 3, b and b, and q is 0.8. Then
+    p = 1 + 2 (2 / 3 + b / 3 + b + 5 b).
+    """
+    for way in (np.asarray, np.transpose):
+        meter = CorrelationMeter(1.0)
+        residuals, used = np.zeros((1, 1200)), np.arange(1200)[None] < 1000
+        residuals[0, :2] = 2e6, 1e6  # beside these the start weighs nothing
+        for _ in range(plates):
+            meter.add(way(residuals), way(used))
+        assert meter.pixels == pytest.approx((7 / 3) / (1 - 0.038), rel=1e-6)
+
+
+@pytest.mark.parametrize("start", [1.0, 200.0])
+@pytest.mark.parametrize("shape", [(20, 25), (12, 9)])
+def test_correlation_is_found_by_iteration_whatever_it_was_before(start, shape):
+    """One residual in a corner: rho is b = 3 p / 500 at each lag, so p = (1 + 14 b)^2, also on a plate of 108 pixels.
+
+    The smaller root of (0.084 p)^2 - 0.832 p + 1 is 1.2144; from above the other, 116.7, the iteration runs away.
+    """
+    meter, residuals = CorrelationMeter(start), np.zeros(shape)
+    residuals[0, 0] = 1e6
+    meter.add(residuals, np.ones(shape, bool))
+    root = (0.832 - math.sqrt(0.832**2 - 4 * 0.084**2)) / (2 * 0.084**2)
+    assert root == pytest.approx(1.2144, abs=1e-4)
+    assert meter.pixels == pytest.approx(root, rel=1e-5)
 
 
 @pytest.mark.parametrize("size", [1.0, 100.0])

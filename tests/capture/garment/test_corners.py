@@ -54,11 +54,56 @@ def test_sides_too_short_for_a_line_leave_the_corner_as_it_was_found():
 
 
 def test_a_held_edge_far_from_the_corners_leaves_them_as_they_were_found():
-    """A crossing more than 10 px away is none."""
-    for above, refined in ((9, True), (11, False)):
+    """A crossing more than 10 px away is none, above the corner or below it."""
+    for above, refined in ((9, True), (11, False), (-9, True), (-11, False)):
         found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20 - above], [179, 20 - above]), SIDES)
         assert (found.sd[0, 1] == HELD_LINE_SD) == refined
         assert (found.sd[0, 0] == HARRIS_SD) != refined
+
+
+def test_a_corner_beside_a_longer_held_edge_is_refined_and_stays_where_it_was_found_without_a_line():
+    """The held edge goes on for 15 px to either side, beyond what may replace a corner; then for 6 px."""
+    found = PanelCorners().find(silhouette(WHOLE), window_held([5, 18], [194, 18]), SIDES)
+    assert found.pixels[:2] == pytest.approx(LEFT_TOP + np.array([[19.5, 18], [179.5, 18]]), abs=1e-6)
+    short = PanelCorners().find(silhouette(WHOLE), window_held([14, 18], [185, 18]), np.full((4, 2), 10.0))
+    assert short.sd.tolist() == [[HARRIS_SD] * 2] * 4
+    assert short.pixels == pytest.approx(LEFT_TOP + RECTANGLE, abs=2)
+
+
+def test_pixels_within_three_of_the_held_edge_are_no_side_above_it_or_below():
+    """The held edge is 9 px below the cloth's top: of 43 pixels of the side, the five from 2 above to 2 below."""
+    found = PanelCorners().find(silhouette(WHOLE), window_held([20, 29], [179, 29]), SIDES)
+    assert found.sd[0] == pytest.approx([math.hypot(1.6 / math.sqrt(38), CURL_SD), HELD_LINE_SD], rel=1e-6)
+
+
+def test_a_triangle_has_no_four_corners():
+    """Its lower right corner is the upper right one too."""
+    rows, columns = np.indices(WHOLE.shape)
+    half = WHOLE * ((columns - 20) * 119 <= (rows - 20) * 159).astype(WHOLE.dtype)
+    found = PanelCorners().find(silhouette(half), window_held([20, 20], [179, 20]), SIDES)
+    assert np.isnan([found.pixels, found.sd]).all()
+
+
+def row_of(heights):
+    """Return the line and its deviation of a row of pixels, x from 0 to 45, whose garment lies at smaller y."""
+    outline = np.stack([np.arange(200.0), np.concatenate([heights, np.zeros(200 - len(heights))])], 1)
+    return _side_line(outline, 0, 80, np.array([24.0, -20.0]), 45.5, None)
+
+
+def test_a_side_without_its_outliers_counts_those_pixels_that_remain():
+    """Of x from 3 to 45 px four lie 10 px off and go first. The one 2.5 px off moves the line, and counts no more."""
+    heights = np.zeros(46)
+    heights[[14, 19, 29, 34]], heights[24] = 10.0, 2.5
+    line, sd = row_of(heights)
+    assert line == pytest.approx([0.0, 1.0, -2.5 / 39 - 0.5], abs=1e-9)
+    assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(38), CURL_SD))
+
+
+def test_a_ragged_side_is_as_uncertain_as_its_pixels_scatter():
+    """22 pixels 1 px off and 21 by turns -1 px: about 1 / 43, the middle distance is 42 / 43 px, times 1.5."""
+    line, sd = row_of(np.where(np.arange(46) % 2, 1.0, -1.0))
+    assert line == pytest.approx([0.0, 1.0, -1 / 43 - 0.5], abs=1e-9)
+    assert sd == pytest.approx(math.hypot(2 * 1.5 * 42 / 43 / math.sqrt(43), CURL_SD))
 
 
 def test_a_bars_end_beside_a_held_corner_does_not_move_it():

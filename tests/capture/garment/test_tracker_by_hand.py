@@ -97,11 +97,11 @@ def test_held_points_and_points_without_a_position_have_no_mismatch(tracker):
 def test_a_corner_at_the_held_edges_end_is_held_and_one_elsewhere_is_taken_away(tracker):
     """Three centimetres; what it is off by beyond two deviations along an axis adds to its deviation."""
     places, sd = PLACES.copy(), np.full((5, 3), 0.003)
-    places[0] += [0.010, 0.0, -0.004]
+    places[0], sd[0, 2] = places[0] + [0.010, 0.0, -0.004], 0.001
     places[1] += [0.0, 0.031, 0.0]
     held = tracker._match_held(places, sd, HELD)
     assert held.tolist() == [True, False, False, False]
-    assert sd[0] == pytest.approx([0.005, 0.003, 0.003])
+    assert sd[0] == pytest.approx([0.005, 0.003, math.hypot(0.001, 0.002)])
     assert np.isnan(places[1]).all()
     assert places[2:] == pytest.approx(PLACES[2:])
     assert (sd[1:] == 0.003).all()
@@ -386,12 +386,15 @@ def test_the_centre_is_as_uncertain_as_the_distances_between_the_corners_are_wro
     tracker.flat.sides = np.array([0.4, 0.3, 0.4, 0.3])
     depth = np.zeros((480, 640), np.uint16)
     depth[242:340, 260:380] = 1600
-    tracker.track(depth, HELD, 0.0)
+    sight = tracker.track(depth, HELD, 0.0)
     assert len(asked) == 5
     assert asked[4] == pytest.approx([math.hypot(0.5, 0.3 * 0.009 * 500 / 1.6)] * 2)
-    tracker.track(depth, HELD, 0.0, np.array([[3e-4, 4e-4, 9.0], [3e-4, 4e-4, 9.0]]))
+    # 9 mm are 1, 3 and -1 mm beyond a fiftieth of 0.4, 0.3 and 0.5 m; the second largest adds to free corners.
+    assert sight.sd[:, 0] == pytest.approx([0.002] * 2 + [math.hypot(0.002, 0.001)] * 2 + [0.002])
+    tracker.track(depth, HELD * [[1, 1, 0.9875], [1, 1, 1.0125]], 0.0, np.array([[3e-4, 4e-4, 9.0], [6e-4, 8e-4, 9.0]]))
     (_, held, sides, across), other = given
     assert across == HELD_LINE_SD
-    assert other[3] == pytest.approx(math.sqrt((3**2 + 4**2) / 2) * 1e-4 * 500 / 1.6)
+    assert other[3] == pytest.approx(math.sqrt((3**2 + 4**2 + 6**2 + 8**2) / 4) * 1e-4 * 500 / 1.6)
+    assert [*other[2], *asked[9]] == pytest.approx([*sides, *asked[4]])  # a slanted bar is 1.6 m away in the middle
     assert held == pytest.approx(np.array([[257.0, 239.5], [382.0, 239.5]]))  # 0.2 m are 62.5 px at 1.6 m
     assert sides == pytest.approx(tracker.flat.sides * 500 / 1.6)

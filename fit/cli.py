@@ -47,7 +47,7 @@ Overwrite = Annotated[
     bool,
     typer.Option(
         "--overwrite",
-        help="Replace a picture of this name. Results of other takes or options in DIR are kept under a number anyhow.",
+        help="Replace a picture of this name. Results of other takes, models or effects in DIR get a number anyhow.",
     ),
 ]
 Seed = Annotated[

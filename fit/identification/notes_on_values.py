@@ -30,7 +30,7 @@ WORSE_THAN_START = (
 )
 LOWERED_FIGURE = {
     "least-squares": "the sum of the points' squared residuals",
-    "short-windows": "residuals of cloth that a pull catches every two seconds",
+    "short-windows": "the points' residuals while a pull leads the cloth back to them every two seconds",
 }
 LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
 MORE_TAKES = "fit to takes of this kind of motion as well"

@@ -1,0 +1,84 @@
+"""A corner that is no corner of the outline, and lies at the nearest point of the visible cloth."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from capture.depth.surface import CorrelationMeter
+from capture.garment import tracker as module
+from capture.garment.folding import TRACES
+from capture.garment.tracker import SilhouetteTracker
+from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.scene import RIG
+from tests.capture.garment.flat_cloth import SQUARE
+from tests.capture.garment.test_tracker_by_hand import FLAT, HELD, NONE, PLACES
+
+NEAREST = PLACES[:4] + np.array([0.0, -0.01, 0.016])  # of the visible cloth, 1.616 m away
+THIRD = np.arange(4) == 2
+
+
+@pytest.fixture
+def step(monkeypatch):
+    """Track a frame: which corners contradict the flat garment, how far one is beyond the cloth, which are hidden."""
+    tracker = SilhouetteTracker(GARMENTS["swatch"](), RIG, CorrelationMeter())
+    tracker.sensor = SQUARE
+    tracker.flat = SimpleNamespace(
+        distances=FLAT, reach=0.5, area=0.12, from_ends=FLAT[:2], roles=[0, 1, 2, 3, 4], sides=FLAT[0]
+    )
+    tracker.held_corners = [0, 1, None, None]
+    tracker.finder = SimpleNamespace(
+        find=lambda *given: SimpleNamespace(pixels=np.full((4, 2), 300.0), sd=np.full((4, 2), 0.4))
+    )
+    depth = np.zeros((480, 640), np.uint16)
+    depth[242:340, 260:380] = 1600
+    monkeypatch.setattr(tracker, "_ways_between", lambda surface, places: (None, FLAT))
+    monkeypatch.setattr(tracker, "_centre", lambda *given: (np.array([319.5, 280.0]), 0.5))
+    monkeypatch.setattr(tracker, "_traces", lambda *given: np.zeros(len(TRACES)))
+    monkeypatch.setattr(tracker, "_covered", lambda *given: NONE)
+    monkeypatch.setattr(module, "SeenWays", lambda *given: None)
+
+    def go(frame, *, dropped=NONE, beyond=0.0, hidden=NONE):
+        turn = iter(PLACES)
+        far = SimpleNamespace(by_all=np.full(4, beyond), places=NEAREST)
+        placer = SimpleNamespace(place=lambda pixel, sd: (next(turn).copy(), np.full(3, 0.002)))
+        monkeypatch.setattr(module, "Placer", lambda *given: placer)
+        monkeypatch.setattr(module, "folded_away", lambda *given: (dropped, NONE))
+        monkeypatch.setattr(module, "beyond_the_seen", lambda *given: far)
+        monkeypatch.setattr(tracker, "_hidden", lambda *given: hidden)
+        return tracker.track(depth, HELD, frame / 30)
+
+    return go
+
+
+def test_a_corner_at_the_nearest_cloth_is_as_uncertain_as_it_is_far_away(step):
+    """0.0055 of 1.616 m are 8.9 mm along each axis; the other corners stay where the outline has them."""
+    assert step(0).valid.all()
+    found = step(1, dropped=THIRD, beyond=0.019)
+    assert found.valid.all()
+    assert found.points[[0, 1, 3]] == pytest.approx(PLACES[[0, 1, 3]])
+    assert found.points[2] == pytest.approx([0.2, 0.29, 1.616])
+    assert found.sd[2] == pytest.approx([0.0055 * 1.616] * 3)
+    assert found.pixels[2] == pytest.approx([319.5 + 0.2 * 500 / 1.616, 239.5 + 0.29 * 500 / 1.616])
+
+
+def test_a_contradicted_corner_farther_than_two_centimetres_or_a_hidden_one_is_missing(step):
+    assert step(0).valid.all()
+    far = step(1, dropped=THIRD, beyond=0.021)
+    assert far.valid.tolist() == [True, True, False, True, False]  # nor has the centre a place
+    assert np.isnan(far.points[2]).all()
+    assert not far.hidden.any()
+    hidden = step(2, dropped=THIRD, beyond=0.019, hidden=THIRD)
+    assert hidden.valid.tolist() == [True, True, False, True, False]
+    assert hidden.hidden.tolist() == [False, False, True, False, False]
+
+
+def test_a_corner_at_the_nearest_cloth_counts_where_its_motion_was_followed_before(step):
+    """After a frame without it, it does not count again; the corners of the outline and the centre do."""
+    assert step(0).valid.all()
+    assert step(1).valid.all()
+    assert not step(2, dropped=THIRD, beyond=0.021).valid[2]
+    assert step(3, dropped=THIRD, beyond=0.019).valid.tolist() == [True, True, False, True, True]
+    assert step(4).valid.all()

@@ -20,7 +20,7 @@ KEY = "digest"  # of the field
 def with_digest(raw: bytes) -> bytes:
     """Return the JSON of a result with its digest, behind its first field, the format."""
     fields: dict[str, msgspec.Raw] = msgspec.json.decode(raw, type=dict[str, msgspec.Raw])
-    first, *others = fields
+    first, *others = (name for name in fields if name != KEY)
     named = msgspec.Raw(msgspec.json.encode(_digest_of(raw)))
     return msgspec.json.encode({first: fields[first], KEY: named, **{name: fields[name] for name in others}})
 

@@ -116,3 +116,11 @@ def test_a_result_without_a_digest_is_read_as_it_is(kept):
 def test_a_result_that_is_written_again_states_its_own_digest(kept):
     path, load, record, _ = kept
     assert result_bytes(load(path), path) == result_bytes(record, path) == path.read_bytes()
+
+
+def test_a_record_that_holds_an_older_digest_states_its_own(kept):
+    """As one that somebody decoded from a file by its type, and changed."""
+    path, load, record, _ = kept
+    held = msgspec.structs.replace(msgspec.json.decode(path.read_bytes(), type=type(record)), created="2031-01-01")
+    path.write_bytes(result_bytes(held, path))
+    assert load(path) == msgspec.structs.replace(record, created="2031-01-01")

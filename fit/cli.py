@@ -210,7 +210,8 @@ def fit_command(
                 begun=lambda: say_takes(training, testing, mesh),
             )  # fmt: skip
             progress.end()
-            aside = set_aside_others(out / "fit.json", prepared.are_of, result)
+            if aside := set_aside_others(out / "fit.json", prepared.are_of, result):
+                say(aside)  # before the writing, which may fail
             save_fit_result(out / "fit.json", result)
             report = write_fit_report(out / "report.html", result, prepared, request, training[0], command_line())
             checkpoint.unlink(missing_ok=True)  # after the report, so that the command can continue
@@ -220,8 +221,6 @@ def fit_command(
         kept = f"the search is kept in {plain(checkpoint)}. The same command continues."
         say(f"Interrupted; {kept if is_kept else 'nothing is kept.'}")
         raise typer.Exit(130) from None
-    if aside:
-        say(aside)
     if plot is not None:
         plot_of(report, result, None, plot, overwrite=overwrite)
     know(fit=to_builtins(result), file=str(out / "fit.json"), report=str(report))
@@ -375,7 +374,8 @@ def diagnose_command(
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
-            aside = set_aside_others(out / "diagnosis.json", prepared.are_of, findings.diagnosis)
+            if aside := set_aside_others(out / "diagnosis.json", prepared.are_of, findings.diagnosis):
+                say(aside)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(out / "report.html", findings, fitted, training[0], command_line())
             if arrows is not None:
@@ -386,8 +386,6 @@ def diagnose_command(
         progress.end()
         say(f"Interrupted; finished fits are kept in {plain(out / 'diagnosis.partial')}. The same command continues.")
         raise typer.Exit(130) from None
-    if aside:
-        say(aside)
     if plot is not None:
         plot_of(report, fitted, findings.diagnosis, plot, overwrite=overwrite)
     know(diagnosis=to_builtins(findings.diagnosis), file=str(out / "diagnosis.json"), report=str(report))

@@ -115,6 +115,8 @@ def _made_otherwise(kept: FitResult | Diagnosis, new: FitResult | Diagnosis) -> 
         differing = ["another library of effects"] if library[0] != library[1] else []
         models = (one.base_parameters if isinstance(one, Diagnosis) else [] for one in (kept, new))
         ranges = [[(p.name, p.initial, p.minimum, p.maximum) for p in parameters] for parameters in models]
+    before, after = kept.options, new.options
+    differing += [f"another {name}" for name, value in after.items() if before.get(name, value) != value]
     if not differing and ranges[0] != ranges[1]:
         differing = ["other starts or ranges of its parameters"]
     return f"has {differing[0]}" if differing else ""

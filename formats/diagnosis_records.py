@@ -224,6 +224,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     take_contents: list[str] = []  # sha256 of the content of each take fitted to
     camera: list[CameraFinding] = []
     take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
+    options: dict[str, str | float] = {}  # that no other field states; none in results of older versions
     digest: str | msgspec.UnsetType = msgspec.UNSET  # in a file alone: `formats.result_digests`
 
     def __repr__(self) -> str:

@@ -186,6 +186,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []
     take_states: list[TakeState] = []  # of the takes fitted to, then of those held out
+    options: dict[str, str | float] = {}  # that no other field states; none in results of older versions
     digest: str | msgspec.UnsetType = msgspec.UNSET  # in a file alone: `formats.result_digests`
 
     def __repr__(self) -> str:

@@ -189,6 +189,13 @@ def diagnose(
         take_contents=takes.contents,
         camera=camera,
         take_states=[state_of_take(take) for take in (*training, *held_out)],
+        options={
+            "--model": model.name,
+            "--by": by,
+            "--spacing": resolution.spacing,
+            "--seed": seed,
+            "--add": " ".join(sorted(added)),
+        },
     )
     progress("done", 1.0)
     return Findings(

@@ -216,6 +216,7 @@ def calibrate(
         notes=[*result.notes, *describe_short(training), *describe_flaws([*training, *held_out])],
         camera=describe_camera(train + test),
         take_states=[state_of_take(take) for take in (*training, *held_out)],
+        options=request.used_options,
     )
 
 

@@ -60,6 +60,16 @@ class Request:
         )
 
     @property
+    def used_options(self) -> dict[str, str | float]:
+        """Return the settings that the search uses, by their options."""
+        used: dict[str, str | float] = {}
+        if self.search not in OBSERVED:
+            used["--iterations"] = self.settings.iterations
+        if self.search in ANNEALED:
+            used["--gamma"] = self.settings.gamma
+        return used
+
+    @property
     def _all_parameters(self) -> tuple[Parameter, ...]:
         extra = tuple(
             Parameter(

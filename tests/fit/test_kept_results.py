@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import resource
+import signal
+
 import msgspec
 import pytest
 
@@ -21,10 +24,12 @@ from tests.fit.test_command_line import a_swung_take
         ({"search": "annealing"}, "has another search"), ({"seed": 7}, "has another seed"),
         ({"spacing": 0.2}, "has another mesh spacing"), ({"effects": {"hem": 0.01}}, "has other effects"),
         ({"parameters": []}, "has other starts or ranges of its parameters"), ({"created": "2020-01-01"}, ""),
+        ({"options": {"--gamma": 2.0}}, "has another --gamma"), ({"options": {"--gamma": 1.0}}, ""),
+        ({"options": {}}, ""),  # of an older version
     ],
 )  # fmt: skip
 def test_a_fit_of_the_same_takes_is_kept_where_it_was_made_otherwise(tmp_path, changes, says):
-    new = a_fit()
+    new = msgspec.structs.replace(a_fit(), options={"--gamma": 1})
     save_fit_result(tmp_path / "fit.json", msgspec.structs.replace(new, **changes, material={}))
     said = set_aside_others(tmp_path / "fit.json", lambda result: True, new)
     assert said == (f"{tmp_path / 'fit.json'} {says}: kept as fit.1.json, with its report." if says else "")
@@ -36,10 +41,11 @@ def test_a_fit_of_the_same_takes_is_kept_where_it_was_made_otherwise(tmp_path, c
     [
         ({"held_out_ids": ["c"]}, "is judged on c"), ({"effects": []}, "has another library of effects"),
         ({"base_parameters": []}, "has other starts or ranges of its parameters"), ({"created": "2020-01-01"}, ""),
+        ({"options": {"--by": "evidence"}}, "has another --by"), ({"options": {}}, ""),
     ],
 )  # fmt: skip
 def test_a_diagnosis_of_the_same_takes_is_kept_where_it_was_made_otherwise(tmp_path, changes, says):
-    new = shown_diagnosis(verdict="none", named=[])
+    new = shown_diagnosis(verdict="none", named=[], options={"--by": "rules"})
     save_diagnosis(tmp_path / "diagnosis.json", msgspec.structs.replace(new, **changes))
     said = set_aside_others(tmp_path / "diagnosis.json", lambda result: True, new)
     path = tmp_path / "diagnosis.json"
@@ -59,3 +65,29 @@ def test_a_fit_without_a_held_out_take_is_kept_where_one_with_it_follows_and_the
     assert load_fit_result(tmp_path / "out/fit.json").held_out_ids == ["b"]
     assert load_fit_result(tmp_path / "out/fit.1.json").held_out_ids == []
     assert not (tmp_path / "out/fit.2.json").exists()
+
+
+@pytest.mark.parametrize("option", [("--iterations", 2), ("--gamma", 1e3)])
+def test_a_fit_is_kept_where_another_number_of_its_search_is_given(tmp_path, option):
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+    words = ("fit", "a.mcap", "--out", "out", "--method", "kinect-skirt", "--iterations", 1, "--spacing", 0.15)
+    assert hangtime_here(*words, folder=tmp_path).returncode == 0
+    done = hangtime_here(*words, *option, folder=tmp_path)
+    assert (done.returncode, f"has another {option[0]}: kept as fit.1.json" in done.stderr) == (0, True), done.stderr
+
+
+def test_a_fit_whose_report_finds_no_room_has_said_where_the_earlier_result_is(tmp_path):
+    """The limit of a file's size stands for a full disk: fit.json is below it, and report.html above."""
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+    words = ("fit", "a.mcap", "--out", "out", "--method", "kinect-skirt", "--iterations", 1, "--spacing", 0.15)
+    assert hangtime_here(*words, folder=tmp_path).returncode == 0
+    sizes = [(tmp_path / "out" / name).stat().st_size for name in ("fit.json", "report.html")]
+    before, handled = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (sum(sizes) // 2, before[1]))
+    try:
+        done = hangtime_here(*words, "--seed", 1, folder=tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handled)
+    assert (done.returncode, "report.html" in done.stderr) == (2, True), done.stderr
+    assert "out/fit.json has another seed: kept as fit.1.json, with its report." in done.stderr

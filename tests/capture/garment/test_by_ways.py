@@ -64,15 +64,13 @@ def test_a_corner_at_the_nearest_cloth_is_as_uncertain_as_it_is_far_away(step):
     assert found.pixels[2] == pytest.approx([319.5 + 0.2 * 500 / 1.616, 239.5 + 0.29 * 500 / 1.616])
 
 
-def test_a_contradicted_corner_farther_than_two_centimetres_or_a_hidden_one_is_missing(step):
+@pytest.mark.parametrize(("beyond", "is_hidden"), [(0.021, False), (0.019, True)])
+def test_a_contradicted_corner_farther_than_two_centimetres_or_a_hidden_one_is_missing(step, beyond, is_hidden):
     assert step(0).valid.all()
-    far = step(1, dropped=THIRD, beyond=0.021)
-    assert far.valid.tolist() == [True, True, False, True, False]  # nor has the centre a place
-    assert np.isnan(far.points[2]).all()
-    assert not far.hidden.any()
-    hidden = step(2, dropped=THIRD, beyond=0.019, hidden=THIRD)
-    assert hidden.valid.tolist() == [True, True, False, True, False]
-    assert hidden.hidden.tolist() == [False, False, True, False, False]
+    found = step(1, dropped=THIRD, beyond=beyond, hidden=THIRD & is_hidden)
+    assert found.valid.tolist() == [True, True, False, True, False]  # nor has the centre a place
+    assert np.isnan(found.points[2]).all()
+    assert found.hidden.tolist() == [False, False, is_hidden, False, False]
 
 
 def test_a_corner_at_the_nearest_cloth_counts_where_its_motion_was_followed_before(step):

@@ -228,5 +228,4 @@ def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str,
 
 
 def _swapped(shares: dict[Subset, tuple[float, float]], best: Subset, name: str, other: str) -> float:
-    swapped = tuple(sorted({*best, other} - {name}))
-    return shares.get(swapped, (0.0, 0.0))[0]
+    return shares[tuple(sorted({*best, other} - {name}))][0]

@@ -44,7 +44,8 @@ def test_a_size_that_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
         np.array([3.0]), np.array([0.2, 0.0]), ("hem", "air_drag"), np.array([1.0, -1.0]), np.array([[4.0], [5.0]]),
         np.array([0.7]), False,
     )  # fmt: skip
-    pinned = dataclasses.replace(free, pinned=Pinned(np.array([0.5, 0.0]), np.array([0.1, np.inf]), 7.0))
+    decided = Pinned(np.array([0.5, 0.0]), np.array([0.1, np.inf]), 7.0)
+    pinned = dataclasses.replace(free, pinned=decided, is_converged=True)
     kept.recall(["free", "pinned"], lambda: [free, pinned])
     again, other = kept.recall(["free", "pinned"], list)
     assert again.pinned is None
@@ -54,6 +55,13 @@ def test_a_size_that_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
     assert other.pinned.amplitudes.tolist() == [0.5, 0.0]
     assert other.pinned.sd.tolist() == [0.1, np.inf]
     assert other.pinned.trust == 7.0
+    assert other.is_converged
+
+
+def test_vectors_of_more_than_a_mebibyte_are_kept_too(tmp_path):
+    kept, made = Checkpoint(tmp_path / "p", {}), np.arange(200_000.0)[None]
+    assert kept.recall_vectors("places", lambda: made) is made
+    assert np.array_equal(kept.recall_vectors("places", lambda: np.zeros((1, 1))), made)
 
 
 def test_simulations_and_seconds_are_summed_over_interrupted_processes(tmp_path, monkeypatch):

@@ -20,17 +20,23 @@ from tests.fit.report.report_scene import diagnosis
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 TIME = np.arange(0, 3, 1 / 30)
-ASTRAY = np.stack([0.02 * np.sin(2 * TIME), 0.015 * np.cos(3.1 * TIME), -0.01 * np.sin(TIME + 1)], 1)
 
 
-def a_take(*, grid=5, change=lambda points: points, noise=0.0):
+def astray(time):
+    return np.stack([0.02 * np.sin(2 * time), 0.015 * np.cos(3.1 * time), -0.01 * np.sin(time + 1)], 1)
+
+
+ASTRAY = astray(TIME)
+
+
+def a_take(*, grid=5, change=lambda points: points, noise=0.0, time=TIME):
     """A flat sheet whose edge, with everything else, moves beside the hanger, its right end 5 mm higher."""
-    garment, path = sheet(grid=grid), swing(TIME)
+    garment, path = sheet(grid=grid), swing(time)
     share = np.array([p.at_m[0] for p in garment.points]) / np.ptp([x for x, _ in garment.outline_m])
-    points = hung(garment, TIME) + (path + ASTRAY)[:, None]
+    points = hung(garment, time) + (path + astray(time))[:, None]
     points[..., 2] += 0.005 * (share + 0.5)
     points = points + np.random.default_rng(0).normal(0, noise, points.shape) if noise else points
-    return take_of(garment, TIME, path, change(points))
+    return take_of(garment, time, path, change(points))
 
 
 def test_the_held_ends_are_where_the_tracked_edge_says():
@@ -72,6 +78,34 @@ def test_an_edge_that_is_lost_for_long_gives_no_path(gone):
         return points
 
     assert driven_by_edge(prepare(a_take(change=hide))) is None
+
+
+@pytest.mark.parametrize(("frames", "is_bridged"), [(16, True), (17, False)])
+@pytest.mark.parametrize("at_end", [True, False])
+def test_the_path_goes_on_for_half_a_second_beyond_the_sights_of_the_edge(frames, is_bridged, at_end):
+    """At 32 frames a second 16 are half a second."""
+
+    def hide(points):
+        points[slice(-frames, None) if at_end else slice(frames), :5] = np.nan
+        return points
+
+    driven = driven_by_edge(prepare(a_take(change=hide, time=np.arange(96) / 32)))
+    assert (driven is not None) is is_bridged
+
+
+def test_two_points_of_the_edge_give_its_ends_and_one_gives_no_path():
+    recording = dataclasses.replace(prepare(a_take(grid=2)), judged=np.array([False, False, True, True]))
+    apart = driven_by_edge(recording).held(TIME) - recording.held(TIME)
+    assert np.abs(apart.reshape(-1, 2, 3)[:, 0] - ASTRAY).max() < 0.001
+    assert driven_by_edge(dataclasses.replace(recording, judged=np.array([True, False, True, True]))) is None
+
+
+def test_a_path_from_the_edge_is_on_the_clock_of_the_points_whatever_clock_the_hanger_had():
+    recording = prepare(a_take())
+    often = dataclasses.replace(recording, held_time=np.arange(0, 3, 1 / 60))
+    driven = driven_by_edge(often)
+    assert np.array_equal(driven.held_time, recording.time)
+    assert np.array_equal(driven.held(TIME), driven_by_edge(recording).held(TIME))
 
 
 def test_cloth_that_two_clips_hold_has_no_edge_to_be_driven_by():

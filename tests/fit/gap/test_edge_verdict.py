@@ -7,11 +7,12 @@ import dataclasses
 import msgspec
 import pytest
 
-from fit.gap.evidence import edge_left_by_law
+from fit.gap.edge_words import _beside, _contradicted
+from fit.gap.evidence import Evidence, edge_left_by_law
 from fit.gap.probabilities import probabilities
 from fit.gap.verdict import decide, passing_effects
 from fit.observer.edge import is_seen_on_edge
-from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, STILL, evidence_of, hypothesis, with_edge
+from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, KINDS, STILL, evidence_of, hypothesis, with_edge
 
 SLACK = "clip_slack"
 
@@ -210,6 +211,25 @@ def test_an_effect_that_leaves_the_edge_off_is_not_named_instead_of_one_that_the
     for left, verdict in ((6.0, "several"), (10.2, "effect")):
         both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)
         assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)])).verdict == verdict
+
+
+def test_effects_beside_one_that_the_edge_shows_are_told_with_the_rest_that_they_leave():
+    """144 - 42.85 of 144 - 25 mm^2 are 85 %."""
+    several = hypothesis(("air_drag", "hem", "draught"), 6.546)
+    said = f": {KINDS['air_drag'].title} and {KINDS['draught'].title} beside this effect would leave 15 % of the gap"
+    assert _beside(evidence_of({}), "hem", several) == f"{said}, more than a true cause would"
+    assert _beside(evidence_of({}), "time_offset", several) == ""
+    assert _beside(evidence_of({}), "hem", None) == ""
+    assert _beside(evidence_of({}, base=5.0), "hem", several) == ""  # hardly a gap
+
+
+def test_of_effects_that_the_held_edge_contradicts_the_one_that_would_close_most_is_told(monkeypatch):
+    """144 - 30.25 of 144 - 25 mm^2 are 96 %; a hem would close more, and nothing contradicts it."""
+    evidence = evidence_of({"air_drag": 5.9, "draught": 5.5, "hem": 5.2, "time_offset": 6.0})
+    assert _contradicted(evidence_of({"air_drag": 5.9})) == ""
+    monkeypatch.setattr(Evidence, "contradicted", frozenset({"air_drag", "draught", "time_offset"}))
+    said = f": {KINDS['draught'].title} would close 96 % of the gap, but the held edge contradicts it"
+    assert _contradicted(evidence) == said
 
 
 def test_nothing_is_added_to_an_effect_that_the_edge_shows_which_closes_nothing_beside_it():

@@ -20,12 +20,15 @@ from fit.gap.next_experiment import JACOBIAN_STEP, MENU, _imagined
 from fit.gap.rounds import Rounds
 from fit.methods import SI
 from fit.provenance import physics_version
+from fit.recordings.camera import Camera
 from fit.recordings.ready import ready
+from fit.recordings.recording import prepare
 from fit.recordings.selection import content_of
 from tests.fit.gap.linear_takes import LinearTakes
 from tests.fit.gap.named_fits import Named
 from tests.fit.gap.test_diagnosis_parts import a_take
 from tests.fit.gap.verdict_scene import hypothesis
+from tests.fit.scenes import hung, sheet, swing, take_of
 
 
 def test_the_held_rows_error_is_the_root_mean_square_over_the_frames_that_count():
@@ -165,11 +168,16 @@ def test_an_imagined_recording_says_what_each_parameter_and_each_effect_would_ch
 def test_raw_recordings_are_of_material_points_from_which_no_camera_was_taken_out():
     take = a_take()
     sliding = replace(take, garment=msgspec.structs.replace(
-        take.garment, format="hangtime-garment/2", points_are="silhouette"))  # fmt: skip
+        take.garment, format="hangtime-garment/2", points_are="silhouette", kind="skirt"))  # fmt: skip
     (raw,) = raw_recordings([sliding])
     assert raw.garment.point_kind == "material"
     assert not raw.camera.is_placed
     np.testing.assert_array_equal(raw.points, raw_recordings([take])[0].points)
+    time, garment = np.arange(0, 12, 1 / 30), sheet(grid=5)
+    points = hung(garment, time) + swing(time - 0.06, hz=0.9, stop=10.0)[:, None]  # stamped 60 ms late
+    late = take_of(garment, time, swing(time, hz=0.9, stop=10.0), points)
+    assert prepare(late).camera.timing.latency == pytest.approx(0.06, abs=0.001)
+    assert raw_recordings([late])[0].camera == Camera()
 
 
 def test_takes_are_ready_in_their_order_with_what_they_hold():

@@ -9,11 +9,15 @@ import pytest
 
 from fit.gap.closure import SIGNIFICANT_GAP, BlockErrors
 from fit.gap.detectable import needed_mm2
-from fit.gap.power import imitated, shown_share
-from fit.gap.verdict import decide
+from fit.gap.power import Power, first_few, imitated, power_of, shown_share
+from fit.gap.verdict import decide, gap_numbers, no_gap
 from tests.fit.gap.linear_cloth import EFFECTS, World, a_take, diagnosed, three_takes
 from tests.fit.gap.verdict_scene import BLOCKS, KINDS, evidence_of, signature
 
+ADVICE = {
+    "imitate some": " Add takes that swing faster and slower, and hold one of them out.",
+    "beside the noise": " Swing faster, or come nearer to the sensor.",
+}
 DAMPING = 4  # of the base parameters; in this world it moves the cloth as air drag does
 
 
@@ -97,6 +101,47 @@ def test_most_effects_show_if_each_component_that_moves_anything_does():
     assert shown_share(KINDS, {"self_contact": np.array([np.inf])}) == 1.0
 
 
+def test_takes_that_show_half_of_the_effects_at_their_typical_sizes_show_most(monkeypatch):
+    """Of drag and a hem; one whose smallest detectable size is the typical one is shown, and imitated by nothing."""
+    evidence = evidence_of({"air_drag": 6.0, "hem": 6.0})
+    evidence.observer.in_mm = lambda row: 2.0
+    drag, hem = KINDS["air_drag"].typical, KINDS["hem"].typical
+    for needed, sizes, reason in (
+        (9.0, (drag, 1.1 * hem), ""),
+        (9.0, (1.1 * drag, 1.1 * hem), "beside the noise"),
+        (4.0, (drag, 1.1 * hem), "imitate some"),  # 2 mm are as much as the verdict requires
+        (4.0, (drag, hem), ""),
+    ):
+        smallest = {"air_drag": np.array(sizes[:1]), "hem": np.array(sizes[1:])}
+        monkeypatch.setattr("fit.gap.power.needed_mm2", lambda *given, needed=needed: needed)
+        monkeypatch.setattr("fit.gap.power.smallest_detectable", lambda given, smallest=smallest: smallest)
+        found = power_of(evidence)
+        assert reason in found.reason
+        assert (found.reason != "", found.advice) == (reason != "", ADVICE.get(reason, ""))
+        told = zip(("air_drag", "hem"), sizes, strict=True)
+        names = [KINDS[name].title for name, size in told if size > KINDS[name].typical]
+        assert sorted(one.split(" below ")[0] for one in found.unseen) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [(["a"], "a"), (["a", "b", "c", "d"], "a, b, c, d"), (list("abcdefg"), "a, b, c, d and 3 more")],
+)
+def test_a_sentence_lists_four_components_and_counts_the_others(names, said):
+    assert first_few(names) == said
+
+
+@pytest.mark.parametrize("has_gap", [False, True])
+@pytest.mark.parametrize("missed", [[], ["air drag below 2"]])
+def test_no_gap_is_said_with_what_mesh_and_solver_hide_and_what_could_not_have_been_seen(monkeypatch, has_gap, missed):
+    evidence = evidence_of({"air_drag": 5.0}, base=5.3)
+    monkeypatch.setattr("fit.gap.verdict.power_of", lambda given: Power("", missed))
+    hidden = " Mesh and solver may be wrong by 1.0 mm." if has_gap else ""
+    unseen = " At their usual sizes, these takes could not have shown: air drag below 2." if missed else ""
+    said = f"No gap: the base model explains the motion down to noise and mesh. {gap_numbers(evidence)}{hidden}{unseen}"
+    assert no_gap(evidence, has_gap=has_gap).sentence == said
+
+
 def test_effects_that_hardly_move_the_cloth_do_not_stop_none_and_are_named_in_its_sentence():
     """A hem and a draught of usual size move this cloth by 0.12 mm, beside a noise of 2.6 mm."""
     world = World()
@@ -120,6 +165,7 @@ def test_effects_that_hardly_move_the_cloth_do_not_stop_none_and_are_named_in_it
         (1.01, 1.01, True),  # the motion excites it, and parameters hide it
         (0.99, 1.01, False),  # the motion does not excite it
         (1.01, 0.99, False),  # nothing hides it
+        (1.01, 1.0, False),
         (9.0, np.inf, False),  # nothing of it is left to be detected
     ],
 )

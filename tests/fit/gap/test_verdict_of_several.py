@@ -10,11 +10,11 @@ import pytest
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
-from fit.gap.evidence import is_worth_adding, least_gain, share_in_median_block
+from fit.gap.evidence import Evidence, is_worth_adding, least_gain, share_in_median_block
 from fit.gap.findings import describe_effects
-from fit.gap.verdict import decide
+from fit.gap.verdict import _name_several, decide, gap_numbers
 from fit.methods import SI
-from tests.fit.gap.verdict_scene import BLOCKS, COARSE, errors, evidence_of, hypothesis
+from tests.fit.gap.verdict_scene import BLOCKS, COARSE, KINDS, errors, evidence_of, hypothesis
 
 
 # Drag alone leaves 9 mm, with a time offset 5.5: 50.8 mm^2 less; 5.9 mm are 46.2 of them, 91 %; 6.5 mm 76 %.
@@ -229,3 +229,25 @@ def test_a_finer_mesh_decides_where_it_closes_more_than_two_effects_together(mm,
     """The mesh closes 60 % of 119 mm^2, drag alone 44 %, with a time offset 96 % or 56 %."""
     evidence = evidence_of({"air_drag": 9.6}, joint=[(("air_drag", "time_offset"), mm)], gate_list=[COARSE])
     assert decide(evidence).verdict == verdict
+
+
+@pytest.mark.parametrize(("saved", "is_law"), [(10.6, True), (10.8, False)])
+def test_a_law_may_leave_the_square_of_three_of_its_deviations(saved, is_law):
+    """Drag's is a tenth: 0.09 of a gap of 119 mm^2 are 10.71."""
+    before, after = hypothesis(("air_drag",), 8.0), hypothesis(("air_drag", "hem"), (64.0 - saved) ** 0.5)
+    assert evidence_of({}).is_law_of(before, after) == is_law
+
+
+def test_causes_that_leave_too_much_are_told_with_their_alternatives_and_what_they_leave(monkeypatch):
+    """144 - 64 of 144 - 25 mm^2 are 67 %."""
+    evidence = evidence_of({}, joint=[(("air_drag", "hem"), 8.0)])
+    drag, draught, lift, hem = (KINDS[name].title for name in ("air_drag", "draught", "air_lift", "hem"))
+    alike = {"air_drag": {"draught": None, "air_lift": None}}
+    monkeypatch.setattr(Evidence, "alternatives", lambda self, several: alike)
+    found = _name_several(evidence, evidence.joint[0][0])
+    assert (found.verdict, found.named) == ("unknown", [])
+    assert found.sentence == (
+        f"There is a gap that no effect in the library explains: {drag} (or {draught}: these takes cannot tell) "
+        f"(or {lift}: these takes cannot tell) and {hem} come nearest, and together leave 33 % of it, "
+        f"more than true causes would. {gap_numbers(evidence)}"
+    )

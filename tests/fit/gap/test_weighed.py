@@ -242,7 +242,9 @@ def test_an_unknown_decision_is_refused_with_the_known_ones():
     assert deciding("evidence") == "evidence"
     with pytest.raises(FitError, match="tea leaves is no way to decide") as refused:
         deciding("tea leaves")
-    assert "rules, evidence" in str(refused.value)
+    assert str(refused.value) == "--by: tea leaves is no way to decide; choose one of: rules, evidence"
+    with pytest.raises(FitError, match="--by: rule is no way to decide; did you mean rules"):
+        deciding("rule")
 
 
 def test_effects_that_are_not_there_yet_are_screened_again_and_fits_are_told_by_their_number_of_effects(monkeypatch):

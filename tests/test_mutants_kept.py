@@ -229,3 +229,19 @@ def test_a_test_that_fails_without_a_mutant_is_named(checkout, capfd):
     said = capfd.readouterr().err
     assert "tests/p/test_a.py::test_half fails without a mutant" in said
     assert "assert 2.0 == 3" in said
+
+
+@pytest.mark.parametrize("path", ["fit/folders.py", "fit", "fit/search/no_such_module.py", "fit/search_words.py"])
+def test_a_path_that_no_folder_of_mutants_holds_is_refused(path, monkeypatch, capsys):
+    """It was left out without a word, and the program ended with 0, as if its mutants had died."""
+    monkeypatch.setattr("sys.argv", ["mutants", path])
+    with pytest.raises(SystemExit, match="2"):
+        program.main()
+    assert f"{path}: is no tested folder or module; name one of, or one within, " in capsys.readouterr().err
+
+
+def test_a_report_before_the_first_run_says_that_there_is_none(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mutants", "--report", "fit/search"])
+    monkeypatch.setattr(program, "COPIES", tmp_path)
+    assert program.main() == 1
+    assert capsys.readouterr().out == "\nfit/search: no run has tested it yet\n"

@@ -90,6 +90,9 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=COPIES / "kept", metavar="DIR", help="folder of the results")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="N", help="test no mutant after N minutes")
     asked = parser.parse_args()
+    for path in asked.path:
+        if not (ROOT / path).exists() or not any(is_within(path, area) for area in areas):
+            parser.error(f"{path}: is no tested folder or module; name one of, or one within, {', '.join(areas)}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # ends mutmut too, and keeps its results
     listed, untested = (
         is_listed(SURVIVORS.read_text()),
@@ -97,13 +100,15 @@ def main() -> int:
     )
     is_well, end, keep = True, time.monotonic() + 60.0 * asked.minutes, asked.keep.resolve()
     for area, tests in areas.items():
-        paths = (
-            [area] if not asked.path else [p.rstrip("/") for p in asked.path if f"{p.rstrip('/')}/".startswith(area)]
-        )
+        paths = [p.rstrip("/") for p in asked.path if is_within(p, area)] if asked.path else [area]
         if not paths:
             continue
         if time.monotonic() >= end:
             print(f"\n{area}: left for another run, since the minutes are over")
+            continue
+        if asked.report and not kept.metas(copy_of(area), area):
+            print(f"\n{area}: no run has tested it yet")
+            is_well = False
             continue
         patterns = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
         try:
@@ -122,6 +127,11 @@ def main() -> int:
             if name.startswith(area.replace("/", ".")):
                 print(f"{name} is left out: {NEEDS[name]} is not installed, and its tests skip")
     return 0 if is_well else 1
+
+
+def is_within(path: str, area: str) -> bool:
+    """Return whether a path, as the checkout names it, is a folder of `areas` or within it."""
+    return f"{path.rstrip('/')}/".startswith(f"{area}/")
 
 
 def is_listed(text: str) -> Callable[[str, str], bool]:

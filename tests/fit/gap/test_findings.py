@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
-from fit.gap.findings import at_bounds, base_parameters, describe_effects, describe_gap, left_out, notes, unseparated
+from fit.gap.findings import (
+    _reached,
+    at_bounds,
+    base_parameters,
+    describe_effects,
+    describe_gap,
+    left_out,
+    notes,
+    unseparated,
+)
 from fit.gap.floor import Floor
 from fit.methods import SI
 from tests.fit.gap.verdict_scene import KINDS, evidence_of, hypothesis, with_edge
@@ -264,3 +273,8 @@ def test_named_effects_that_no_motion_would_separate_are_noted(verdict, proposal
         "No motion of the menu would separate the named effects by one standard deviation more than these takes do."
     )
     assert unseparated(verdict, proposal) == ([expected] if is_said else [])
+
+
+@pytest.mark.parametrize(("value", "said"), [(5.9, "range from 2"), (6.0, "range up to 10"), (9.0, "range up to 10")])
+def test_the_nearer_end_of_a_range_is_the_one_that_was_reached(value, said):
+    assert _reached(SimpleNamespace(minimum=2.0, maximum=10.0, unit="1"), value) == said

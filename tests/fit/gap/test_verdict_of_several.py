@@ -12,7 +12,7 @@ from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
 from fit.gap.evidence import Evidence, is_worth_adding, least_gain, share_in_median_block
 from fit.gap.findings import describe_effects
-from fit.gap.verdict import _name_several, decide, gap_numbers
+from fit.gap.verdict import _adds_to_identified, _closed, _name_several, decide, gap_numbers
 from fit.methods import SI
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, KINDS, errors, evidence_of, hypothesis
 
@@ -251,3 +251,16 @@ def test_causes_that_leave_too_much_are_told_with_their_alternatives_and_what_th
         f"(or {lift}: these takes cannot tell) and {hem} come nearest, and together leave 33 % of it, "
         f"more than true causes would. {gap_numbers(evidence)}"
     )
+
+
+def test_two_effects_must_add_to_the_one_that_the_held_edge_identifies_and_three_need_not(monkeypatch):
+    evidence = evidence_of({"air_drag": 8.0, "hem": 6.0})
+    monkeypatch.setattr(Evidence, "identified_by_edge", frozenset({"hem"}))
+    for names, left, is_added in ((("air_drag", "hem"), 5.99, False), (("air_drag", "hem"), 5.0, True),
+                                  (("air_drag", "draught", "hem"), 5.99, True)):  # fmt: skip
+        pair = hypothesis(names, left)
+        assert _adds_to_identified(evidence, pair, evidence.gap_mm2) == is_added
+
+
+def test_where_hardly_a_gap_is_an_effect_closes_nothing():
+    assert _closed(evidence_of({"hem": 4.0}, base=5.0), "hem") == 0.0

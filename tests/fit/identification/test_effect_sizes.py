@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fit.cloth.model import Resolution
 from fit.effects import find_effects
 from fit.identification import effect_sizes
-from fit.identification.effect_sizes import half_widths, with_sizes
+from fit.identification.effect_sizes import _beyond_others, half_widths, with_sizes
 from fit.identification.request import Request
 from fit.methods import SI
 from fit.observer import residuals
@@ -180,3 +182,48 @@ def test_where_a_simulation_blows_up_no_size_has_an_interval(monkeypatch, mesh):
     found = half_widths(observer, REQUEST, best)
     assert np.isinf(found[5:]).all()
     assert not found[:5].any()
+
+
+@pytest.mark.parametrize("end", ["maximum", "minimum"])
+def test_each_component_of_an_effect_has_its_own_half_width_and_no_step_leaves_the_range(monkeypatch, end):
+    """Motions of 1 and 2 thousandths of a mm and of 3 mm a unit; a mesh off by 0.5 / (1 - 1 / 1.5^2) = 0.9 mm."""
+    request = dataclasses.replace(REQUEST, effects=find_effects(["gravity_tilt", "hem"]))
+    space, asked = request.space, []
+    best, slopes = getattr(space, end).copy(), space.slope(getattr(space, end))
+    rows = np.diag([*np.ones(5), *np.array([0.001, 0.002, 3.0]) * slopes[5:]])
+    fine = SimpleNamespace(in_mm=np.linalg.norm, off=np.array([0.3, 0.4, *np.zeros(6)]))
+    coarse = SimpleNamespace(in_mm=np.linalg.norm, off=np.zeros(8))
+
+    def sound(observer, vectors, count):
+        asked.extend(vectors)
+        return space.to_unit(vectors) @ rows + observer.off
+
+    monkeypatch.setattr(effect_sizes, "_sound", sound)
+    monkeypatch.setattr(effect_sizes, "finer", lambda given: (fine, None, 1.5))
+    monkeypatch.setattr(effect_sizes, "with_solver_mm", lambda mesh_mm, given: mesh_mm)
+    found = half_widths(coarse, request, best)
+    spreads = np.array([effect.law_spread for effect in request.effects])[[0, 0, 1]]
+    wrong = NORMAL_90 * 0.9 / 3 / np.array([0.001, 0.002, 3.0])
+    assert found[5:] == pytest.approx(np.hypot(wrong, NORMAL_90 * spreads * np.abs(best[5:])))
+    assert not found[:5].any()
+    assert (np.array(asked) <= space.maximum * (1 + 1e-9)).all()
+
+
+def test_what_other_parameters_imitate_is_limited_by_their_prior():
+    """A row of one over the prior's deviation takes half of what is along it, 1.5 of 3."""
+    rows = np.array([[1 / PRIOR_SD, 0.0], [3.0, 4.0]])
+    assert _beyond_others(rows, 1) == pytest.approx([1.5, 4.0])
+
+
+def test_sizes_are_widened_on_the_mesh_of_the_request(monkeypatch):
+    world = World()
+    in_world(monkeypatch, world)
+    seen = []
+    monkeypatch.setattr(
+        effect_sizes, "half_widths", lambda observer, *given: seen.append(observer.resolution) or np.zeros(2)
+    )
+    monkeypatch.setattr(effect_sizes, "widened", lambda *given: GIVEN)
+    other = Resolution(spacing=0.123)
+    asked = dataclasses.replace(REQUEST, resolution=other)
+    with_sizes([prepare(a_take("a", world, TRUE))], asked, np.ones(7), GIVEN)
+    assert seen == [other]

@@ -14,7 +14,7 @@ from fit.gap.numerics import refine
 from fit.methods import KINECT_SKIRT, SI
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
-from fit.observer.simulation_error import LEAST_REFINEMENT, motion_mm
+from fit.observer.simulation_error import LEAST_REFINEMENT, motion_mm, wrong_by_law
 from fit.recordings.recording import prepare
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.scenes import hung, sheet, swing, take_of
@@ -196,3 +196,17 @@ def test_motion_counts_what_is_seen_of_several_takes():
     takes = [SimpleNamespace(points=first, counted=seen),
              SimpleNamespace(points=0.5 + 0.001 * sign[:10], counted=np.ones((10, 1), bool))]  # fmt: skip
     assert motion_mm(SimpleNamespace(recordings=takes)) == pytest.approx(np.sqrt((20 * 9 + 10) / 30))
+
+
+def test_motion_leaves_out_positions_that_do_not_count_and_is_nothing_where_none_counts():
+    """3 mm either way in ten frames; in ten others the point is a metre away, and does not count."""
+    points = 0.003 * np.tile([1.0, -1.0], 10)[:, None, None] * [[0.0, 0.0, 1.0]]
+    points[10:] += 1.0
+    counts = np.arange(20)[:, None] < 10
+    assert motion_mm(SimpleNamespace(recordings=[SimpleNamespace(points=points, counted=counts)])) == pytest.approx(3.0)
+    assert motion_mm(SimpleNamespace(recordings=[SimpleNamespace(points=points, counted=counts & False)])) == 0.0
+
+
+def test_a_law_spreads_a_negative_size_as_much_as_a_positive_one():
+    """1.645 times a tenth of 2."""
+    assert wrong_by_law(0.1, np.array([-2.0, 2.0])) == pytest.approx([0.329, 0.329], abs=1e-4)

@@ -65,11 +65,14 @@ def imitated(evidence: Evidence, smallest: dict[str, Floats]) -> dict[str, Float
     """
     found = {}
     for name, sizes in smallest.items():
-        moved = np.array([float(evidence.observer.in_mm(row)) ** 2 for row in evidence.screened[name].raw])
-        is_excited = moved >= needed_mm2(evidence, name)
-        is_hidden = np.isfinite(sizes) & (sizes > evidence.observer.library[name].typical)
-        if (is_excited & is_hidden).any():
-            found[name] = np.where(is_excited, sizes, np.nan)
+        one, needed = evidence.screened[name], needed_mm2(evidence, name)
+        whole, own = (
+            np.array([float(evidence.observer.in_mm(row)) ** 2 for row in rows]) for rows in (one.raw, one.projected)
+        )
+        is_alike = (own < needed) & (needed <= whole)
+        is_hidden = np.isfinite(sizes) & (sizes > evidence.observer.library[name].typical)  # from the held edge, too
+        if (is_alike & is_hidden).any():
+            found[name] = np.where(is_alike, sizes, np.nan)
     return found
 
 

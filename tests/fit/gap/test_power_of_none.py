@@ -104,7 +104,9 @@ def test_most_effects_show_if_each_component_that_moves_anything_does():
 def test_takes_that_show_half_of_the_effects_at_their_typical_sizes_show_most(monkeypatch):
     """Of drag and a hem; one whose smallest detectable size is the typical one is shown, and imitated by nothing."""
     evidence = evidence_of({"air_drag": 6.0, "hem": 6.0})
-    evidence.observer.in_mm = lambda row: 2.0
+    evidence.observer.in_mm = lambda row: 2.0 * float(np.abs(row).max())
+    for name in ("air_drag", "hem"):
+        evidence.screened[name] = signature(projected=np.full((1, 3), 0.5))
     drag, hem = KINDS["air_drag"].typical, KINDS["hem"].typical
     for needed, sizes, reason in (
         (9.0, (drag, 1.1 * hem), ""),
@@ -160,20 +162,22 @@ def test_effects_that_hardly_move_the_cloth_do_not_stop_none_and_are_named_in_it
 
 
 @pytest.mark.parametrize(
-    ("raw", "size", "is_imitated"),
+    ("raw", "own", "size", "is_imitated"),
     [
-        (1.01, 1.01, True),  # the motion excites it, and parameters hide it
-        (0.99, 1.01, False),  # the motion does not excite it
-        (1.01, 0.99, False),  # nothing hides it
-        (1.01, 1.0, False),
-        (9.0, np.inf, False),  # nothing of it is left to be detected
+        (1.01, 0.99, 1.01, True),  # the motion excites it, and parameters hide it
+        (0.99, 0.98, 1.01, False),  # the motion does not excite it
+        (1.02, 1.01, 1.01, False),  # noise hides it, or another component of its own
+        (1.01, 0.99, 0.99, False),  # the held edge shows it
+        (1.01, 0.99, 1.0, False),  # just as large as what the held edge shows
+        (9.0, 0.0, np.inf, False),  # nothing of it is left to be detected
     ],
 )
-def test_an_effect_is_imitated_if_it_moves_the_points_enough_and_cannot_be_detected(raw, size, is_imitated):
-    """Enough is what the verdict requires; sizes in typical ones."""
+def test_an_effect_is_imitated_if_it_moves_the_points_enough_and_parameters_hide_it(raw, own, size, is_imitated):
+    """Enough is what the verdict requires, of all the motion and of that beyond parameters; sizes in typical ones."""
     evidence = evidence_of({"air_drag": 6.0})
     evidence.observer.in_mm = lambda row: float(np.abs(row).max())
-    evidence.screened["air_drag"] = signature(raw=np.full((1, 3), raw * np.sqrt(needed_mm2(evidence, "air_drag"))))
+    rows = np.sqrt(needed_mm2(evidence, "air_drag")) * np.ones((1, 3))
+    evidence.screened["air_drag"] = signature(raw=raw * rows, projected=own * rows)
     found = imitated(evidence, {"air_drag": np.array([size * KINDS["air_drag"].typical])})
     assert bool(found) == is_imitated
     if is_imitated:
@@ -185,7 +189,9 @@ def test_only_the_components_that_are_imitated_are_told():
     evidence = evidence_of({"gravity_tilt": 6.0})
     evidence.observer.in_mm = lambda row: float(np.abs(row).max())
     typical = KINDS["gravity_tilt"].typical
-    evidence.screened["gravity_tilt"] = signature(raw=np.array([[9.0] * 3, [0.0] * 3]))
+    evidence.screened["gravity_tilt"] = signature(
+        raw=np.array([[9.0] * 3, [0.0] * 3]), projected=np.array([[0.1] * 3, [0.0] * 3])
+    )
     found = imitated(evidence, {"gravity_tilt": np.array([2.0, 3.0]) * typical})["gravity_tilt"]
     assert found[0] == 2.0 * typical
     assert np.isnan(found[1])

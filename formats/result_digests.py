@@ -36,7 +36,7 @@ def check_digest(raw: bytes, stated: str, where: object, again: str) -> None:
     if _digest_of(raw.removeprefix(BOM_UTF8)) != stated:
         raise ResultError(
             "was changed after it was written: its content has another digest than it states", where=where,
-            advice=f"{again}; or remove its line {KEY!r}, and it is read as it is",
+            advice=f"{again}; or remove its field {KEY!r}, and it is read as it is",
         )  # fmt: skip
 
 

@@ -240,6 +240,14 @@ def test_a_path_that_no_folder_of_mutants_holds_is_refused(path, monkeypatch, ca
     assert f"{path}: is no tested folder or module; name one of, or one within, " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("minutes", ["nan", "-3", "0"])
+def test_a_time_that_is_none_is_refused(minutes, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mutants", "--minutes", minutes])
+    with pytest.raises(SystemExit, match="2"):
+        program.main()
+    assert f"--minutes: {minutes} is no time; give a number above 0" in capsys.readouterr().err
+
+
 def test_a_report_before_the_first_run_says_that_there_is_none(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mutants", "--report", "fit/search"])
     monkeypatch.setattr(program, "COPIES", tmp_path)

@@ -62,7 +62,7 @@ def test_a_changed_word_and_a_further_one_are_found(kept):
                 read(path.with_name("other.json"))
             assert str(refused.value) == (
                 f"{path.with_name('other.json')}: was changed after it was written: its content has another digest "
-                f"than it states; {again}; or remove its line 'digest', and it is read as it is"
+                f"than it states; {again}; or remove its field 'digest', and it is read as it is"
             )
 
 

@@ -93,6 +93,8 @@ def main() -> int:
     for path in asked.path:
         if not (ROOT / path).exists() or not any(is_within(path, area) for area in areas):
             parser.error(f"{path}: is no tested folder or module; name one of, or one within, {', '.join(areas)}")
+    if not asked.minutes > 0.0:  # nan included
+        parser.error(f"--minutes: {asked.minutes:g} is no time; give a number above 0")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # ends mutmut too, and keeps its results
     listed, untested = (
         is_listed(SURVIVORS.read_text()),

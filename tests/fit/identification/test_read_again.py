@@ -120,7 +120,7 @@ def test_a_command_refuses_a_fit_that_was_changed_within_range_and_writes_nothin
     done = hangtime_here(*command, folder=fitted)
     assert done.returncode == 2, done.stderr
     told = "fit.json: was changed after it was written: its content has another digest than it states; fit again; or "
-    assert f"{told}remove its line 'digest', and it is read as it is" in done.stderr
+    assert f"{told}remove its field 'digest', and it is read as it is" in done.stderr
     assert [file.name for file in fitted.iterdir()] == ["fit.json"]
 
 

@@ -44,11 +44,11 @@ def takes(tmp_path_factory):
     return folder
 
 
-def command(*words, folder):
+def command(*words, folder, end=0):
     done = subprocess.run(
         [sys.executable, "-m", "hangtime", *map(str, words)], capture_output=True, text=True, cwd=folder, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == end, done.stderr
     return done.stdout
 
 
@@ -376,9 +376,9 @@ def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_pa
     for block in blocks(diagnosis=True):
         exec(compile(block, str(TUTORIAL), "exec"), names)
     paths = [takes / f"{name}.mcap" for name in ("gentle", "mixed")]
-    said = command("diagnose", *paths, "--held-out", takes / "swing.mcap", "--out", "out", folder=tmp_path)
+    mine, end = names["found"].result, 4 if names["found"].result.verdict == "inconclusive" else 0
+    said = command("diagnose", *paths, "--held-out", takes / "swing.mcap", "--out", "out", folder=tmp_path, end=end)
     kept = load_diagnosis(tmp_path / "out/diagnosis.json")
-    mine = names["found"].result
     apart = {"cost": msgspec.structs.replace(kept.cost, seconds=0.0), "created": ""}
     assert msgspec.structs.replace(mine, **apart) == msgspec.structs.replace(kept, **apart)
     assert mine.cost.simulations == kept.cost.simulations

@@ -10,7 +10,7 @@ from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.missing import origin_of
 from formats.nature import NORMAL_90
-from formats.plain_text import counted
+from formats.plain_text import counted, first_few
 from formats.sights import SAME_PLACE, Sights, away_from_held, fitted_sights, longest_without_cloth, standing
 from formats.take import Take
 from formats.two_clocks import shows_points
@@ -72,8 +72,7 @@ def _points(take: Take, sights: Sights) -> list[Finding]:
 
 
 def _names(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    return first_few(names, most=MOST_NAMES)
 
 
 def _held_points(take: Take) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.blocks import LATEST, TICKS
-from formats.plain_text import plain
+from formats.plain_text import joined, plain
 from formats.take import Take
 from formats.take_report import Span
 
@@ -37,7 +37,7 @@ def listed(words: list[str]) -> str:
     """Return `a, b and c`; of many words only the first ones, and the count of the others."""
     if len(words) > MOST_SPANS:
         words = [*words[: MOST_SPANS - 1], f"{len(words) - MOST_SPANS + 1} more spans"]
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+    return joined(words)
 
 
 def origin_of(take: Take, spans: Sequence[Span] = ()) -> float:

@@ -84,10 +84,18 @@ def with_advice(what: str, advice: str) -> str:
     return f"{what} {advice[0].upper()}{advice[1:]}" if is_ended else f"{what}; {advice}"
 
 
-def first_few(words: Sequence[str], count: int) -> str:
-    """Return the first words with commas between them, and the number of the others out of `count`."""
-    more = count - MOST_LISTED
-    return ", ".join(words[:MOST_LISTED]) + f" and {more} more" * (more > 0)
+def first_few(words: Sequence[str], count: int | None = None, most: int = MOST_LISTED) -> str:
+    """Return the first words, `most` of them, with commas between, and the number of the others.
+
+    count: how many there are, if `words` holds the first ones alone
+    """
+    more = (len(words) if count is None else count) - most
+    return ", ".join(words[:most]) + f" and {more} more" * (more > 0)
+
+
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Return `a, b and c` of some words; last: before the last one."""
+    return f" {last} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def sized(count: float) -> str:

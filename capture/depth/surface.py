@@ -157,9 +157,7 @@ class CorrelationMeter:
     PRIOR_WEIGHT = 200.0  # pixels: weight of the starting value, less than one marker plate
 
     def __init__(self, pixels: float = CORRELATED_PIXELS) -> None:
-        start = np.array(NEIGHBOURS_ALIKE)
-        if pixels != CORRELATED_PIXELS:
-            start *= (math.sqrt(pixels) - 1.0) / (math.sqrt(CORRELATED_PIXELS) - 1.0)
+        start = np.array(NEIGHBOURS_ALIKE) * ((math.sqrt(pixels) - 1.0) / (math.sqrt(CORRELATED_PIXELS) - 1.0))
         self._products = np.tile(start * self.PRIOR_WEIGHT, (2, 1))
         self._squares = np.full((2, MEASURED_LAGS), self.PRIOR_WEIGHT)
         self._taken = np.zeros((2, MEASURED_LAGS))  # what the planes took up, for each of their `pixels`
@@ -169,7 +167,7 @@ class CorrelationMeter:
         """Add one plate's residuals in units of the pixel noise, (rows, columns), where `used` is true."""
         count = max(int(np.count_nonzero(used)), FEWEST_TOLD)
         for axis, (rows, marks) in enumerate(((residuals.T, used.T), (residuals, used))):
-            for lag in range(1, min(MEASURED_LAGS, len(rows) - 1) + 1):
+            for lag in range(1, MEASURED_LAGS + 1):
                 both = marks[lag:] & marks[:-lag]
                 a, b = rows[lag:][both], rows[:-lag][both]
                 product, square = float(a @ b), 0.5 * float(a @ a + b @ b)

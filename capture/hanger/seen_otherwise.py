@@ -11,6 +11,7 @@ import numpy as np
 
 from capture.hanger.marker_detection import MarkerDetector, times_seen
 from formats.arrays import Bytes
+from formats.plain_text import joined
 from formats.rig import Hanger
 
 OTHERS = (
@@ -38,7 +39,7 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger, *, is_turned: bool = Fa
     if _finds(255 - colour, hanger, hanger.dictionary):
         return "both are seen white on black: print them black on white"
     if len(others := sorted(set(seen) - set(hanger.ids))) >= len(hanger.ids):
-        return f"markers {', '.join(map(str, others[:-1]))} and {others[-1]} are seen: set the rig's hanger.ids"
+        return f"markers {joined(list(map(str, others)))} are seen: set the rig's hanger.ids"
     for name in OTHERS:
         if name != hanger.dictionary and _finds(colour, hanger, name):
             return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formats.help_pages import OUTPUT
-from formats.plain_text import counted, plain, sized
+from formats.plain_text import counted, first_few, plain, sized
 from formats.telling import know, tell
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _tell_strays(spool: Path) -> None:
     from capture.appliance.spool import Spool
 
     if names := Spool(spool).strays():
-        shown = ", ".join(map(plain, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        shown = first_few(list(map(plain, names)))
         are = "is no take" if len(names) == 1 else "are no takes"
         tell(f"{counted(len(names), 'file')} here {are} of the recorder, and nothing sends or removes: {shown}")
 

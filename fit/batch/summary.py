@@ -25,7 +25,7 @@ from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.figures import without_noise
 from formats.fit_records import AT_BOUND, FitParameter, FitResult, warnings_in
-from formats.plain_text import counted, plain
+from formats.plain_text import counted, first_few, plain
 from formats.rows import csv_text
 
 DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # the key of a synced take ends with its SHA-256
@@ -153,8 +153,7 @@ def said_once(remarks: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _few(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:MOST_NAMED])
-    return f"{shown} and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else shown
+    return first_few(names, most=MOST_NAMED)
 
 
 def as_facts(rows: Sequence[Row]) -> list[dict[str, object]]:

@@ -16,6 +16,7 @@ from itertools import chain, combinations, islice, product
 from typing import Protocol, TypeVar
 
 from fit.batch.summary import short_name
+from formats.plain_text import joined
 
 SAME_SECONDS = 0.9  # of the longest option; our choice: a file that joins two takes lasts an interval longer than both
 MOST_TOGETHER = 10  # takes of a group whose options are all looked at; our choice: bounds time, 1024 sets
@@ -72,10 +73,9 @@ def left_out(
 
 def sharing(names: Sequence[str]) -> str:
     """Return that a take shares frames with those of some names."""
-    *most, last = map(short_name, names)
-    if not most:
-        return f"it holds frames of the recording that {last} holds"
-    return f"it holds frames of the recordings that {', '.join(most)} and {last} hold"
+    told = joined(list(map(short_name, names)))
+    held_by = f"recording that {told} holds" if len(names) == 1 else f"recordings that {told} hold"
+    return f"it holds frames of the {held_by}"
 
 
 def _groups(every: Sequence[Taken], twins: Twins) -> list[set[str]]:

@@ -11,7 +11,7 @@ from fit.recordings.intact import describe_flaws, flaw_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.figures import short, span_of, with_unit
 from formats.fit_records import WARNING, FitResult
-from formats.plain_text import plain, shortened
+from formats.plain_text import joined, plain, shortened
 from formats.take import Take
 
 SAME_WEIGHT = 0.01  # relative difference of weight: scales are more precise, but fits to several takes store their mean
@@ -90,8 +90,7 @@ def doubts(result: FitResult, fabric: Fabric | None) -> list[str]:
     ]  # fmt: skip
     for status, words in NOT_SURE.items():
         if names := [plain(name.replace("_", " ")) for name, one in found if one == status]:
-            every = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-            told.append(f"{WARNING} {words.format(names=every)}")
+            told.append(f"{WARNING} {words.format(names=joined(names))}")
     return told
 
 

@@ -19,6 +19,7 @@ from formats.diagnosis_records import EffectFinding, Figure, Gap, NextExperiment
 from formats.figures import short, with_unit
 from formats.fit_records import AT_BOUND, FitParameter
 from formats.nature import NORMAL_90
+from formats.plain_text import first_few, joined
 
 LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
 PROBABILITIES = {
@@ -167,9 +168,8 @@ def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
     ]
     if not names:
         return ""
-    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     where = f"is {AT_BOUND}" if len(names) == 1 else "are at their bounds"
-    return f" In the base fit, {listed} {where}. The takes identify no value of a parameter at its bound."
+    return f" In the base fit, {joined(names)} {where}. The takes identify no value of a parameter at its bound."
 
 
 def _reached(parameter: Parameter, value: float) -> str:
@@ -182,8 +182,7 @@ def _reached(parameter: Parameter, value: float) -> str:
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
     """Return a sentence that says which effects of the library were not looked for, if any."""
     absent = [effect.title for effect in library if effect not in effects]
-    more = f" and {len(absent) - LISTED_EFFECTS} more" if len(absent) > LISTED_EFFECTS else ""
-    return f" Not looked for, as asked: {', '.join(absent[:LISTED_EFFECTS])}{more}." if absent else ""
+    return f" Not looked for, as asked: {first_few(absent, most=LISTED_EFFECTS)}." if absent else ""
 
 
 def notes(

@@ -22,6 +22,7 @@ from fit.cloth.effect import Effect
 from fit.gap.detectable import needed_mm2, smallest_detectable, unseen
 from fit.gap.evidence import Evidence
 from formats.arrays import Floats
+from formats.plain_text import first_few
 
 # Of the effects that move the cloth: the share that must be detectable at typical sizes, or else a missing gap says
 # nothing. Our choice: most, as no takes show all (a clock's drift needs long ones). Half and double were not tried.
@@ -41,6 +42,11 @@ class Power:
     reason: str
     unseen: list[str]
     advice: str = ""
+
+    @property
+    def listed(self) -> str:
+        """Return a sentence's list of the first undetectable components, with the number of the others."""
+        return first_few(self.unseen, most=LISTED_COMPONENTS)
 
 
 def power_of(evidence: Evidence) -> Power:
@@ -84,9 +90,3 @@ def shown_share(library: dict[str, Effect], smallest: dict[str, Floats]) -> floa
     moving = {name: sizes[np.isfinite(sizes)] for name, sizes in smallest.items() if np.isfinite(sizes).any()}
     shown = [bool((sizes <= library[name].typical).all()) for name, sizes in moving.items()]
     return sum(shown) / len(shown) if shown else 1.0
-
-
-def first_few(missed: list[str]) -> str:
-    """Return a sentence's list of the first of these components, with the number of the others."""
-    more = f" and {len(missed) - LISTED_COMPONENTS} more" if len(missed) > LISTED_COMPONENTS else ""
-    return f"{', '.join(missed[:LISTED_COMPONENTS])}{more}"

@@ -22,7 +22,7 @@ from fit.gap.evidence import (
 )
 from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.power import first_few, power_of
+from fit.gap.power import power_of
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
@@ -158,12 +158,12 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
     hidden = f" Mesh and solver may be wrong by {wrong}." if has_gap else ""
     power = power_of(evidence)
     if power.reason:
-        said = f"No gap shows, but {power.reason}. These could not have been seen: {first_few(power.unseen)}. {numbers}"
+        said = f"No gap shows, but {power.reason}. These could not have been seen: {power.listed}. {numbers}"
         return Verdict("inconclusive", [], f"{said}{hidden}{power.advice}{describe_held_edge(evidence)}")
     where = "" if is_edge_explained(evidence.base.errors.edge) else " in the cloth below its held edge"
     none = f"No gap{where}: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
     if power.unseen:
-        none += f" At their usual sizes, these takes could not have shown: {first_few(power.unseen)}."
+        none += f" At their usual sizes, these takes could not have shown: {power.listed}."
     return Verdict("none", [], none + describe_held_edge(evidence))
 
 

@@ -19,6 +19,7 @@ from fit.report.templating import render
 from fit.report.text import instant
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
+from formats.plain_text import first_few
 from formats.system_causes import step_to_write
 from formats.whole_files import write_whole
 
@@ -124,5 +125,4 @@ def _takes(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence
         ([*record.take_ids, *record.held_out_ids] for record in (diagnosis, fit) if record is not None),
         [motion.take_id for motion in motions],
     )
-    few = ", ".join(names[:4])
-    return f"{few} and {len(names) - 4} more" if len(names) > 4 else few
+    return first_few(names, most=4)

@@ -20,9 +20,8 @@ from formats.importers.c3d_parameters import numbers_of
 from formats.plain_text import counted
 
 CONTINUES = 4.0  # times the usual second difference; our choice: a swing's largest is twice its usual one
-FRAMES_OF_USUAL = (
-    30  # frames that show the usual second difference; our choice: a few tenths of a second, at 100 a second
-)
+# frames that show the usual second difference; our choice: a few tenths of a second, at 100 a second
+FRAMES_OF_USUAL = 30
 FEWEST_STATED = 3  # frames that show a second difference
 
 

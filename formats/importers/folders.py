@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from formats.errors import TakeError
-from formats.plain_text import plain
+from formats.plain_text import joined, plain
 
 
 def refuse_folder(path: Path, endings: Sequence[str]) -> None:
@@ -34,6 +34,4 @@ def refuse_folder(path: Path, endings: Sequence[str]) -> None:
         raise TakeError("is a folder", where=path, advice=f"give the files in it, as in {patterns}")
     if ".mcap" in found:
         raise TakeError("is a folder of takes", where=path, advice=f"`hangtime takes list {shown}` lists them")
-    raise TakeError(
-        f"is a folder without {', '.join(endings[:-1])} or {endings[-1]}", where=path, advice="give files of recordings"
-    )
+    raise TakeError(f"is a folder without {joined(endings, 'or')}", where=path, advice="give files of recordings")

@@ -9,7 +9,7 @@ import pytest
 
 from fit.gap.closure import SIGNIFICANT_GAP, BlockErrors
 from fit.gap.detectable import needed_mm2
-from fit.gap.power import Power, first_few, imitated, power_of, shown_share
+from fit.gap.power import Power, imitated, power_of, shown_share
 from fit.gap.verdict import decide, gap_numbers, no_gap
 from tests.fit.gap.linear_cloth import EFFECTS, World, a_take, diagnosed, three_takes
 from tests.fit.gap.verdict_scene import BLOCKS, KINDS, evidence_of, signature
@@ -130,7 +130,7 @@ def test_takes_that_show_half_of_the_effects_at_their_typical_sizes_show_most(mo
     [(["a"], "a"), (["a", "b", "c", "d"], "a, b, c, d"), (list("abcdefg"), "a, b, c, d and 3 more")],
 )
 def test_a_sentence_lists_four_components_and_counts_the_others(names, said):
-    assert first_few(names) == said
+    assert Power("", names).listed == said
 
 
 @pytest.mark.parametrize("has_gap", [False, True])

@@ -55,7 +55,7 @@ class MotionGate:
         - `places` [m], (points, 3): positions, NaN if not detected
         - `sd` [m], (points, 3)
         - `time` [s], increasing
-        - `weak`, (points,): detections that only a settled motion confirms
+        - `weak`, (points,): detections that do not count while their point is lost, or has just come back
         """
         seen, is_first = np.isfinite(places).all(1), np.isinf(self._time)
         gone = time - self._time

@@ -19,7 +19,8 @@ of these distances move it by
 
     -(G^T G)^-1 G^T n,    of one corner in a panel's diagonals, at an angle a: n / (4 cos a) along an axis
 
-A corner that only its distances place, at no corner of the outline, counts where its motion was followed before.
+A corner that only its distances place, at no corner of the outline, does not count just after a gap. In the first
+frame it counts.
 """
 
 from __future__ import annotations

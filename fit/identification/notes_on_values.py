@@ -25,12 +25,14 @@ STOPPED_AT_BOUNDS = (  # where they are several
 )
 WORSE_THAN_START = (
     "Warning: the fit follows {takes} worse than its initial parameters do: {after:.1f} mm instead of {before:.1f} mm "
-    "(mean distance of all points). The search lowered another figure, {lowered}. Its parameters tell little of the "
-    "cloth; {advice}."
+    "(mean distance of all points). The search lowered another figure: {lowered}. "
+    "Its parameters tell little of the cloth; {advice}."
 )
 LOWERED_FIGURE = {
-    "least-squares": "the sum of the points' squared residuals",
-    "short-windows": "the points' residuals while a pull leads the cloth back to them every two seconds",
+    "least-squares": "the sum of the points' squared residuals on the takes it was fitted to",
+    "short-windows": (
+        "the points' residuals on the takes it was fitted to, while a pull leads the cloth back every two seconds"
+    ),
 }
 LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
 MORE_TAKES = "fit to takes of this kind of motion as well"

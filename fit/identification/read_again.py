@@ -9,6 +9,7 @@ a search found, 40 % of the draws lie at or below that mean, and 40 % at or abov
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -22,7 +23,7 @@ from fit.identification.combinations import COMBINATIONS
 from fit.methods import METHODS
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
-from formats.fit_records import FitParameter, FitResult
+from formats.fit_records import WARNING, FitParameter, FitResult
 from formats.result_checks import check_within
 from formats.results import diagnosis_from, fit_result_from, load_diagnosis, load_fit_result, load_result
 from formats.system_causes import step_to_read
@@ -131,11 +132,19 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
 
 
 def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
-    """Return a fit with a note if the diagnosis of the same takes names an effect that the fit lacks."""
+    """Return a fit with a note if the diagnosis of the same takes names an effect that the fit lacks.
+
+    A diagnosis that is damaged or was changed may name one, too.
+    """
+    if not os.path.lexists(path):
+        return result
     try:
         diagnosis = load_diagnosed(path)
-    except HangtimeError:  # none is there, or none that can be read
-        return result
+    except HangtimeError as error:
+        note = (
+            f"{WARNING} {path.name} beside this fit cannot be used: {error.what}. It may name an effect lacking here."
+        )
+        return msgspec.structs.replace(result, notes=[*result.notes, note])
     fitted = {name.partition(".")[0] for name in result.effects}
     is_any = diagnosis.verdict == "ambiguous"
     lacking = [name for name in diagnosis.named if name not in fitted]

@@ -64,6 +64,7 @@ def test_a_fit_worse_than_its_start_says_on_which_takes_by_how_much_and_what_to_
     note = note_on_start(error_of(*millimetres), search)
     assert note.startswith("Warning: the fit follows ")
     assert LOWERED_FIGURE.get(search, "method's objective") in note
+    assert "on the takes it was fitted to" in note.partition("another figure")[2]
     for words in says:
         assert words in note
 

@@ -132,3 +132,19 @@ def test_results_without_a_fault_are_read(fitted):
     save_fit_result(fitted / "fit.json", older)
     edited(fitted / "fit.json", "method", value="a method of another version")
     assert load_fit(fitted / "fit.json").parameters == older.parameters
+
+
+@pytest.mark.parametrize(("text", "why"), [("{", "is not a diagnosis"), (None, "was changed after it was written")])
+def test_a_diagnosis_beside_a_fit_that_cannot_be_used_is_told(fitted, text, why):
+    """It may name an effect that the fit lacks."""
+    file = fitted / "diagnosis.json"
+    save_diagnosis(file, diagnosis())
+    file.write_text(text or file.read_text().replace('"verdict": "effect"', '"verdict": "none"'))
+    for command in (("fabric", "."), ("export", ".", "--to", "csv", "--out", "out.csv")):
+        done = hangtime_here(*command, folder=fitted)
+        assert done.returncode == 0, done.stderr
+        assert f"Warning: diagnosis.json beside this fit cannot be used: {why}" in done.stdout + done.stderr
+
+
+def test_a_fit_without_a_diagnosis_beside_it_warns_of_none(fitted):
+    assert not [note for note in read_fit(fitted)[0].notes if "diagnosis.json" in note]

@@ -9,11 +9,12 @@ from pathlib import Path
 
 from fit.kernel_cache.index import INDEX, LARGEST_INDEX, TAICHI_LOCK, sizes_of_kernels
 from fit.kernel_cache.notes import NOTED, hash_of, noted_hashes
+from fit.kernel_cache.writers import remove_abandoned_lock
 from formats.plain_text import plain
 
 # s; our choice: Taichi holds its lock for milliseconds, and other processes give up after 0.2 s. So the lock of a
 # process that still writes stays, even on a disk that is 1000 times as slow. Until then each process compiles every
-# kernel again. Half and double were not tried.
+# kernel again. This holds for locks that a living process may hold. Half and double were not tried.
 STALE_LOCK = 60.0
 # s; our choice: a thousand times what Taichi needs. Younger locks are those of processes at work. Half and double were
 # not tried.
@@ -28,12 +29,14 @@ def mend_cache(folder: Path) -> None:
     Taichi 1.7.4 trusts its index: a damaged one ends the process, or requests more memory than exists. Another kernel's
     file under a kernel's name ends the process, or computes something else. With a stale lock, or without a file of the
     index, every process compiles again. The damaged index becomes `ticache.tcb.damaged`, and Taichi writes all anew.
-    So does an index of which a file differs from what `note_kernels` noted.
+    So does an index of which a file differs from what `note_kernels` noted. A lock that no living process can hold
+    goes at once (`remove_abandoned_lock`).
 
     Raises:
         OSError: a file cannot be read, renamed or removed.
     """
     index, lock = folder / INDEX, folder / TAICHI_LOCK
+    remove_abandoned_lock(folder)
     with contextlib.suppress(FileNotFoundError):
         age = abs(time.time() - lock.stat().st_mtime)  # the clock may have been put back since
         if age > STALE_LOCK:

@@ -16,8 +16,7 @@ from typing import Any
 from fit.errors import FitError
 from fit.kernel_cache.mending import mend_cache
 from fit.kernel_cache.notes import note_kernels
-
-CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
+from fit.kernel_cache.writers import CACHE, claim_writing, open_writers
 
 
 def mended_cache(ti: Any) -> dict[str, str]:
@@ -29,7 +28,7 @@ def mended_cache(ti: Any) -> dict[str, str]:
             mend_cache(own)
             with contextlib.suppress(OSError):  # on a full disk, or of another user: the cache works without it
                 note_kernels(own)
-            atexit.register(_note_own_kernels, ti, own, time.time())
+            atexit.register(_note_own_kernels, ti, own, time.time(), open_writers(own))
             return {}
     except OSError:
         os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
@@ -68,8 +67,12 @@ def at_work() -> Iterator[None]:
         _Work.running -= 1
 
 
-def _note_own_kernels(ti: Any, folder: Path, since: float) -> None:
-    """Note the kernels of this process at its end; with other threads, which may simulate, the next process does."""
+def _note_own_kernels(ti: Any, folder: Path, since: float, writers: int | None = None) -> None:
+    """Note the kernels of this process at its end; with other threads, which may simulate, the next process does.
+
+    writers: the descriptor of `open_writers`, by which this process claims that it may be writing until it has ended
+    """
+    claim_writing(writers)
     if _Work.running or (not _Work.is_counted and threading.active_count() > 1):
         return
     ti.reset()  # it writes the kernels

@@ -6,7 +6,6 @@ import errno
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -176,7 +175,6 @@ def test_kernels_of_one_size_that_are_exchanged_are_compiled_again(tmp_path):
 
 SILENT_SERVER = """
 import sys
-import time
 from urllib import request
 def urlopen(*asked, **how):
     print("asked a server", file=sys.stderr)
@@ -265,34 +263,3 @@ def test_an_index_of_any_size_or_kind_is_put_aside_unread(tmp_path, kind):
             file.truncate(300 << 30)
     mend_cache(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == [INDEX + ".damaged"]
-
-
-def test_a_lock_dated_in_the_future_is_stale_too(tmp_path):
-    """A computer without a battery for its clock may start in 1970, and a lock of 2033 lies 63 years ahead."""
-    lock = tmp_path / TAICHI_LOCK
-    for ahead, is_stale in ((30, False), (90, True), (2e9, True)):
-        lock.touch()
-        os.utime(lock, (time.time() + ahead,) * 2)
-        mend_cache(tmp_path)
-        assert lock.exists() is not is_stale, ahead
-
-
-@pytest.mark.parametrize(("age", "is_told"), [(1, False), (4, False), (8, True), (55, True), (65, False)])
-def test_a_lock_that_stays_is_told_with_the_file_to_remove_until_it_is_removed(tmp_path, capsys, age, is_told):
-    """Taichi needs it for milliseconds. Each process compiles every kernel anew until it is gone, after 60 s."""
-    lock = tmp_path / TAICHI_LOCK
-    lock.touch()
-    os.utime(lock, (time.time() - age,) * 2)
-    mend_cache(tmp_path)
-    said = capsys.readouterr().err
-    assert lock.exists() is (age < 60)
-    assert (f"If no other Hangtime runs, remove {lock}.\n" in said) is is_told
-    assert (f"has locked them for {age} s" in said) is is_told
-    assert is_told or not said
-
-
-def test_a_lock_that_another_process_holds_is_left_alone(tmp_path):
-    (tmp_path / TAICHI_LOCK).touch()
-    (tmp_path / INDEX).write_bytes(b"being written")
-    mend_cache(tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == [TAICHI_LOCK, INDEX]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ast
+import json
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from tests.mutants.__main__ import SURVIVORS, is_listed, is_wording, named
+from tests.mutants.__main__ import SURVIVORS, is_listed
+from tests.mutants.changes import Functions, change_of, is_wording, named
 from tests.mutants.types import Change, refused
 
 
@@ -70,6 +72,32 @@ def test_a_rule_lists_the_changes_of_its_kind_and_no_other(function, removed, ad
 )
 def test_a_mutant_has_the_name_of_its_function(mutant, module, function):
     assert named(mutant) == (module, function)
+
+
+MUTATED = """class Of:
+    def xǁOfǁtwice__mutmut_orig(self, x):
+        \"\"\"Return twice.\"\"\"
+        if x:
+            return 2 * x
+        return 0
+    def xǁOfǁtwice__mutmut_1(self, x):
+        \"\"\"Return twice.\"\"\"
+        if x:
+            return 3 * x
+        return 0
+"""
+
+
+def test_a_change_is_read_from_the_lines_of_both_functions(tmp_path):
+    """The lines of a method lose the indentation of their class, and mutmut's name gives way to the function's."""
+    (tmp_path / "a.py").write_text(MUTATED)
+    spans = {"xǁOfǁtwice__mutmut_orig": [2, 6], "xǁOfǁtwice__mutmut_1": [7, 11]}
+    (tmp_path / "a.py.spans").write_text(json.dumps({"spans": spans}))
+    mutant, functions = "p.a.xǁOfǁtwice__mutmut_1", Functions(tmp_path / "a.py")
+    whole = 'def twice(self, x):\n    """Return twice."""\n    if x:\n        return {} * x\n    return 0'
+    assert functions.original(mutant) == whole.format(2)
+    assert functions.source(mutant) == whole.format(3)
+    assert change_of(functions.diff(mutant)) == "- return 2 * x\n+ return 3 * x"
 
 
 MODULE = """import functools

@@ -1,9 +1,12 @@
 """Mutate the code in one place at a time and check whether a test fails: the program of `scripts/mutants`.
 
-The mutation tester mutmut makes the mutants and runs, for each, the tests that reach its function. Which folder is
-tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
-`build/mutants/`. Results are kept: a second run goes on where the first ended, and tests again where a module or the
-tests that reach it have changed.
+The mutation tester mutmut makes the mutants and learns which tests reach which function. A plugin of pytest, `forks`,
+runs these tests on each mutant. Which folder is tested with which tests stands in pyproject.toml,
+`[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in `build/mutants/`. Results are kept: a second run
+goes on where the first ended, and tests again where a module or the tests that reach it have changed.
+
+The mutants come in an order that is drawn by their names, so that those tested by any time are a sample of the folder.
+Those that may live come last, since they need all their tests.
 
 The type check of `scripts/check` then looks at the mutants that no test noticed. Those that it refuses count as dead.
 A surviving mutant either needs a test, or is listed in `survivors.toml` with a reason. A rule there accepts all mutants
@@ -16,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import math
 import os
 import random
@@ -25,7 +29,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from hashlib import sha256
@@ -34,6 +38,8 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from tests.mutants import kept
+from tests.mutants.changes import Functions, change_of, is_wording, named
+from tests.mutants.forks import function_of
 from tests.mutants.types import Change, refused
 
 ROOT = Path(__file__).parents[2]
@@ -41,11 +47,9 @@ COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
 LOOK = 60.0  # s between two looks at what mutmut has found; our choice: a night that is cut off loses a minute
-NAMED = 1000  # mutants in one command at most; our choice: mutmut compares each with every mutant of the folder
-# Times what the tests take without a mutant, and s before that: a mutant that takes longer never ends, and is dead. Our
-# choice: a machine five times as busy ends no other. With mutmut's own 15 times, each takes 15 minutes in some rooms.
-SLOWER, SPARE = 5.0, 3.5
-PLUGIN = "tests.mutants.plugin"
+PLUGIN, FORKS = "tests.mutants.plugin", "tests.mutants.forks"
+NOT_RUN = ["-m", "not slow and not unmutated", "-p", "no:cacheprovider", "-p", PLUGIN]
+WITHOUT_TESTS = 33  # mutmut's code of a mutant that no test reaches
 NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut's message after it has made all mutants
 NEEDS = {"formats.exporters.rerun_file": "rerun"}  # library without which all tests of a module skip
 WANTED = 0.9  # share of the mutants that tests must notice
@@ -53,7 +57,7 @@ KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 
 
 class MutmutError(Exception):
-    """mutmut ended with an error."""
+    """mutmut, or pytest, ended with an error."""
 
 
 @dataclass
@@ -119,7 +123,7 @@ def main() -> int:
                 names = mutants_of(area, patterns, untested)
                 if asked.sample is not None:
                     patterns = names = random.Random(asked.seed).sample(names, min(asked.sample, len(names)))
-                test_mutants(area, tests, names, asked.processes, keep, end)
+                test_mutants(area, tests, names, asked.processes, keep, end, listed)
         except MutmutError as failed:  # such as a test that fails without a mutant; the other folders still have theirs
             print(failed, file=sys.stderr)
             is_well = False
@@ -161,11 +165,7 @@ def copy_of(area: str) -> Path:
 
 
 def make_mutants(area: str, tests: list[str]) -> None:
-    """Bring the copy up to date, make its mutants, and learn which tests reach which function.
-
-    Each mutant's process is forked from one that has run no test. From another one it would lack Taichi's threads, and
-    wait for them.
-    """
+    """Bring the copy up to date, make its mutants, and learn which tests reach which function."""
     copy = copy_of(area)
     copy.mkdir(parents=True, exist_ok=True)
     subprocess.run(["cp", "-ru", *(ROOT / name for name in (*COPIED, "README.md", "pyproject.toml")), copy], check=True)
@@ -174,15 +174,15 @@ def make_mutants(area: str, tests: list[str]) -> None:
         "source_paths": [area.split("/")[0]],
         "only_mutate": [f"{area}/*"],
         "pytest_add_cli_args_test_selection": tests,
-        "pytest_add_cli_args": ["-m", "not slow and not unmutated", "-p", "no:cacheprovider", "-p", PLUGIN],
+        "pytest_add_cli_args": NOT_RUN,
         "also_copy": [name for name in (*COPIED, "README.md") if name not in (area.split("/")[0], "tests")],
     }
     written = "".join(f"{name}=\n" + "".join(f"    {value}\n" for value in values) for name, values in lists.items())
-    limits = f"timeout_multiplier={SLOWER}\ntimeout_constant={SPARE}\n"
-    settings = f"[mutmut]\nprocess_isolation=forkserver\n{limits}{written}"
-    (copy / "setup.cfg").write_text(settings)
+    (copy / "setup.cfg").write_text(f"[mutmut]\nprocess_isolation=forkserver\n{written}")
     forget_what_changed(copy, tests)
-    run_mutmut(area, [NO_MUTANT], 1)
+    code, words = run([sys.executable, "-m", "mutmut", "run", "--max-children", "1", NO_MUTANT], copy)
+    if code and MATCHES_NOTHING not in words:
+        raise ended(area, "mutmut", code, words)
 
 
 def mutants_of(area: str, patterns: list[str], untested: list[str]) -> list[str]:
@@ -195,27 +195,71 @@ def mutants_of(area: str, patterns: list[str], untested: list[str]) -> list[str]
     )
 
 
-def test_mutants(area: str, tests: list[str], names: list[str], processes: int, keep: Path, end: float) -> None:
+def test_mutants(
+    area: str, tests: list[str], names: list[str], processes: int, keep: Path, end: float,
+    listed: Callable[[str, str], bool],
+) -> None:  # fmt: skip
     """Test the mutants that have no kept result, until a time of the monotonic clock, and keep each result."""
     copy, store = copy_of(area), keep / f"{area.replace('/', '-')}.json"
-    keys = kept.keys(copy, area, tests)
+    keys, reached = kept.keys(copy, area, tests), kept.reached(copy)
     codes = kept.known(store, keys)
-    missing = [name for name in names if name not in codes]
+    missing = in_order(copy, area, [name for name in names if name not in codes], listed)
     kept.put(copy, area, codes, missing)
-    if missing:  # named, mutmut first runs their tests alone on the code itself; else all
-        few = missing if len(missing) <= NAMED else []
-        run_mutmut(area, few, processes, lambda: kept.keep(store, copy, area, keys), end)
+    unreached = {name for name in missing if not reached.get(function_of(name))}
+    kept.take(copy, area, dict.fromkeys(unreached, WITHOUT_TESTS))
+    tested = {name: reached[function_of(name)] for name in missing if name not in unreached}
+    results, killers = copy / "results.jsonl", kept.killers(store)
+
+    def look() -> None:
+        lines = [json.loads(line) for line in results.read_text().splitlines(keepends=True) if line[-1] == "\n"]
+        kept.take(copy, area, {name: code for name, code, *_ in lines})
+        found = killers | {name: killer for name, _, killer, _ in lines if killer}
+        kept.keep(store, copy, area, keys, found)
+
+    results.write_text("")
+    if not tested:
+        look()
+        return
+    stamp, now = copy / "measured.sha256", kept.stamp(copy, COPIED)
+    is_measured = stamp.exists() and stamp.read_text() == now
+    work = {
+        "mutants": tested, "processes": processes, "results": str(results), "took": str(copy / "took.json"),
+        "killers": {function_of(name): killer for name, killer in killers.items()},
+        "clean": [] if is_measured else sorted({test for some in reached.values() for test in some}),
+    }  # fmt: skip
+    (copy / "work.json").write_text(json.dumps(work))
+    pytest = [sys.executable, "-m", "pytest", "--rootdir=.", "--tb=native", "-x", "-q", *tests, *NOT_RUN, "-p", FORKS]
+    code, words = run([*pytest, "--mutants", str(copy / "work.json")], copy / "mutants", look, end)
+    if code:
+        raise ended(area, "pytest", code, words)
+    stamp.write_text(now)
 
 
-def run_mutmut(
-    area: str, names: list[str], processes: int, look: Callable[[], None] = lambda: None, end: float = math.inf
-) -> None:
-    """Run mutmut on mutants, and look again and again at what it has found, for the last time after its end."""
+def in_order(copy: Path, area: str, names: Sequence[str], listed: Callable[[str, str], bool]) -> list[str]:
+    """Return the mutants that count, as drawn by their names, those last that may live."""
+    wanted, keys = set(names), dict[str, tuple[bool, bytes]]()
+    for meta in kept.metas(copy, area):
+        if some := [name for name in kept.exit_codes(meta) if name in wanted]:
+            functions = Functions(meta.with_suffix(""))
+            for name in some:
+                if not is_wording(diff := functions.diff(name)):
+                    may_live = listed(".".join(named(name)), change_of(diff))
+                    keys[name] = (may_live, sha256(name.encode()).digest())
+    return sorted(keys, key=lambda name: keys[name])
+
+
+def run(
+    command: Sequence[str], folder: Path, look: Callable[[], None] = lambda: None, end: float = math.inf
+) -> tuple[int, str]:
+    """Run a command, and look again and again at what it has found, for the last time after its end.
+
+    Return its exit code and what it said; 0 where the time is over.
+    """
     with TemporaryFile() as said:
         running = subprocess.Popen(
-            [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *names], cwd=copy_of(area),
-            env={**os.environ, "PYTHONPATH": "", "OPENBLAS_NUM_THREADS": "1"}, stdout=said, stderr=subprocess.STDOUT,
-            start_new_session=True,
+            command, cwd=folder, stdout=said, stderr=subprocess.STDOUT, start_new_session=True,
+            env={**os.environ, "PYTHONPATH": "", "OPENBLAS_NUM_THREADS": "1", "MUTANT_UNDER_TEST": "",
+                 "PY_IGNORE_IMPORTMISMATCH": "1"},
         )  # fmt: skip
         try:
             while running.poll() is None and (left := end - time.monotonic()) > 0:
@@ -224,14 +268,17 @@ def run_mutmut(
                 look()
         finally:
             if is_cut := running.poll() is None:
-                os.killpg(running.pid, signal.SIGTERM)  # mutmut and the processes of its mutants
+                os.killpg(running.pid, signal.SIGTERM)  # it ends the processes of its mutants
                 running.wait()
             look()
         said.seek(0)
-        words = said.read().decode(errors="replace")
-    if running.returncode and not is_cut and not (names == [NO_MUTANT] and MATCHES_NOTHING in words):
-        sys.stderr.write(words[-4000:])
-        raise MutmutError(f"mutants: {area}: mutmut ended with {running.returncode}; its last words are above")
+        return 0 if is_cut else running.returncode, said.read().decode(errors="replace")
+
+
+def ended(area: str, program: str, code: int, words: str) -> MutmutError:
+    """Return the error of a program that failed, after its last words."""
+    sys.stderr.write(words[-4000:])
+    return MutmutError(f"mutants: {area}: {program} ended with {code}; its last words are above")
 
 
 def is_of(name: str, modules: list[str]) -> bool:
@@ -255,65 +302,33 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
     """Count the stored results of a folder's mutants whose names match."""
     copy, found = copy_of(area), Tally()
     unnoticed: list[tuple[str, str, Change]] = []
-    os.chdir(copy)  # mutmut finds its files from the working directory
-    from mutmut.mutation.diff_apply import get_diff_for_mutant
     from mutmut.stats import status_by_exit_code
 
     for meta in kept.metas(copy, area):
-        source = str(meta.relative_to(copy / "mutants")).removesuffix(".meta")
+        source, functions = (
+            str(meta.relative_to(copy / "mutants")).removesuffix(".meta"),
+            Functions(meta.with_suffix("")),
+        )
         for name, code in kept.exit_codes(meta).items():
             if is_of(name, untested) or not any(fnmatch(name, pattern) for pattern in patterns):
                 continue
-            if code is None:
-                found.untested += 1
-                continue
-            is_killed = status_by_exit_code[code] in KILLED
             module, own = named(name)
             function = f"{module}.{own}"
-            lines = get_diff_for_mutant(name, path=source).splitlines()[2:]
-            if is_wording(lines):
+            diff = functions.diff(name)
+            if is_wording(diff):
                 found.wording += 1
-                continue
-            if is_killed:
+            elif code is None:
+                found.untested += 1
+            elif status_by_exit_code[code] in KILLED:
                 found.killed += 1
-                continue
-            change = "\n".join(f"{line[0]} {line[1:].strip()}" for line in lines if line[:1] in "+-" and line.strip())
-            if listed(function, change):
+            elif listed(function, change := change_of(diff)):
                 found.listed += 1
             else:
-                unnoticed.append((function, change, Change(source, own, source_of(name, source))))
+                unnoticed.append((function, change, Change(source, own, functions.source(name))))
     are_refused = refused(copy, [one for *_, one in unnoticed])
     found.refused = sum(are_refused)
     found.alive = [(where, what) for (where, what, _), one in zip(unnoticed, are_refused, strict=True) if not one]
     return found
-
-
-def named(mutant: str) -> tuple[str, str]:
-    """Return the module of a mutant and the name of its function, by mutmut's name for it."""
-    module, _, mangled = mutant.rsplit("__mutmut_", 1)[0].rpartition(".")
-    return module, mangled[2:].replace("ǁ", ".")
-
-
-def source_of(name: str, path: str) -> str:
-    """Return a mutant's function, read from mutmut's folder within the working directory."""
-    import libcst
-    from mutmut.mutation import diff_apply
-
-    read = diff_apply.read_functions_from_index(name, path)
-    function = read[1] if read else diff_apply.read_mutant_function(diff_apply.read_mutants_module(path), name)
-    return libcst.Module([function]).code
-
-
-def is_wording(lines: list[str]) -> bool:
-    """Whether a change, the lines of a diff, only puts XX about a sentence, or turns its case.
-
-    Tests of a sentence ask for its gist, and not for its capitals. A text without a space is a name, which counts.
-    """
-    removed, added = ("\n".join(line[1:] for line in lines if line[:1] == sign) for sign in "-+")
-    if removed == added or removed.lower() != added.replace("XX", "").lower():
-        return False
-    changed = [a for a, b in zip(removed.split('"'), added.split('"'), strict=True) if a != b]
-    return bool(changed) and all(" " in text.strip() for text in changed)
 
 
 def show(area: str, found: Tally) -> bool:

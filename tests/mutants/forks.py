@@ -1,0 +1,286 @@
+"""A plugin of pytest that tests mutants, each in a process that is forked once the tests have been collected.
+
+A mutant's process runs the tests that reach the mutant's function, and ends at the first that fails. First comes the
+test that killed the function's last mutant. No process collects, and none forks from one that has run a test: from
+such a one it would lack Taichi's threads, and wait for them.
+
+Before the mutants, one process runs the tests on the code itself. It measures how long each takes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import resource
+import select
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+import pytest
+from mutmut.mutation.trampoline import set_mutant_under_test
+
+# Times what a test takes without a mutant, and s beyond that: a mutant that takes longer never ends, and is dead.
+# Processor time counts, so that a busy machine ends no mutant; STILL times that of wall time ends one that only waits.
+# Our choice: with mutmut's own 15 times all tests together, a mutant took 15 minutes in some rooms.
+SLOWER, SPARE, STILL = 5.0, 3.5, 4.0
+LOOK = 0.25  # s between two looks at whether a process lives; our choice: a hundredth of what mutants take together
+SURVIVED, KILLED, INTERRUPTED, BROKEN, TIMEOUT = 0, 1, 2, 3, 36  # mutmut's codes
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--mutants", type=Path, metavar="FILE", help="test the mutants that a file of JSON names")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop(session: pytest.Session) -> bool | None:
+    path = session.config.getoption("--mutants")
+    if path is None or session.testsfailed:  # pytest itself ends with the errors of a collection
+        return None
+    work = json.loads(path.read_text())
+    forks = Forks(session, Path(work["took"]), Path(work["results"]), work["killers"])
+    signal.signal(signal.SIGTERM, forks.end)
+    if work["clean"]:
+        forks.test_clean(work["clean"])
+    forks.test(work["mutants"], work["processes"])
+    return True
+
+
+@dataclass
+class Child:
+    """A process that tests one mutant.
+
+    - `said`: the pipe's end that tells which test begins, and at what processor time [s], or the exit code
+    - `begun`, `limit`, `spent`: wall time [s] of the test's beginning, its limit [s] and the processor time before
+    """
+
+    mutant: str
+    items: Sequence[pytest.Item]
+    said: int
+    folder: Path
+    started: float
+    begun: float = 0.0
+    limit: float = 0.0
+    spent: float = 0.0
+    until: float = 0.0
+    at: int = 0
+    code: int | None = None
+    text: bytes = b""
+
+
+@dataclass
+class Forks:
+    """Forks a process for each mutant, ends it in time, and writes down its result.
+
+    took: file of the durations [s] of each test's setup, call and teardown; results: file of a line for each mutant
+    """
+
+    session: pytest.Session
+    took: Path
+    results: Path
+    killers: dict[str, str]
+    children: dict[int, Child] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.by_name = {item.nodeid: item for item in self.session.items}
+        self.durations: dict[str, dict[str, float]] = json.loads(self.took.read_text()) if self.took.exists() else {}
+        self.beside: dict[Path, float] = {}  # s of the longest setup and teardown in each file
+
+    def test_clean(self, names: Sequence[str]) -> None:
+        """Run tests on the code itself, and write down how long they take; end pytest if one fails."""
+        wanted = set(names)
+        items = [item for item in self.session.items if item.nodeid in wanted]
+        child = self.fork("", items)
+        while self.children:
+            select.select([child.said], [], [], LOOK)
+            self.hear(child, is_limited=False)
+        if child.code != SURVIVED:
+            pytest.exit("a test fails without a mutant", returncode=1)
+        self.durations = json.loads(self.took.read_text())
+
+    def test(self, mutants: dict[str, list[str]], processes: int) -> None:
+        """Test mutants, given with the names of the tests that reach each, in this order."""
+        for name, took in self.durations.items():
+            if name in self.by_name:
+                path, beside = self.by_name[name].path, took.get("setup", 0.0) + took.get("teardown", 0.0)
+                self.beside[path] = max(beside, self.beside.get(path, 0.0))
+        waiting = iter(mutants.items())
+        is_more = True
+        while is_more or self.children:
+            while is_more and len(self.children) < processes:
+                if (following := next(waiting, None)) is None:
+                    is_more = False
+                else:
+                    self.fork(following[0], self.ordered(*following))
+            if self.children:
+                select.select([child.said for child in self.children.values()], [], [], LOOK)
+                for child in list(self.children.values()):
+                    self.hear(child)
+
+    def ordered(self, mutant: str, names: Sequence[str]) -> list[pytest.Item]:
+        """Return the tests of a mutant, the one that killed the function's last mutant first."""
+        wanted, first = set(names), self.killers.get(function_of(mutant))
+        items = [item for item in self.session.items if item.nodeid in wanted]
+        return sorted(items, key=lambda item: item.nodeid != first)
+
+    def fork(self, mutant: str, items: Sequence[pytest.Item]) -> Child:
+        folder = Path(tempfile.mkdtemp(prefix="mutant-"))
+        said, tell = os.pipe()
+        os.set_blocking(said, False)
+        sys.stdout.flush()
+        if not (pid := os.fork()):
+            os.setpgid(0, 0)
+            took = None if mutant else self.took
+            os._exit(tested(self.session, mutant, items, folder, lambda text: os.write(tell, text.encode()), took))
+        with contextlib.suppress(OSError):  # it has ended, or done so itself
+            os.setpgid(pid, pid)
+        os.close(tell)
+        now = time.monotonic()
+        self.children[pid] = child = Child(mutant, items, said, folder, now, now, until=now + 60.0 * SPARE)
+        return child
+
+    def hear(self, child: Child, *, is_limited: bool = True) -> None:
+        """Take in what a process says, and end it where its test takes too long."""
+        pid = next(pid for pid, one in self.children.items() if one is child)
+        with contextlib.suppress(BlockingIOError):
+            while part := os.read(child.said, 65536):
+                child.text += part
+        *lines, child.text = child.text.split(b"\n")
+        for line in lines:
+            word, number = line.split()
+            if word == b"end":
+                child.code = int(number)
+            else:
+                child.at, child.spent, child.begun = int(word), float(number), time.monotonic()
+                child.limit = self.limit(child)
+                child.until = child.begun + child.limit
+        ended, status = os.waitpid(pid, 0 if child.code is not None else os.WNOHANG)
+        if ended:
+            if child.code is None:  # without having said so, thus by a signal or by a test's `os._exit`
+                child.code = os.waitstatus_to_exitcode(status) or BROKEN
+            self.close(pid, child)
+        elif is_limited and (now := time.monotonic()) > child.until:
+            if now > child.begun + STILL * child.limit or (used := used_by(pid) - child.spent) > 0.9 * child.limit:
+                child.code = TIMEOUT
+                self.close(pid, child)
+            else:
+                child.until = now + max(child.limit - used, LOOK)
+
+    def limit(self, child: Child) -> float:
+        """Return the limit [s] of a process's present test: shared fixtures are made by the first that needs them."""
+        item = child.items[child.at]
+        own = self.durations.get(item.nodeid, {}).get("call", 0.0) + self.beside.get(item.path, 0.0)
+        is_first = child.at < 2 or child.items[child.at - 1].path != item.path
+        return SPARE + SLOWER * (own + is_first * max(self.beside.values(), default=0.0))
+
+    def close(self, pid: int, child: Child) -> None:
+        """End a process with those that its tests have left, and write down its result."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(pid, 0)
+        os.close(child.said)
+        shutil.rmtree(child.folder, ignore_errors=True)
+        del self.children[pid]
+        if not child.mutant:
+            return
+        killer = child.items[child.at].nodeid if child.code != SURVIVED else None
+        if killer:
+            self.killers[function_of(child.mutant)] = killer
+        with self.results.open("a") as file:
+            print(json.dumps([child.mutant, child.code, killer, time.monotonic() - child.started]), file=file)
+
+    def end(self, *_: object) -> None:
+        """End all processes, and this one."""
+        for pid, child in self.children.items():
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(pid, signal.SIGKILL)
+            shutil.rmtree(child.folder, ignore_errors=True)
+        os._exit(128 + signal.SIGTERM)
+
+
+def function_of(mutant: str) -> str:
+    """Return mutmut's name for the function of a mutant."""
+    return mutant.rsplit("__mutmut_", 1)[0]
+
+
+def used_by(pid: int) -> float:
+    """Return the processor time [s] of a process with its children, ended or not."""
+    total = 0.0
+    with contextlib.suppress(psutil.Error):
+        process = psutil.Process(pid)
+        own = process.cpu_times()
+        total = own.user + own.system + own.children_user + own.children_system
+        for child in process.children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                times = child.cpu_times()
+                total += times.user + times.system
+    return total
+
+
+def spent() -> float:
+    """Return the processor time [s] of this process and of its ended children."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in both)
+
+
+class Durations:
+    """Adds up how long each phase of each test takes."""
+
+    def __init__(self) -> None:
+        self.took: dict[str, dict[str, float]] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.took.setdefault(report.nodeid, {})[str(report.when)] = report.duration
+
+
+def tested(
+    session: pytest.Session, mutant: str, items: Sequence[pytest.Item], folder: Path, tell: Callable[[str], object],
+    took: Path | None,
+) -> int:  # fmt: skip
+    """Run tests in this forked process until one fails, and return mutmut's exit code.
+
+    took: file for the durations of the tests, if they are wanted
+    """
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    capture = session.config.pluginmanager.getplugin("capturemanager")
+    capture.stop_global_capturing()  # its files are shared with the other processes
+    if mutant:
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, 1)
+        os.dup2(nothing, 2)
+    capture.start_global_capturing()
+    capture.suspend_global_capture()
+    session.config._tmp_path_factory._basetemp = folder.resolve()  # type: ignore[attr-defined]
+    set_mutant_under_test(mutant)
+    session.items = list(items)
+    durations = Durations()
+    session.config.pluginmanager.register(durations)
+    code = SURVIVED
+    try:
+        for number, item in enumerate(items):
+            tell(f"{number} {spent()}\n")
+            following = items[number + 1] if number + 1 < len(items) else None
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if session.shouldfail or session.testsfailed:
+                code = KILLED
+                break
+        with contextlib.suppress(Exception):
+            session._setupstate.teardown_exact(None)
+        if took:
+            took.write_text(json.dumps(durations.took))
+            if taichi := sys.modules.get("taichi"):
+                taichi.reset()  # writes compiled kernels to the cache
+    except (KeyboardInterrupt, pytest.exit.Exception):
+        code = INTERRUPTED
+    except BaseException:  # pytest's own fault, or one that a mutant causes there
+        code = BROKEN
+    tell(f"end {code}\n")
+    return code

@@ -1,0 +1,154 @@
+"""The mutation tester's processes: which tests they run on a mutant, in which order, and when they end."""
+
+from __future__ import annotations
+
+import _thread
+import shutil
+import time
+from threading import Thread
+
+import psutil
+import pytest
+
+from tests.mutants import __main__ as program
+from tests.mutants import forks, kept, plugin
+
+AREA, TESTS = "p", ["tests/p"]
+
+MODULE = "def half(x):\n    return x / 2\n\n\ndef twice(x):\n    return 2 * x\n"
+TEST = """import os
+from pathlib import Path
+
+from p.a import half, twice
+
+
+def note():
+    with Path({log!r}).open("a") as log:
+        print(os.environ.get("MUTANT_UNDER_TEST"), os.getpid(), file=log)
+
+
+def test_half():
+    note()
+    assert half(4) == 2
+
+
+def test_twice():
+    note()
+    assert twice(2) < 9
+"""
+HALVES = ["p.a.x_half__mutmut_1", "p.a.x_half__mutmut_2"]
+TWICES = ["p.a.x_twice__mutmut_1", "p.a.x_twice__mutmut_2"]
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A small checkout: tests kill both mutants of `half` and neither of `twice`, and log which mutant they run on."""
+    root = tmp_path / "checkout"
+    empty = ["p/__init__.py", "tests/__init__.py", "tests/mutants/__init__.py", "README.md", "pyproject.toml"]
+    of_tests = TEST.format(log=str(tmp_path / "log"))
+    for name, text in {**dict.fromkeys(empty, ""), "p/a.py": MODULE, "tests/p/test_a.py": of_tests}.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    for module in (plugin, forks):
+        shutil.copy(module.__file__, root / "tests/mutants")
+    monkeypatch.setattr(program, "ROOT", root)
+    monkeypatch.setattr(program, "COPIES", root / "build")
+    monkeypatch.setattr(program, "COPIED", ("p", "tests"))
+    return root
+
+
+def run(root, names, end=float("inf"), listed=lambda *_: False):
+    """Test mutants; return those whose tests ran, and the results that are kept."""
+    log = root.parent / "log"
+    program.make_mutants(AREA, TESTS)
+    log.write_text("")
+    program.test_mutants(AREA, TESTS, names, 1, root / "kept", end, listed)
+    return sorted({word for word in log.read_text().split() if word.startswith("p.")}), results(root)
+
+
+def results(root):
+    return kept.known(root / "kept/p.json", kept.keys(program.copy_of(AREA), AREA, TESTS))
+
+
+@pytest.mark.slow
+def test_a_second_run_tests_what_the_first_left_out_and_a_third_nothing(checkout):
+    every = dict.fromkeys(HALVES, 1) | dict.fromkeys(TWICES, 0)
+    assert run(checkout, HALVES + TWICES, end=time.monotonic()) == ([], {})
+    assert run(checkout, HALVES) == (HALVES, dict.fromkeys(HALVES, 1))
+    assert run(checkout, [*HALVES, TWICES[0]]) == (TWICES[:1], dict.fromkeys(HALVES, 1) | {TWICES[0]: 0})
+    assert run(checkout, HALVES + TWICES) == (TWICES[1:], every)
+    assert run(checkout, HALVES + TWICES) == ([], every)
+    test = checkout / "tests/p/test_a.py"
+    test.write_text(test.read_text().replace("< 9", "== 4"))
+    assert run(checkout, HALVES + TWICES) == (HALVES + TWICES, dict.fromkeys(every, 1))
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_keeps_what_it_found_and_leaves_no_process(checkout):
+    """The second test of `twice` never ends on a mutant; the interrupt comes when it has begun."""
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    sleep = '    import time\n    time.sleep(600 * ("twice" in os.environ.get("MUTANT_UNDER_TEST", "")))\n'
+    test.write_text(test.read_text() + sleep)
+
+    def interrupt():
+        while not (log.exists() and "twice__mutmut" in log.read_text()):
+            time.sleep(0.05)
+        _thread.interrupt_main()
+
+    Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        run(checkout, HALVES + TWICES, listed=lambda function, _: function == "p.a.twice")  # which come last
+    assert results(checkout) == dict.fromkeys(HALVES, 1)
+    assert has_ended(int(log.read_text().split()[-1]))
+
+
+def has_ended(pid):
+    for _ in range(600):
+        if not psutil.pid_exists(pid):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fate", "code"),
+    [("while True: pass", forks.TIMEOUT), ("os._exit(0)", forks.BROKEN), ("os.kill(os.getpid(), 11)", -11)],
+)
+def test_a_mutant_whose_tests_never_end_or_end_their_process_is_dead(checkout, fate, code):
+    """The test's child process is ended too. The second mutant is tested after the first."""
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    odd = f"""    if "twice" in os.environ.get("MUTANT_UNDER_TEST", ""):
+        import subprocess
+        with Path({str(log)!r}).open("a") as log:
+            print(subprocess.Popen(["sleep", "600"]).pid, file=log)
+        {fate}
+"""
+    test.write_text(test.read_text() + odd)
+    found = dict.fromkeys(HALVES, 1) | dict.fromkeys(TWICES, code)
+    assert run(checkout, HALVES + TWICES) == (HALVES + TWICES, found)
+    asleep = [int(line) for line in log.read_text().splitlines() if line.isdigit()]
+    assert len(asleep) == 2
+    assert all(has_ended(pid) for pid in asleep)
+
+
+@pytest.mark.slow
+def test_the_test_that_killed_a_functions_last_mutant_comes_first(checkout):
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    slow = test.read_text().replace("assert half(4)", "import time\n    time.sleep(0.2)\n    assert half(4)")
+    test.write_text(slow + "\n\ndef test_any():\n    note()\n    half(4)\n")
+    for name, runs in ((HALVES[0], 2), (HALVES[1], 1)):
+        run(checkout, [name])
+        assert log.read_text().split().count(name) == runs
+
+
+@pytest.mark.slow
+def test_a_test_that_fails_without_a_mutant_is_named(checkout, capfd):
+    test = checkout / "tests/p/test_a.py"
+    test.write_text(test.read_text().replace("== 2", "== 3"))
+    with pytest.raises(program.MutmutError, match="p: mutmut ended with 1; its last words are above"):
+        program.make_mutants(AREA, TESTS)
+    said = capfd.readouterr().err
+    assert "tests/p/test_a.py::test_half fails without a mutant" in said
+    assert "assert 2.0 == 3" in said

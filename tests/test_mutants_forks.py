@@ -50,7 +50,7 @@ def checkout(tmp_path, monkeypatch):
         path = root / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    for module in (plugin, forks):
+    for module in (plugin, forks, kept):
         shutil.copy(module.__file__, root / "tests/mutants")
     monkeypatch.setattr(program, "ROOT", root)
     monkeypatch.setattr(program, "COPIES", root / "build")
@@ -68,7 +68,7 @@ def run(root, names, end=float("inf"), listed=lambda *_: False):
 
 
 def results(root):
-    return kept.known(root / "kept/p.json", kept.keys(program.copy_of(AREA), AREA, TESTS))
+    return kept.known(root / "kept/p.json", kept.now(program.copy_of(AREA), AREA, TESTS))
 
 
 @pytest.mark.slow

@@ -39,6 +39,18 @@ def copy(tmp_path):
     return tmp_path / "copy"
 
 
+def keep(copy, killed_by=None):
+    kept.keep(copy / "kept/p.json", copy, AREA, kept.now(copy, AREA, TESTS), killed_by or {})
+
+
+def known(copy):
+    return kept.known(copy / "kept/p.json", kept.now(copy, AREA, TESTS))
+
+
+def left(copy):
+    return kept.left(copy / "kept/p.json", kept.now(copy, AREA, TESTS))
+
+
 @pytest.mark.parametrize(
     ("changed", "stay"),
     [
@@ -50,48 +62,73 @@ def copy(tmp_path):
         ("tests/p/test_third.py", {HALF, TWICE}),
     ],
 )
-def test_a_result_is_known_until_its_module_or_a_test_that_reaches_it_changes(copy, changed, stay):
-    before = kept.keys(copy, AREA, TESTS)
+def test_a_result_is_known_until_its_module_or_a_test_that_it_rests_on_changes(copy, changed, stay):
     kept.put(copy, AREA, {HALF: 1, TWICE: 0}, [])
-    kept.keep(copy / "kept/p.json", copy, AREA, before, {})
+    keep(copy, {HALF: REACHED["p.a.x_half"][0]})
     (copy / changed).write_text("changed")
-    after = kept.keys(copy, AREA, TESTS)
-    assert {name for name in before if before[name] == after[name]} == stay
-    assert kept.known(copy / "kept/p.json", after) == {
-        name: code for name, code in ((HALF, 1), (TWICE, 0)) if name in stay
-    }
+    assert known(copy) == {name: code for name, code in ((HALF, 1), (TWICE, 0)) if name in stay}
+    assert left(copy) == {name: REACHED[kept.function_of(name)] for name in {HALF, TWICE} - stay}
+
+
+def test_one_that_lived_is_tested_again_with_the_tests_that_have_changed_and_one_that_died_not_at_all(copy):
+    """A file comes to test both functions, though it did not kill `half`."""
+    reached = {"p.a.x_half": [*REACHED["p.a.x_half"], "tests/p/test_other.py::test"],
+               "p.a.x_twice": [*REACHED["p.a.x_twice"], "tests/p/test_other.py::test"]}  # fmt: skip
+    (copy / "tests/p/test_other.py").write_text("other")
+    kept.put(copy, AREA, {HALF: 1, TWICE: 0}, [])
+    keep(copy, {HALF: REACHED["p.a.x_half"][0]})
+    (copy / "mutants/mutmut-stats.json").write_text(json.dumps({"tests_by_mangled_function_name": reached}))
+    assert known(copy) == {HALF: 1}
+    assert left(copy) == {TWICE: ["tests/p/test_other.py::test"]}
+
+
+def test_a_mutant_is_tested_again_when_the_test_that_killed_it_is_gone(copy):
+    kept.put(copy, AREA, {HALF: 1, TWICE: 0}, [])
+    keep(copy, {HALF: "tests/p/test_half.py::test_that_was"})
+    assert known(copy) == {TWICE: 0}
+    assert left(copy) == {HALF: REACHED["p.a.x_half"]}
+
+
+def test_a_mutant_that_no_test_reached_is_tested_once_a_test_does(copy):
+    stats = copy / "mutants/mutmut-stats.json"
+    stats.write_text(json.dumps({"tests_by_mangled_function_name": {}}))
+    kept.put(copy, AREA, {HALF: kept.WITHOUT_TESTS, TWICE: kept.WITHOUT_TESTS}, [])
+    keep(copy)
+    assert (left(copy), set(known(copy))) == ({}, {HALF, TWICE})
+    stats.write_text(json.dumps({"tests_by_mangled_function_name": {"p.a.x_half": REACHED["p.a.x_half"]}}))
+    assert (left(copy), set(known(copy))) == ({HALF: REACHED["p.a.x_half"]}, {TWICE})
 
 
 def test_results_of_two_runs_add_up(copy):
-    keys, store = kept.keys(copy, AREA, TESTS), copy / "kept/p.json"
-    assert kept.known(store, keys) == {}
-    kept.keep(store, copy, AREA, keys, {})
-    assert kept.known(store, keys) == {HALF: 1}
+    killed_by = {HALF: REACHED["p.a.x_half"][0]}
+    assert known(copy) == {}
+    assert left(copy) == {HALF: REACHED["p.a.x_half"], TWICE: REACHED["p.a.x_twice"]}
+    keep(copy, killed_by)
+    assert known(copy) == {HALF: 1}
     kept.put(copy, AREA, {TWICE: 0}, [])
-    kept.keep(store, copy, AREA, keys, {})
-    assert kept.known(store, keys) == {HALF: 1, TWICE: 0}
+    keep(copy, killed_by)
+    assert known(copy) == {HALF: 1, TWICE: 0}
 
 
-def test_the_test_that_killed_a_mutant_is_known_under_any_key(copy):
-    keys, store = kept.keys(copy, AREA, TESTS), copy / "kept/p.json"
+def test_the_test_that_killed_a_mutant_is_known_whatever_has_changed(copy):
     kept.put(copy, AREA, {HALF: 1, TWICE: 0}, [])
-    kept.keep(store, copy, AREA, keys, {HALF: "tests/p/test_half.py::test"})
+    keep(copy, {HALF: "tests/p/test_half.py::test"})
     (copy / "p/a.py").write_text("changed")
-    kept.keep(store, copy, AREA, kept.keys(copy, AREA, TESTS), kept.killers(store))
-    assert kept.killers(store) == {HALF: "tests/p/test_half.py::test"}
-    assert kept.known(store, keys) == {}
+    assert kept.killers(copy / "kept/p.json") == {HALF: "tests/p/test_half.py::test"}
+    assert known(copy) == {}
+
+
+def test_results_of_mutants_that_are_gone_go_too(copy):
+    store = copy / "kept/p.json"
+    store.parent.mkdir()
+    store.write_text(json.dumps({"mutants": {"p.a.x_gone__mutmut_1": ["base", 1, None, 0]}, "states": [{}]}))
+    keep(copy)
+    assert list(kept.read(store)[0]) == [HALF]
 
 
 def test_results_that_are_taken_leave_the_others(copy):
     kept.take(copy, AREA, {TWICE: 36})
     assert kept.exit_codes(copy / "mutants/p/a.py.meta") == {HALF: 1, TWICE: 36}
-
-
-def test_results_of_mutants_that_are_gone_go_too(copy):
-    store = copy / "p.json"
-    store.write_text(json.dumps({"p.a.x_gone__mutmut_1": ["key", 1]}))
-    kept.keep(store, copy, AREA, kept.keys(copy, AREA, TESTS), {})
-    assert list(json.loads(store.read_text())) == [HALF]
 
 
 def test_mutmut_gets_what_is_known_and_tests_only_what_is_missing(copy):

@@ -3,7 +3,7 @@
 The mutation tester mutmut makes the mutants and learns which tests reach which function. A plugin of pytest, `forks`,
 runs these tests on each mutant. Which folder is tested with which tests stands in pyproject.toml,
 `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in `build/mutants/`. Results are kept: a second run
-goes on where the first ended, and tests again where a module or the tests that reach it have changed.
+goes on where the first ended, and tests again where what a result rests on has changed (`kept`).
 
 The mutants come in an order that is drawn by their names, so that those tested by any time are a sample of the folder.
 Those that may live come last, since they need all their tests.
@@ -39,7 +39,6 @@ from tempfile import TemporaryFile
 
 from tests.mutants import kept
 from tests.mutants.changes import Functions, change_of, is_wording, named
-from tests.mutants.forks import function_of
 from tests.mutants.types import Change, refused
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +48,6 @@ COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks"
 LOOK = 60.0  # s between two looks at what mutmut has found; our choice: a night that is cut off loses a minute
 PLUGIN, FORKS = "tests.mutants.plugin", "tests.mutants.forks"
 NOT_RUN = ["-m", "not slow and not unmutated", "-p", "no:cacheprovider", "-p", PLUGIN]
-WITHOUT_TESTS = 33  # mutmut's code of a mutant that no test reaches
 NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut's message after it has made all mutants
 NEEDS = {"formats.exporters.rerun_file": "rerun"}  # library without which all tests of a module skip
 WANTED = 0.9  # share of the mutants that tests must notice
@@ -201,38 +199,37 @@ def test_mutants(
 ) -> None:  # fmt: skip
     """Test the mutants that have no kept result, until a time of the monotonic clock, and keep each result."""
     copy, store = copy_of(area), keep / f"{area.replace('/', '-')}.json"
-    keys, reached = kept.keys(copy, area, tests), kept.reached(copy)
-    codes = kept.known(store, keys)
-    missing = in_order(copy, area, [name for name in names if name not in codes], listed)
+    now, wanted = kept.now(copy, area, tests), set(names)
+    codes, left = kept.known(store, now), {name: some for name, some in kept.left(store, now).items() if name in wanted}
+    missing = in_order(copy, area, list(left), listed)
     kept.put(copy, area, codes, missing)
-    unreached = {name for name in missing if not reached.get(function_of(name))}
-    kept.take(copy, area, dict.fromkeys(unreached, WITHOUT_TESTS))
-    tested = {name: reached[function_of(name)] for name in missing if name not in unreached}
+    kept.take(copy, area, {name: kept.WITHOUT_TESTS for name in missing if not left[name]})
+    tested = {name: left[name] for name in missing if left[name]}
     results, killers = copy / "results.jsonl", kept.killers(store)
 
     def look() -> None:
         lines = [json.loads(line) for line in results.read_text().splitlines(keepends=True) if line[-1] == "\n"]
         kept.take(copy, area, {name: code for name, code, *_ in lines})
         found = killers | {name: killer for name, _, killer, _ in lines if killer}
-        kept.keep(store, copy, area, keys, found)
+        kept.keep(store, copy, area, now, found)
 
     results.write_text("")
     if not tested:
         look()
         return
-    stamp, now = copy / "measured.sha256", kept.stamp(copy, COPIED)
-    is_measured = stamp.exists() and stamp.read_text() == now
+    stamp, seen = copy / "measured.sha256", kept.stamp(copy, COPIED)
+    is_measured = stamp.exists() and stamp.read_text() == seen
     work = {
         "mutants": tested, "processes": processes, "results": str(results), "took": str(copy / "took.json"),
-        "killers": {function_of(name): killer for name, killer in killers.items()},
-        "clean": [] if is_measured else sorted({test for some in reached.values() for test in some}),
+        "killers": {kept.function_of(name): killer for name, killer in killers.items()},
+        "clean": [] if is_measured else sorted({test for some in now.reached.values() for test in some}),
     }  # fmt: skip
     (copy / "work.json").write_text(json.dumps(work))
     pytest = [sys.executable, "-m", "pytest", "--rootdir=.", "--tb=native", "-x", "-q", *tests, *NOT_RUN, "-p", FORKS]
     code, words = run([*pytest, "--mutants", str(copy / "work.json")], copy / "mutants", look, end)
     if code:
         raise ended(area, "pytest", code, words)
-    stamp.write_text(now)
+    stamp.write_text(seen)
 
 
 def in_order(copy: Path, area: str, names: Sequence[str], listed: Callable[[str, str], bool]) -> list[str]:

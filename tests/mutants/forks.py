@@ -27,6 +27,8 @@ import psutil
 import pytest
 from mutmut.mutation.trampoline import set_mutant_under_test
 
+from tests.mutants.kept import function_of
+
 # Times what a test takes without a mutant, and s beyond that: a mutant that takes longer never ends, and is dead.
 # Processor time counts, so that a busy machine ends no mutant; STILL times that of wall time ends one that only waits.
 # Our choice: with mutmut's own 15 times all tests together, a mutant took 15 minutes in some rooms.
@@ -204,11 +206,6 @@ class Forks:
                 os.killpg(pid, signal.SIGKILL)
             shutil.rmtree(child.folder, ignore_errors=True)
         os._exit(128 + signal.SIGTERM)
-
-
-def function_of(mutant: str) -> str:
-    """Return mutmut's name for the function of a mutant."""
-    return mutant.rsplit("__mutmut_", 1)[0]
 
 
 def used_by(pid: int) -> float:

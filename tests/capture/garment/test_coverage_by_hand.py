@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.coverage import NOWHERE, SeenWays, beyond_the_seen
+from capture.garment.coverage import INNER_RIM, NOWHERE, SeenWays, _rim_places, beyond_the_seen
 from capture.garment.geodesic import geodesic_distances
 from tests.capture.garment.flat_cloth import (
     LEFT,
@@ -88,6 +88,25 @@ def test_corners_lie_beyond_everything_where_no_cloth_is_seen():
     assert (seen.by_ends == NOWHERE).all()
     assert (seen.by_all == NOWHERE).all()
     assert np.isnan(seen.pixels).all()
+    assert (seen.by_ends.shape, seen.by_all.shape) == ((4,), (4,))
     assert (seen.pixels.shape, seen.places.shape) == ((4, 2), (4, 3))
     nothing = SeenWays(np.zeros((0, 3, 3)), 5, np.zeros((2, 3)), np.zeros((4, 0, 3), np.float32), np.zeros(4, bool))
     assert (beyond_the_seen(silhouette(WHOLE), nothing, np.zeros((2, 4)), np.zeros((4, 4)), SQUARE).by_all == 9).all()
+
+
+def test_corners_lie_nine_metres_beyond_cloth_that_no_way_reaches():
+    ways = SeenWays(
+        np.full((32, 40, 3), np.nan), 5, np.zeros((2, 3)), np.zeros((4, 32, 40), np.float32), np.zeros(4, bool)
+    )
+    seen = beyond_the_seen(silhouette(WHOLE), ways, np.zeros((2, 4)), np.zeros((4, 4)), SQUARE)
+    assert seen.by_ends.tolist() == [NOWHERE] * 4
+
+
+def test_cloth_that_fills_the_window_has_its_rim_there():
+    """Every second pixel along both axes that is less than six pixels from the window's border."""
+    _, rows, columns = _rim_places(silhouette(np.ones((40, 50))), SQUARE)
+    r, c = np.mgrid[0:40:2, 0:50:2].reshape(2, -1)
+    near = np.minimum(np.minimum(r, 39 - r), np.minimum(c, 49 - c)) < INNER_RIM
+    assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == set(
+        zip(r[near].tolist(), c[near].tolist(), strict=True)
+    )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.geodesic import farthest_place, geodesic_distances
+from capture.garment.geodesic import _spacing, farthest_place, geodesic_distances
 from tests.capture.garment.flat_cloth import H, sheet
 
 
@@ -100,3 +100,39 @@ def test_no_point_is_farthest_at_a_border_or_on_too_small_a_surface():
     left[1, :, 8:] = np.inf
     place = farthest_place(left)
     assert place is None or place[1] < 6.5
+
+
+def test_no_point_is_farthest_where_a_node_beside_it_is_farther_still():
+    """A way that grows upwards or to the left has its largest value at the border, like one downwards or right."""
+    r, c = np.indices((11, 13)).astype(np.float32)
+    assert farthest_place((10 - r)[None]) is None
+    assert farthest_place((12 - c)[None]) is None
+
+
+@pytest.mark.parametrize(("row", "column"), [(5, 0), (5, 12), (0, 6), (10, 6)])
+def test_a_farther_node_that_is_not_beside_the_farthest_point_does_not_matter(row, column):
+    """The point lies two nodes from it, with a lower one between; the surface's rim counts for nothing."""
+    at = (min(max(row, 2), 8), min(max(column, 2), 10))
+    r, c = np.indices((11, 13)).astype(np.float32)
+    way = 10.0 - np.abs(r - at[0]) - np.abs(c - at[1])
+    way[row, column] = 12.0
+    assert farthest_place(way[None]) is not None
+
+
+def test_a_surface_of_five_nodes_by_five_has_one_point_inside():
+    r, c = np.indices((5, 5)).astype(np.float32)
+    assert farthest_place(np.stack([r, 4 - r, c, 4 - c])) == pytest.approx((2.0, 2.0), abs=0.01)
+
+
+def test_the_spacing_is_the_median_distance_across():
+    """201 of them, in no order; a surface of one column has none, and no way leads over it."""
+    widths = np.random.default_rng(5).permutation(201) + 1.0
+    surface = sheet(1, 202)
+    surface[0, 1:, 0] = 1e-3 * np.cumsum(widths)
+    surface[0, 0, 0] = 0.0
+    assert _spacing(surface) == pytest.approx(1e-3 * 101.0)
+    column = sheet(9, 1)
+    assert _spacing(column) == 0.0
+    ways, _ = geodesic_distances(column, column[4, 0][None])
+    assert np.isinf(ways).all()
+    assert ways.dtype == np.float32

@@ -46,7 +46,7 @@ def test_a_line_of_single_pixels_is_noise_of_the_rim():
     assert peeking(scene(rows=slice(80, 82))) == pytest.approx(20.0)
 
 
-@pytest.mark.parametrize(("depth", "counts"), [(1304, False), (1306, True), (1694, True), (1696, False)])
+@pytest.mark.parametrize(("depth", "counts"), [(1304, False), (1305, True), (1306, True), (1694, True), (1696, False)])
 def test_the_hidden_corner_is_sought_within_one_and_a_half_times_the_missing_cloth_in_depth(depth, counts):
     """100 mm and 30 more, by 1.5: 195 mm before and behind 1.5 m."""
     assert (peeking(scene(depth)) > 0.0) == counts
@@ -92,3 +92,29 @@ def test_a_pixel_of_unequal_focal_lengths_has_the_area_of_both():
     camera = Sensor(width=640, height=480, fx=500.0, fy=400.0, cx=320.0, cy=240.0)
     area = peeking_area(scene(), CORNER, 0.1, HELD, np.ones(2), camera)
     assert area == pytest.approx(100 * (1.5 / 500) * (1.5 / 400))
+
+
+def test_the_missing_cloth_is_sought_in_a_disc():
+    """38 rows above and 30 columns aside are 48 pixels away, and 0.13 m are 43."""
+    assert peeking(scene(rows=slice(60, 64), columns=slice(149, 153))) == 0.0
+
+
+def test_a_point_out_of_the_window_shows_nothing():
+    assert peeking_area(scene(), np.array([90.0, 90.0]), 0.1, HELD, np.ones(2), CAMERA) == 0.0
+
+
+def test_the_corner_is_as_far_away_as_the_cloth_around_it_and_as_the_held_edge_where_it_has_no_depth():
+    near = scene(depth=1250)
+    near.depth[96:105, 116:125] = 1.2
+    assert peeking(near) == pytest.approx(100.0 * (1.2 / 1.5) ** 2)
+    bare = scene()
+    bare.depth[:] = 0.0
+    bare.raw[96:105, 116:125] = 0
+    assert peeking(bare) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(("apart", "counts"), [(0.0, True), (0.0018, False)])
+def test_a_held_edge_that_is_upright_in_the_picture_has_no_slope(apart, counts):
+    """At 0.6 columns from end to end it falls 33 rows a column, and the patch's right columns lie above its line."""
+    held = np.array([[-0.5 * apart, -0.3, 1.5], [0.5 * apart, -0.24, 1.5]])
+    assert (peeking(scene(), held=held) == pytest.approx(100.0)) == counts

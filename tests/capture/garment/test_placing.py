@@ -64,9 +64,10 @@ def test_the_two_outermost_pixels_of_the_cloth_do_not_determine_its_depth(u, v):
     assert place[2] == pytest.approx(1.6, abs=1e-5)
 
 
-def test_cloth_that_fills_the_window_has_its_rim_at_the_windows():
+@pytest.mark.parametrize("mixed", [1.65, 1.603])
+def test_cloth_that_fills_the_window_has_its_rim_at_the_windows(mixed):
     mask = np.ones((60, 60), np.uint8)
-    depth = np.full(mask.shape, 1.65)
+    depth = np.full(mask.shape, mixed)
     depth[2:-2, 2:-2] = 1.6
     for u, v in ((0, 0), (59, 59), (0, 30), (30, 59)):
         place, _ = placer(silhouette(mask, depth)).place(np.array([LEFT + u, TOP + v], float), np.ones(2))

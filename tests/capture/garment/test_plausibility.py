@@ -72,3 +72,25 @@ def test_a_point_that_is_first_seen_in_the_third_frame_counts_with_its_own_devia
     valid, sd = gate.admit(at(0.0), SD, 2 * PERIOD)
     assert valid.all()
     np.testing.assert_array_equal(sd, SD)
+
+
+@pytest.mark.parametrize(("leap", "is_believed"), [(0.0795, True), (0.0815, False)])
+def test_a_point_leaps_by_four_deviations_more_than_the_hardest_whip_allows(leap, is_believed):
+    """60 m/s^2 dt^2 are 66.7 mm, and four deviations of 3.46 mm are 13.9."""
+    gate = MotionGate(1)
+    for k in range(3):
+        gate.admit(at(0.0), SD, k * PERIOD)
+    assert gate.admit(at(leap), SD, 3 * PERIOD)[0].all() == is_believed
+
+
+def test_a_point_that_was_seen_once_gives_no_other_point_its_freedom():
+    """The second point is seen for the first time where the first leaps, or is lost; it has no speed yet."""
+    two, sd = MotionGate(2), np.repeat(SD, 2, axis=0)
+    for k in range(3):
+        two.admit(np.vstack([at(0.0), at(np.nan)]), sd, k * PERIOD)
+    two.admit(np.vstack([at(np.nan), at(1.0)]), sd, 3 * PERIOD)
+    assert two.admit(np.vstack([at(0.0), at(np.nan)]), sd, 4 * PERIOD)[0].tolist() == [True, False]
+    two = MotionGate(2)
+    for k in range(3):
+        two.admit(np.vstack([at(0.0), at(1.0 if k == 2 else np.nan)]), sd, k * PERIOD)
+    assert two.admit(np.vstack([at(0.15), at(1.0)]), sd, 3 * PERIOD)[0].tolist() == [False, True]

@@ -127,3 +127,27 @@ def test_a_square_around_a_pixel_is_cut_off_at_the_windows_first_row_and_column(
     assert (rows, columns) == (slice(0, 4), slice(0, 9))
     rows, columns = square_around(cloth, np.array([190.0, 140.0]), 5)
     assert (rows, columns) == (slice(0, 0), slice(0, 0))
+
+
+def test_the_pixels_kept_around_a_garment_end_at_the_window():
+    """It begins one column and one row after the window: nothing is left out of that row and column."""
+    found = cut(image(rows=slice(21, 121), columns=slice(31, 151)), held=np.array([[40.0, 21.0], [150.0, 21.0]]))
+    assert (found.window.left, found.window.top) == (30, 20)
+
+
+def test_an_edge_below_the_window_holds_nothing():
+    assert cut(image(), held=HELD + np.array([0.0, 400.0])) is None
+    assert cut(image(), held=HELD + np.array([0.0, 140.0])) is None  # 190, a row beyond the last, but a column within
+
+
+def test_a_garment_hangs_by_a_single_pixel_of_the_band():
+    depth = image(rows=slice(63, 121))
+    depth[61:63, 100] = 1600
+    assert cut(depth).window == Window(68, 49, 163, 133)
+
+
+@pytest.mark.parametrize(("behind", "touches"), [(2201, False), (2200, True)])
+def test_a_jump_is_as_many_millimetres_as_it_says(behind, touches):
+    depth = image()
+    depth[60:100, 151:230] = behind
+    assert cut_out(depth, WINDOW, HELD, nearest=1.2, farthest=3.0, jump=0.6).touches_rim == touches

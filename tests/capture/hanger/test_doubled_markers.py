@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
 from capture.hanger.marker_detection import MarkerDetector
-from capture.hanger.seen_otherwise import seen_otherwise
+from capture.hanger.seen_otherwise import is_seen_twice, is_upside_down, seen_otherwise
 from formats.rig import Hanger
 
 SIDE = 24  # px
@@ -71,3 +72,34 @@ HANGER = Hanger(marker_size_m=0.06, marker_distance_m=0.3, held_m=((-0.1, 0.1, 0
 )
 def test_a_marker_that_is_seen_twice_is_named_where_no_take_could_be_kept(placed, said):
     assert seen_otherwise(picture(*placed), HANGER) == said
+
+
+DOTS = msgspec.structs.replace(HANGER, marker="dot")
+OTHER = msgspec.structs.replace(HANGER, dictionary="DICT_6X6_250")
+
+
+def test_a_marker_of_the_hangers_that_is_seen_twice_is_told():
+    both, twice = picture((0, 100, 50), (1, 220, 50)), picture((0, 100, 50), (0, 220, 50))
+    assert [is_seen_twice(colour, HANGER) for colour in (both, twice, None)] == [False, True, False]
+    assert is_seen_twice(picture((0, 100, 50), (1, 220, 50), (7, 340, 50), (7, 460, 50)), HANGER) is False
+    assert is_seen_twice(twice, DOTS) is False
+    assert is_seen_twice(twice, OTHER) is False
+
+
+def test_a_hanger_stands_on_its_head_where_both_its_markers_do():
+    """Turned by a quarter, or one of the two alone, is another fault; the picture of dots tells nothing."""
+    upright = picture((0, 100, 50), (1, 220, 50))
+    turned = np.ascontiguousarray(upright[::-1, ::-1])
+    one = upright.copy()
+    one[50:74, 100:124] = upright[50:74, 100:124][::-1, ::-1]
+    quarter = np.ascontiguousarray(np.rot90(upright))
+    found = [is_upside_down(colour, HANGER) for colour in (upright, turned, one, quarter, None)]
+    assert found == [False, True, False, False, False]
+    assert is_upside_down(turned, DOTS) is False
+    assert is_upside_down(turned, OTHER) is False
+    assert is_upside_down(picture((0, 100, 50), (7, 220, 50))[::-1, ::-1], HANGER) is False
+
+
+def test_nothing_is_told_of_dots_or_without_a_picture():
+    assert seen_otherwise(None, HANGER) == ""
+    assert seen_otherwise(picture((0, 100, 50), (0, 220, 50)), DOTS) == ""

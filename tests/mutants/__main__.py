@@ -217,10 +217,14 @@ def test_mutants(
     if not tested:
         look()
         return
-    stamp, seen = copy / "measured.sha256", kept.stamp(copy, COPIED)
-    is_measured = stamp.exists() and stamp.read_text() == seen
+    took, stamp, seen = copy / "took.json", copy / "took.sha256", kept.stamp(copy, COPIED)
+    if not (is_measured := took.exists() and stamp.exists() and stamp.read_text() == seen):
+        took.unlink(missing_ok=True)
+        stamp.write_text(seen)
+    numbers: dict[tuple[str, ...], int] = {}  # all mutants of a function need the same tests, thousands of names
     work = {
-        "mutants": tested, "processes": processes, "results": str(results), "took": str(copy / "took.json"),
+        "mutants": {name: numbers.setdefault(tuple(some), len(numbers)) for name, some in tested.items()},
+        "tests": list(numbers), "processes": processes, "results": str(results), "took": str(took),
         "killers": {kept.function_of(name): killer for name, killer in killers.items()},
         "clean": [] if is_measured else sorted({test for some in now.reached.values() for test in some}),
     }  # fmt: skip
@@ -229,7 +233,6 @@ def test_mutants(
     code, words = run([*pytest, "--mutants", str(copy / "work.json")], copy / "mutants", look, end)
     if code:
         raise ended(area, "pytest", code, words)
-    stamp.write_text(seen)
 
 
 def in_order(copy: Path, area: str, names: Sequence[str], listed: Callable[[str, str], bool]) -> list[str]:

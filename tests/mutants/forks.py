@@ -51,7 +51,7 @@ def pytest_runtestloop(session: pytest.Session) -> bool | None:
     signal.signal(signal.SIGTERM, forks.end)
     if work["clean"]:
         forks.test_clean(work["clean"])
-    forks.test(work["mutants"], work["processes"])
+    forks.test(work["mutants"], work["tests"], work["processes"])
     return True
 
 
@@ -107,8 +107,8 @@ class Forks:
             pytest.exit("a test fails without a mutant", returncode=1)
         self.durations = json.loads(self.took.read_text())
 
-    def test(self, mutants: dict[str, list[str]], processes: int) -> None:
-        """Test mutants, given with the names of the tests that reach each, in this order."""
+    def test(self, mutants: dict[str, int], tests: Sequence[Sequence[str]], processes: int) -> None:
+        """Test mutants, each given with the number of its list of tests, in this order."""
         for name, took in self.durations.items():
             if name in self.by_name:
                 path, beside = self.by_name[name].path, took.get("setup", 0.0) + took.get("teardown", 0.0)
@@ -120,7 +120,7 @@ class Forks:
                 if (following := next(waiting, None)) is None:
                     is_more = False
                 else:
-                    self.fork(following[0], self.ordered(*following))
+                    self.fork(following[0], self.ordered(following[0], tests[following[1]]))
             if self.children:
                 select.select([child.said for child in self.children.values()], [], [], LOOK)
                 for child in list(self.children.values()):
@@ -271,7 +271,7 @@ def tested(
                 break
         with contextlib.suppress(Exception):
             session._setupstate.teardown_exact(None)
-        if took:
+        if took and code == SURVIVED:
             took.write_text(json.dumps(durations.took))
             if taichi := sys.modules.get("taichi"):
                 taichi.reset()  # writes compiled kernels to the cache

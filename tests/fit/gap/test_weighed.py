@@ -14,7 +14,7 @@ from fit.gap.diagnosis import deciding
 from fit.gap.posterior import Found, Mass
 from fit.gap.weighed import decide_by_mass, inclusion, weigh
 from formats.diagnosis_records import Gate
-from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, evidence_of
+from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, evidence_of, with_edge
 
 
 def found_of(shares, twins=()):
@@ -128,6 +128,17 @@ def test_gates_come_first():
     # The closure of an effect whose size may be nothing does not count against the mesh.
     unsure = evidence_of({"air_drag": 5.5}, gate_list=[COARSE], sizes=0.01)
     assert decide_by_mass(unsure, shares).verdict == "numerics"
+
+
+@pytest.mark.parametrize(("base", "verdict"), [(4.5, "none"), (8.0, "unknown"), (10.5, "unknown")])
+def test_most_of_the_mass_without_an_effect_is_none_only_where_noise_mesh_and_solver_leave_as_much(base, verdict):
+    """Noise leaves 5 mm and the mesh 1 mm: 26 mm^2. An error of 4.5 mm has 20, one of 8 mm 64. The held edge is off."""
+    evidence = evidence_of({}, base=base)
+    off = dataclasses.replace(evidence, base=with_edge(evidence.base, 9000))
+    decided = decide_by_mass(off, found_of({(): (0.9, 0.02), ("air_drag",): (0.08, 0.0)}))
+    assert (decided.verdict, decided.named) == (verdict, [])
+    assert "may be wrong by" not in decided.sentence
+    assert decided.sentence.startswith("There is a gap that no effect" if verdict == "unknown" else "No gap")
 
 
 MISSES = "The base model misses by 12.0 mm on motion not used for fitting; the sensor's noise alone is 5.0 mm."

@@ -321,7 +321,7 @@ def diagnose_command(
     from fit.gap.diagnosis import deciding, diagnose
     from fit.gap.gates import data_gates
     from fit.identification.read_again import load_fit
-    from fit.methods import base_model_of, find_method
+    from fit.methods import base_model_of, find_base_model
     from fit.recordings.ready import ready
     from fit.report.again import plot_of
     from fit.report.gather import draw_left, write_diagnosis_report
@@ -329,7 +329,7 @@ def diagnose_command(
     from formats.results import save_diagnosis
 
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=spacing)
-    base = find_method(model) if model else base_model_of(training[0].garment)
+    base = find_base_model(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
     decided = deciding(by)
     resolution = Resolution(spacing=spacing) if spacing is not None else None

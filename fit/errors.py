@@ -12,12 +12,15 @@ HangtimeError
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from formats.errors import HangtimeError
 from formats.meant_units import meant
 
 NEAR_NAMES = 2  # names that an error suggests; our choice: a suggestion is read at a glance
+# Of a word that stands for a whole name: its letters at least, and its likeness (difflib's ratio). Our choice: two
+# letters that changed places leave 0.88 of eight, and shorter words resemble too many others.
+LEAST_LETTERS, NEAR_WORD = 4, 0.75
 INCONCLUSIVE = 4  # exit code of a finished `hangtime diagnose` whose takes cannot decide
 
 
@@ -39,29 +42,39 @@ def out_of_range(
     )
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str], *, where: str | None = None, listed: str = "") -> FitError:
+def unknown_name(
+    kind: str, name: str, known: Iterable[str], *, where: str | None = None, listed: str = "",
+    titles: Mapping[str, str] | None = None,
+) -> FitError:  # fmt: skip
     """Return the error of a name that is not known, with the nearest known names first.
 
-    kind: the name's noun, as in "effect"; listed: words before all known names, "known" and the noun's plural if empty
+    - `kind`: the name's noun, as in "effect"
+    - `where`: the option that names it
+    - `listed`: words before all known names, "known" and the noun's plural if empty
+    - `titles`: what known names stand for, in words that the wrong name may mean
     """
-    advice = nearest_first(name, list(known), listed or f"known {kind}s")
+    advice = nearest_first(name, list(known), listed or f"known {kind}s", titles)
     return FitError(f"there is no {kind} named {name!r}", where=where, advice=advice)
 
 
-def nearest_first(name: str, known: Sequence[str], listed: str) -> str:
+def nearest_first(name: str, known: Sequence[str], listed: str, titles: Mapping[str, str] | None = None) -> str:
     """Return the advice on a name that is not known: all known names, after the question whether a near one was meant.
 
-    listed: words before all known names where none is near
+    listed: words before all known names where none is near; titles: as for `near_names`
     """
-    near = near_names(name, known)
+    near = near_names(name, known, titles)
     if not near:
         return f"{listed}: {', '.join(known)}"
     others = ", ".join(one for one in known if one not in near)
     return f"did you mean {' or '.join(near)}?" + (f" The others: {others}" if others else "")
 
 
-def near_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return the known names that a wrong one probably means: those that have it as a word, else similar ones."""
+def near_names(name: str, known: Sequence[str], titles: Mapping[str, str] | None = None) -> list[str]:
+    """Return the known names that a wrong one probably means.
+
+    These are names that have it as a word, else similar names. Else they are names of which one word is similar, in the
+    name or in its title (`titles`).
+    """
     import difflib  # here: no right name needs it
 
     asked = _plain(str(name))  # calls from Python may name anything
@@ -70,7 +83,17 @@ def near_names(name: str, known: Sequence[str]) -> list[str]:
     parts = [one for one, words in plain.items() if asked and f"_{asked}_" in f"_{words}_"]
     close = difflib.get_close_matches(asked, list(plain.values()), NEAR_NAMES)
     alike = [one for words in close for one, its in plain.items() if its == words]
-    return list(dict.fromkeys(same or parts or alike))[:NEAR_NAMES]
+    found = same or parts or alike
+    if not found:
+        by_word: dict[str, list[str]] = {}
+        for one, words in plain.items():
+            title = _plain((titles or {}).get(one, ""))
+            for word in dict.fromkeys(f"{words}_{title}".split("_")):
+                if len(word) >= LEAST_LETTERS:
+                    by_word.setdefault(word, []).append(one)
+        close = difflib.get_close_matches(asked, list(by_word), 1, NEAR_WORD)
+        found = [one for word in close for one in by_word[word]]
+    return list(dict.fromkeys(found))[:NEAR_NAMES]
 
 
 def _plain(name: str) -> str:

@@ -160,7 +160,7 @@ def diagnose(
     from fit.gap.diagnosis import deciding
     from fit.gap.diagnosis import diagnose as find_gap
     from fit.identification.request import check_count
-    from fit.methods import base_model_of, find_method
+    from fit.methods import base_model_of, find_base_model
 
     for name, text in {"model": model, "by": by}.items():
         if text is not None or name == "by":
@@ -180,7 +180,7 @@ def diagnose(
         findings = find_gap(
             training, testing,
             effects=library,
-            model=find_method(model) if model else base_model_of(training[0].garment),
+            model=find_base_model(model) if model else base_model_of(training[0].garment),
             added=tuple(add),
             checkpoint=folder,
             resolution=resolution,

@@ -33,7 +33,7 @@ def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]
     """
     from fit.effects import find_effects, library_without
 
-    find_effects(list(add))
+    find_effects(list(add), "--add")
     if both := sorted({*add} & {*without}):
         raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
     return library_without(list(without))

@@ -102,7 +102,7 @@ def make_command(
     from fit.blind.real import real_plants
     from fit.folders import alone, make_folder
 
-    engine = find_generator(generator)
+    engine = find_generator(generator, "--generator")
     numbers: dict[Kind, int] = {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns}
     given = {"noise": noise, "away": missing, "rate": rate}
     sensor = {name: value for name, value in given.items() if value is not None}

@@ -71,15 +71,15 @@ def library_without(names: list[str]) -> tuple[Effect, ...]:
     Raises:
         FitError: a name is not in the library, or nothing is left.
     """
-    left_out = find_effects(names)
+    left_out = find_effects(names, where="--without")
     left = tuple(effect for effect in LIBRARY if effect not in left_out)
     if not left:
         raise FitError("no effect is left in the library", where="--without", advice="leave out fewer")
     return left
 
 
-def find_effects(names: list[str]) -> tuple[Effect, ...]:
-    """Return the effects of these names.
+def find_effects(names: list[str], where: str | None = None) -> tuple[Effect, ...]:
+    """Return the effects of these names; where: the option that names them, for errors.
 
     Raises:
         FitError: a name is not in the library.
@@ -87,5 +87,6 @@ def find_effects(names: list[str]) -> tuple[Effect, ...]:
     known = {effect.name: effect for effect in LIBRARY}
     for name in names:
         if name not in known:
-            raise unknown_name("effect", name, sorted(known))
+            titles = {effect.name: effect.title for effect in LIBRARY}
+            raise unknown_name("effect", name, sorted(known), where=where, titles=titles)
     return tuple(known[name] for name in names)

@@ -23,14 +23,14 @@ OWN_ENGINE = "own"
 ENGINES: dict[str, EngineMaker] = {OWN_ENGINE: OwnEngine, "blender": BlenderEngine}
 
 
-def find_engine(name: str) -> EngineMaker:
-    """Return the maker of the engine of this name.
+def find_engine(name: str, where: str | None = None) -> EngineMaker:
+    """Return the maker of the engine of this name; where: the option that names it, for errors.
 
     Raises:
         FitError: there is none.
     """
     if name not in ENGINES:
-        raise unknown_name("engine", name, ENGINES)
+        raise unknown_name("engine", name, ENGINES, where=where)
     return ENGINES[name]
 
 
@@ -40,5 +40,5 @@ def check_engine(name: str, method: Parameterisation, effects: tuple[Effect, ...
     Raises:
         FitError: the engine cannot be used; the error advises on installation or another choice.
     """
-    if find_engine(name) is BlenderEngine:
+    if find_engine(name, "--engine") is BlenderEngine:
         check_blender(method, effects)

@@ -215,7 +215,7 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
         FitError, OutputError: as `export`.
     """
     if kind not in EXPORT_KINDS:
-        raise unknown_name("export", kind, EXPORT_KINDS)
+        raise unknown_name("export", kind, EXPORT_KINDS, where="--to")
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
         raise out_of_range(
             order.thickness, LEAST_THICKNESS, MOST_THICKNESS, f"no fabric is {1e3 * order.thickness:g} mm thick",

@@ -109,7 +109,7 @@ class Plan:
             FitError: an unknown method.
         """
         if not self.search:
-            chosen = find_method(self.method).search if self.engine == OWN_ENGINE else "annealing"
+            chosen = find_method(self.method, "--method").search if self.engine == OWN_ENGINE else "annealing"
             object.__setattr__(self, "search", chosen)
         if self.iterations is None and self.search not in OBSERVED:
             object.__setattr__(self, "iterations", PRINTED_ITERATIONS)
@@ -143,9 +143,9 @@ class Plan:
         )  # fmt: skip
 
     def _made(self) -> Request:
-        method = find_method(self.method)
+        method = find_method(self.method, "--method")
         if self.fabric is not None:
-            method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
+            method = method.starting_from(find_fabric(self.fabric, "--fabric").start, f"the fabric {self.fabric}")
         return request_of(
             method, list(self.effects), seed=self.seed, gamma=self.gamma,
             iterations=PRINTED_ITERATIONS if self.iterations is None else self.iterations,
@@ -198,7 +198,7 @@ def request_of(
     settings = AnnealingSettings(gamma=method.gamma if gamma is None else gamma).lasting(iterations)
     request = Request(
         method=method,
-        effects=find_effects(effects),
+        effects=find_effects(effects, "--effect"),
         search=search,
         settings=settings,
         seed=seed,
@@ -206,7 +206,7 @@ def request_of(
         engine=engine,
         width=SIDE_BY_SIDE if engine == OWN_ENGINE else 1,  # speculation pays only where candidates share a batch
     )
-    find_engine(engine)
+    find_engine(engine, "--engine")
     _check_effects(method, request.effects)
     _check_gamma(request.settings.gamma)
     known = {p.name: p for p in request.parameters}

@@ -86,12 +86,12 @@ FABRICS = {
 }  # fmt: skip
 
 
-def find_fabric(name: str) -> Fabric:
-    """Return the fabric of this name.
+def find_fabric(name: str, where: str | None = None) -> Fabric:
+    """Return the fabric of this name; where: the option that names it, for errors.
 
     Raises:
         FitError: there is none.
     """
     if name not in FABRICS:
-        raise unknown_name("fabric", name, FABRICS)
+        raise unknown_name("fabric", name, FABRICS, where=where)
     return FABRICS[name]

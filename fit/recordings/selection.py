@@ -110,7 +110,7 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
     """
     for kind in kinds:
         if kind not in MOTION_KINDS:
-            raise unknown_name("kind of motion", kind, MOTION_KINDS, listed="choose among")
+            raise unknown_name("kind of motion", kind, MOTION_KINDS, where="--held-out-motion", listed="choose among")
     by_take = [kind_of(take) for take in takes]
     there = ", ".join(f"{name} {kind}" for name, kind in zip(told_apart(takes), by_take, strict=True))
     with naming_damage(takes):

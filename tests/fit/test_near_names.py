@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import re
+from typing import get_type_hints
+
 import pytest
 
+from fit.api.takes import library_of
 from fit.blind.foreign.engines import find_generator
 from fit.blind.plants import PLANTS, choose_plants
-from fit.effects import LIBRARY, find_effects
+from fit.cli import diagnose_command
+from fit.effects import LIBRARY, find_effects, library_without
 from fit.engines import find_engine
 from fit.errors import FitError, near_names
 from fit.gap.diagnosis import deciding
-from fit.identification.request import request_of
-from fit.methods import SI, find_method
+from fit.identification.request import Plan, request_of
+from fit.methods import BASE_MODELS, METHODS, SI, find_base_model, find_method
 from fit.methods.fabrics import find_fabric
 from fit.recordings.selection import split_by_motion
 from fit.search.choice import SEARCHES, check_search
 
 EFFECTS = sorted(effect.name for effect in LIBRARY)
+PARAMETERS = [parameter.name for parameter in SI.parameters]
 
 
 def bounded(name):
@@ -36,6 +42,8 @@ def bounded(name):
         ("gremlins", EFFECTS, []),
         ("", EFFECTS, []),
         ("squares", list(SEARCHES), ["least-squares"]),
+        ("strech", PARAMETERS, ["stretch_stiffness"]),
+        ("bendng", PARAMETERS, ["bending_stiffness", "bending_damping_time"]),
     ],
 )
 def test_a_wrong_name_means_those_that_have_it_as_a_word_or_else_similar_ones(name, known, meant):
@@ -61,6 +69,51 @@ def test_each_choice_of_a_name_asks_whether_the_nearest_was_meant(asked, name, m
     with pytest.raises(FitError, match=f"did you mean {meant}( or [a-z_-]+)?\\? The others: ") as refused:
         asked(name)
     assert repr(name) in str(refused.value) or f"{name} is no way" in str(refused.value)
+
+
+@pytest.mark.parametrize(("name", "meant"), [
+    ("frcition", ["bending_hysteresis"]), ("silhouete", ["corner_erosion"]), ("wrinkls", ["tracker_smoothing"]),
+])  # fmt: skip
+def test_a_wrong_name_of_an_effect_may_be_a_word_of_its_title(name, meant):
+    assert near_names(name, EFFECTS) == []
+    assert near_names(name, EFFECTS, {effect.name: effect.title for effect in LIBRARY}) == meant
+    with pytest.raises(FitError, match=f"^--without: there is no effect named '{name}'; did you mean {meant[0]}\\?"):
+        library_without([name])
+
+
+@pytest.mark.parametrize(
+    ("option", "asked"),
+    [
+        ("--method", lambda: Plan(method="ci")),
+        ("--effect", lambda: Plan(effects=("air_darg",)).request()),
+        ("--fabric", lambda: Plan(fabric="cottn").request()),
+        ("--engine", lambda: Plan(engine="blendr", search="annealing").request()),
+        ("--search", lambda: check_search("anealing")),
+        ("--model", lambda: find_base_model("ci")),
+        ("--add", lambda: library_of(["hemm"], [])),
+        ("--without", lambda: library_of([], ["hemm"])),
+        ("--held-out-motion", lambda: split_by_motion([], ["sidewas"])),
+        ("--bounds", lambda: bounded("strech")),
+        ("--generator", lambda: find_generator("mujco", "--generator")),
+    ],
+)
+def test_each_error_of_a_name_names_the_option_that_gave_it(option, asked):
+    with pytest.raises(FitError, match=f"^{option}: there is no "):
+        asked()
+
+
+@pytest.mark.parametrize("name", sorted(METHODS))
+def test_a_diagnosis_takes_the_base_models_that_its_help_names(name):
+    if name in BASE_MODELS:
+        assert find_base_model(name) is METHODS[name]
+        return
+    with pytest.raises(FitError, match=f"^--model: there is no base model named '{name}'; did you mean|known base"):
+        find_base_model(name)
+
+
+def test_the_help_of_a_diagnosis_names_every_base_model():
+    (model,) = (one for one in get_type_hints(diagnose_command, include_extras=True)["model"].__metadata__)
+    assert all(re.search(rf"(?<![\w-]){name}(?![\w-])", model.help) for name in BASE_MODELS)
 
 
 def test_of_two_names_the_nearest_is_asked_for_and_the_rest_is_still_listed():

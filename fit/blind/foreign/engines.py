@@ -91,7 +91,7 @@ OWN_GENERATOR = Generator("own", TRIANGLE_SIDE, tuple(p.id for p in PLANTS), tup
 GENERATORS: tuple[Generator, ...] = (OWN_GENERATOR, MUJOCO, NEWTON)
 
 
-def find_generator(name: str) -> Generator:
+def find_generator(name: str, where: str | None = None) -> Generator:
     """Return the generator of a name.
 
     Raises:
@@ -99,5 +99,5 @@ def find_generator(name: str) -> Generator:
     """
     known = {generator.name: generator for generator in GENERATORS}
     if name not in known:
-        raise unknown_name("generator", name, known, listed="known")
+        raise unknown_name("generator", name, known, where=where, listed="known")
     return known[name]

@@ -183,7 +183,7 @@ def diagnose(
         next_experiment=proposal,
         gates=found_gates,
         cost=Cost(simulations=spent[0], seconds=spent[1]),
-        base_parameters=described.base_parameters(model, base),
+        base_parameters=described.base_parameters(model, described.alike_ends(observer, base, search.fits)),
         notes=notes,
         alternatives=verdict.alternatives,
         take_contents=takes.contents,

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fit.cloth.effect import Effect, size_of
+from fit.gap.closure import block_errors, gain_p_value, share_of
 from fit.gap.detectable import smallest_detectable
 from fit.gap.evidence import STUDENT_95, Evidence, is_at_bound
 from fit.gap.fitting import Fitted
 from fit.gap.floor import Floor
+from fit.gap.gates import CONVERGED
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
@@ -21,11 +25,21 @@ from formats.fit_records import AT_BOUND, FitParameter
 from formats.nature import NORMAL_90
 from formats.plain_text import first_few, joined
 
+ONE_END = 0.05  # level of one end of a 90 % interval, and of the tests that agree with it
+MOST_IDENTIFIED = 0.7  # half of a 90 % interval in logarithms: a factor of two each way; our choice, as before
+NOT_SHOWN = "these takes could not have shown the effect"
+CHOICE_FLATTERS = " Probabilities flatter too, because only the p-values allow for the choice among all effects."
+BASE_FIT = (
+    "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit. One of "
+    "its starts is the best refit with an effect. So another library may end it elsewhere. The intervals of its "
+    "parameters cover the takes' noise and the ends of those starts that the takes do not tell apart."
+)
 LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
 PROBABILITIES = {
     "rules": "Probabilities follow from the share of draws in which an effect is best and worth naming. A draw chooses "
-    "held-out half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this "
-    "holds.",
+    "judged half-second blocks and an error of mesh and solver. docs/reference/blind-check.md says how well this holds "
+    "on held-out takes. Probabilities rank the library's effects as causes of the gap. The p-values test each effect, "
+    "and allow for the number of those tried.",
     "evidence": "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",
 }
 
@@ -82,9 +96,15 @@ def describe_effects(
         is_tested_by_closure = hypothesis is not None and not by_other
         is_held = sized is not None and is_at_bound(evidence.observer, sized, name)
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
-        shown = smallest[name][np.isfinite(smallest[name])]
+        if is_tested_by_closure and interval is not None:
+            interval = with_nothing(evidence, name, interval)
+        moving = smallest[name][np.isfinite(smallest[name])]
+        shown = moving[moving <= max(-effect.low, effect.high)]
         can_show = len(shown) > 0
-        note = "screened only: too little of the residual to be worth a refit; amplitude linearised"
+        note = (
+            f"screened only: with {100 * signature.explained:.0f} % of the residual, too little to be worth a refit; "
+            "amplitude linearised"
+        )
         if hypothesis:
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
         if beside:
@@ -92,10 +112,13 @@ def describe_effects(
             note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
         if is_held:
             note = f"{AT_BOUND}, so that its size has no interval; {note}"
-        if not can_show:
-            note = (
-                "these takes could not have shown the effect: at its typical size the effect moves none of their points"
-            )
+        if not len(moving):
+            note = f"{NOT_SHOWN}: at its typical size the effect moves none of their points"
+        elif not can_show and not beside:
+            least = with_unit(short(float(moving.min())), effect.unit)
+            most = with_unit(short(max(-effect.low, effect.high)), effect.unit)
+            beyond = f"{NOT_SHOWN}: only from {least} on would it show, and its range ends at {most}"
+            note = "; ".join(filter(None, [note if sized else "", beyond]))  # `has_size` reads how a note begins
         found.append(
             EffectFinding(
                 id=name,
@@ -111,7 +134,7 @@ def describe_effects(
                 p_value=evidence.p_value(name) if is_tested_by_closure else None,
                 minimum_detectable=float(shown.max()) if can_show else None,
                 explained=signature.explained,
-                absorbed=signature.absorbed if can_show else None,
+                absorbed=signature.absorbed if len(moving) else None,
                 correlation=signature.correlation,
                 fitted_share=1 - hypothesis.fitted.cost / evidence.base.fitted.cost if hypothesis else None,
                 note=note,
@@ -120,18 +143,39 @@ def describe_effects(
     return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
 
 
-def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:
-    """Describe the fitted base parameters with 90 % intervals."""
-    described = []
+def with_nothing(evidence: Evidence, effect: str, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return an effect's 90 % interval, up to 0 where the judged takes do not reject that the effect closes nothing.
+
+    An end of a 90 % interval is a test at 5 %. So is the test of the closure, of this effect alone. A fit may find a
+    size for an effect that does not lower the judged error. The judged takes then do not confirm the effect.
+    """
+    if gain_p_value(evidence.base.errors, evidence.singles[effect].errors, evidence.floor_mm) < ONE_END:
+        return interval
+    return min(interval[0], 0.0), max(interval[1], 0.0)
+
+
+def alike_ends(observer: Observer, best: Fitted, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Return the best base fit, and the ends of other starts that the takes do not tell from it.
+
+    They agree with it in cost (`fit.gap.gates.CONVERGED`). And the best one's smaller error may be chance: the p-value
+    of a paired test over half-second blocks is at least 5 %.
+    """
+    most, errors = (1.0 + CONVERGED) * best.cost, block_errors(observer, best.residual)
+    near = [one for one in fits if one is not best and one.cost <= most]
+    return [best, *(o for o in near if share_of(block_errors(observer, o.residual), errors, 0.0).p_value >= ONE_END)]
+
+
+def base_parameters(model: Parameterisation, ends: Sequence[Fitted]) -> list[FitParameter]:
+    """Describe the parameters of the best base fit with 90 % intervals, which cover all of `alike_ends`."""
+    described, fitted = [], ends[0]
     for k, parameter in enumerate(model.parameters):
-        value, spread = float(fitted.vector[k]), NORMAL_90 * float(fitted.deviation[k])
-        low, high = (
-            (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
-        )
-        low, high = max(low, parameter.minimum), min(high, parameter.maximum)
+        value = float(fitted.vector[k])
+        low, high = np.array([_interval(parameter, one, k) for one in ends]).T
+        low, high = float(low.min()), float(high.max())
+        half = NORMAL_90 * float(fitted.deviation[k])
+        if parameter.is_log and len(ends) > 1:
+            half = max(half, float(np.log(high / low)) / 2)
         stopped = _stopped(parameter, value)
-        if stopped:  # the fit gives no value beyond the bound
-            low, high = parameter.minimum, parameter.maximum
         described.append(
             FitParameter(
                 name=parameter.name,
@@ -140,14 +184,25 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
                 fitted=value,
                 minimum=parameter.minimum,
                 maximum=parameter.maximum,
-                interval_low=float(low),
-                interval_high=float(high),
-                is_identified=bool(spread < 0.7 and not stopped) if parameter.is_log or stopped else None,
+                interval_low=low,
+                interval_high=high,
+                is_identified=bool(half < MOST_IDENTIFIED and not stopped) if parameter.is_log or stopped else None,
                 is_at_bound=stopped,
                 note=parameter.meaning,
             )
         )
     return described
+
+
+def _interval(parameter: Parameter, fitted: Fitted, k: int) -> tuple[float, float]:
+    """Return the 90 % interval of parameter `k` of one fit: its whole range where the fit ended at its bound."""
+    value, spread = float(fitted.vector[k]), NORMAL_90 * float(fitted.deviation[k])
+    if _stopped(parameter, value):  # the fit gives no value beyond the bound
+        return parameter.minimum, parameter.maximum
+    low, high = (
+        (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
+    )
+    return max(low, parameter.minimum), min(high, parameter.maximum)
 
 
 def _stopped(parameter: Parameter, value: float) -> bool:
@@ -198,6 +253,7 @@ def notes(
         "Errors are root mean square distances of the tracked points that are not on the held edge. Points on the held "
         "edge tell how the cloth is held and timed.",
         PROBABILITIES[by],
+        BASE_FIT,
     ]
     if floor.is_contradicted:
         said.append(
@@ -210,7 +266,8 @@ def notes(
             "out. Effects that only move the cloth's resting position cannot be seen."
         )
     if not held_out:
-        said.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")
+        flatters = "No held-out take: closure is measured on the motion it was fitted to and flatters."
+        said.append(flatters + (CHOICE_FLATTERS if by == "rules" else ""))
     if training + held_out < 3:
         said.append("One or two takes: the same cloth, hung anew, may differ from them by more than their noise.")
     return said

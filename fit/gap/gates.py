@@ -177,8 +177,9 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     limit = max(CONVERGED, float(min(f.cost for f in fits) / best_effect) ** SHARE_OF_EFFECT - 1)
     return Gate(
         name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
-        sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost. "
-        f"At most {100 * limit:.0f} % is allowed; this limit grows with what the best effect saves.",
+        sentence=f"Of {len(fits)} starts of the base fit, the second best ends {100 * spread:.1f} % above the best in "
+        f"cost. At most {100 * limit:.0f} % above is allowed; this limit grows with what the best effect saves. Ends "
+        "near in cost may still differ in their parameters.",
     )  # fmt: skip
 
 

@@ -27,7 +27,8 @@ from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from formats import figures
-from formats.diagnosis_records import in_percent, place_of
+from formats.diagnosis_records import Figure, in_percent, place_of
+from formats.plain_text import counted, joined
 
 # Probability of any wrong rejection among the refitted effects (Bonferroni); our choice: as is usual.
 FAMILY_WISE_LEVEL = 0.05
@@ -178,7 +179,14 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
         noise = f". The rest, {100 - 100 * closed.value:.0f} %, no effect explains: a camera's faults are part of it"
     if closed.value <= 0:
         return f", which closes nothing of the gap{noise}"
-    return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:z.0f} to {100 * high:.0f} %]{noise}"
+    share = f"{100 * closed.value:.0f} % of the gap is closed [{100 * low:z.0f} to {100 * high:.0f} %]"
+    return f": {share}{beyond_all(closed)}{noise}"
+
+
+def beyond_all(closed: Figure) -> str:
+    """Return what a closure of more than 100 % means, or nothing for one that reads as at most 100 %."""
+    is_beyond = round(100 * closed.value) > 100
+    return " (above 100 %: less is left than the noise was estimated to be)" if is_beyond else ""
 
 
 def _closed(evidence: Evidence, effect: str) -> float:
@@ -195,10 +203,45 @@ def _unnamed(evidence: Evidence) -> str:
     if not near:
         return "There is a gap that no effect in the library explains."
     best = max(near, key=lambda k: _closed(evidence, k))
-    title = evidence.observer.library[best].title
+    title, closed = evidence.observer.library[best].title, evidence.closure_of(evidence.singles[best])
+    assert closed is not None
+    low, high = closed.interval or (closed.value, closed.value)
+    lacking = joined(what_lacks(evidence, best)) or "most draws name no effect"
     return (
         f"There is a gap, and no effect in the library explains it for sure. {title[0].upper()}{title[1:]} would close "
-        f"{100 * _closed(evidence, best):z.0f} % of it, but the evidence is too weak to name it."
+        f"{100 * closed.value:z.0f} % of it [{100 * low:z.0f} to {100 * high:z.0f} %]{beyond_all(closed)}, but the "
+        f"evidence is too weak to name it: {lacking}.{_likely_all_the_same(evidence, best)}"
+    )
+
+
+def what_lacks(evidence: Evidence, effect: str) -> list[str]:
+    """Return what a refitted effect lacks to be named: each test that it fails, nothing if it passes all."""
+    hypothesis, p_value = evidence.singles[effect], evidence.p_value(effect)
+    closed, (_, interval) = evidence.closure_of(hypothesis), evidence.amplitude(effect, any_law=False)
+    gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
+    least = mesh_share(evidence.observer.library[effect]) * evidence.numerics_mm**2
+    failed = {
+        f"p is {p_value:.2g} where less than {FAMILY_WISE_LEVEL:g} is needed": p_value >= FAMILY_WISE_LEVEL,
+        "its size may be 0, as far as noise, mesh and solver can tell": not excludes_zero(interval),
+        "it removes no more error than mesh and solver may make": gain <= least,
+        f"less than {100 * SMALLEST_CLOSURE:.0f} % is too little": closed is None or closed.value < SMALLEST_CLOSURE,
+    }
+    return [said for said, fails in failed.items() if fails]
+
+
+def _likely_all_the_same(evidence: Evidence, effect: str) -> str:
+    """Return sentences that reconcile the probability of an unnamed effect with its p-value, if it seems likely."""
+    chance = probabilities(evidence, None)[effect]
+    if chance < LIKELY or evidence.p_value(effect) < FAMILY_WISE_LEVEL:
+        return ""
+    if evidence.is_held_out:
+        family = f"{counted(len(evidence.singles), 'refitted effect')} and for the few independent half-seconds"
+        ranks = f"Its probability of {in_percent(chance)} ranks the library's effects, and tests none."
+        return f" The p-value allows for {family}. {ranks}"
+    family = counted(len(evidence.screened), "effect")
+    return (
+        f" The p-value allows for the choice among {family} on the takes they are judged on. Its probability of "
+        f"{in_percent(chance)} does not: it ranks the library's effects. A held-out take needs no such allowance."
     )
 
 
@@ -211,11 +254,7 @@ def passing_effects(evidence: Evidence) -> list[str]:
         closed = evidence.closure_of(hypothesis)
         if closed is None or k in evidence.contradicted or is_at_bound(evidence.observer, hypothesis):
             continue
-        _, interval = evidence.amplitude(k, any_law=False)
-        gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
-        is_resolved = gain > mesh_share(evidence.observer.library[k]) * evidence.numerics_mm**2
-        is_certain = evidence.p_value(k) < FAMILY_WISE_LEVEL
-        if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and excludes_zero(interval):
+        if not what_lacks(evidence, k):
             passing.append((closed.value, k))
     return effects_identified_by_edge(evidence) + [k for _, k in sorted(passing, reverse=True)]
 

@@ -10,10 +10,10 @@ from fit.methods.physical_units import LEAN, SI, SI_OUTLINE, SI_SEWN
 from formats.garment import Garment
 
 __all__ = [
+    "BASE_MODELS",
     "KINECT_SKIRT",
     "KINECT_SKIRT_WEIGHED",
     "LEAN",
-    "BASE_MODELS",
     "METHODS",
     "MOCAP_SWATCH",
     "MOCAP_SWATCH_WEIGHED",

@@ -112,7 +112,7 @@ def test_a_diagnosis_takes_the_base_models_that_its_help_names(name):
 
 
 def test_the_help_of_a_diagnosis_names_every_base_model():
-    (model,) = (one for one in get_type_hints(diagnose_command, include_extras=True)["model"].__metadata__)
+    (model,) = get_type_hints(diagnose_command, include_extras=True)["model"].__metadata__
     assert all(re.search(rf"(?<![\w-]){name}(?![\w-])", model.help) for name in BASE_MODELS)
 
 

@@ -196,8 +196,9 @@ GATES = [
     ),
     (
         lambda: [convergence_gate(FITS, 10.0)],
-        [("base fit", True, 14.0, 15.0, "%", "The best two of 2 starts of the base fit end 14.0 % apart in cost. "
-          "At most 15 % is allowed; this limit grows with what the best effect saves.")],
+        [("base fit", True, 14.0, 15.0, "%", "Of 2 starts of the base fit, the second best ends 14.0 % above the "
+          "best in cost. At most 15 % above is allowed; this limit grows with what the best effect saves. Ends near in "
+          "cost may still differ in their parameters.")],
     ),
     (
         lambda: [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],

@@ -305,7 +305,7 @@ def test_without_held_out_takes_the_closure_is_said_to_flatter():
     found = diagnosed(training, [], world)
     d = found.diagnosis
     assert (d.verdict, d.named, d.gap.is_held_out) == ("effect", ["hem"], False)
-    assert [note.split(":")[0] for note in d.notes[3:]] == ["No held-out take", "One or two takes"]
+    assert [note.split(":")[0] for note in d.notes[4:]] == ["No held-out take", "One or two takes"]
     assert "on the motion it was fitted to (no held-out take)" in d.sentence
     assert FITTED < d.gap.floor_mm.value < 1.25 * FITTED
     # The family of a p-value is every effect that was screened, as the takes chose which are refitted.

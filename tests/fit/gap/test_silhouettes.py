@@ -22,7 +22,7 @@ from tests.formats.test_results import diagnosis
 def test_a_parameter_at_its_bound_has_its_whole_range_and_is_named():
     stopped = SI.parameters[0]
     fitted = dataclasses.replace(hypothesis((), 5.0).fitted, vector=np.array([stopped.minimum, *SI.initial[1:]]))
-    first, second, *_ = base_parameters(SI, fitted)
+    first, second, *_ = base_parameters(SI, [fitted])
     assert (first.interval_low, first.interval_high) == (stopped.minimum, stopped.maximum)
     assert not first.is_identified
     assert first.is_at_bound

@@ -159,7 +159,7 @@ def test_an_amplitude_that_may_be_nothing_is_not_named(deviation, verdict):
     found = decide(dataclasses.replace(evidence, singles=singles))
     assert found.verdict == verdict
     # 144 - 36 of 144 - 25 mm^2 are 91 %.
-    weak = "explains it for sure. Air lift would close 91 % of it, but the evidence is too weak"
+    weak = "explains it for sure. Air lift would close 91 % of it [89 to 93 %], but the evidence is too weak"
     assert (weak in found.sentence) == (verdict == "unknown")
 
 
@@ -171,7 +171,7 @@ def test_at_the_end_of_its_range_or_with_little_closed_no_effect_is_said_to_come
 def test_of_effects_with_too_weak_evidence_the_one_that_closes_most_is_said_to_come_near():
     """Of 119 mm^2 lift closes 113.75, or 96 %; drag and a hem, before and after it, close 92 and 91 %."""
     said = _unnamed(evidence_of({"air_drag": 5.9, "air_lift": 5.5, "hem": 6.0}))
-    assert "for sure. Air lift would close 96 % of it, but the evidence is too weak" in said
+    assert "for sure. Air lift would close 96 % of it [94 to 98 %], but the evidence is too weak" in said
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from fit.api.said import next_command
+from fit.api.said import next_command, next_step
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
@@ -229,7 +229,7 @@ def fit_command(
     if plot is not None:
         tell(f"Picture:    {plain(plot)}", plot=str(plot))
     if not effect and not (out / "diagnosis.json").exists():
-        tell(next_command(takes, held_out, held_out_motion, out))
+        tell(next_step(prepared, next_command(takes, held_out, held_out_motion, out)))
 
 
 def diagnose_command(

@@ -26,6 +26,10 @@ COVERED_BY_INTERVALS = (
     "the mesh's error."
 )
 COVERED_OF_EFFECTS = "That of an effect's size covers mesh, solver and the effect's other laws as well."
+OWN_BASE_FIT = (
+    "The diagnosis fits its base model anew, by a search and on a mesh of its own: `hangtime fit` may end at other "
+    "bounds."
+)
 FINDS_PHYSICS = "`hangtime diagnose` finds missing physics."
 
 
@@ -61,6 +65,8 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     """
     remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
     remarks.append("Errors are root mean square distances of the free points.")
+    if any(p.is_at_bound for p in diagnosis.base_parameters):
+        remarks.append(OWN_BASE_FIT)
     remarks += [_added_line(finding, diagnosis.named) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
@@ -153,9 +159,12 @@ def _combination_row(c: Combination) -> tuple[str, ...]:
 def _added_line(finding: EffectFinding, named: list[str]) -> str:
     if not finding.tested:
         return f"{finding.id}: {finding.note}"
-    closed = (
-        f"closes {100 * finding.closure.value:z.0f} % of the gap" if finding.closure else "there is no gap to close"
-    )
+    closed = "there is no gap to close"
+    if finding.closure is not None:
+        closed = f"closes {100 * finding.closure.value:z.0f} % of the gap"
+        if finding.closure.interval is not None:
+            low, high = finding.closure.interval
+            closed += f" [{100 * low:z.0f} to {100 * high:z.0f} %]"
     p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
     ends, size = finding.amplitude_interval, ""
     if tells_size(finding, named):

@@ -25,10 +25,11 @@ from fit.cloth.effect import columns_of
 from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import BlowUpError
+from fit.folders import held_out_option
 from fit.identification.combinations import describe_combinations
 from fit.identification.effect_sizes import with_sizes
 from fit.identification.free_intervals import blocks_of, free_intervals
-from fit.identification.notes_on_values import note_on_start, notes_on_values
+from fit.identification.notes_on_values import NEVER_MOVED, note_on_start, notes_on_values
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
@@ -216,7 +217,7 @@ def calibrate(
         notes=[*result.notes, *describe_short(training), *describe_flaws([*training, *held_out])],
         camera=describe_camera(train + test),
         take_states=[state_of_take(take) for take in (*training, *held_out)],
-        options=request.used_options,
+        options=request.used_options | held_out_option(takes.held_out_contents),
     )
 
 
@@ -318,8 +319,10 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
     request, best, intervals = model.request, found.vector, found.intervals
     garment = model.recordings[0].garment
     initial = np.array([p.initial for p in request.parameters])
+    # Least squares may find that its start is the minimum. Other searches know only that they found nothing better.
+    has_moved = request.search in OBSERVED or not np.array_equal(best, initial)
     is_identified = [
-        bool(intervals.is_identified[k]) and p.name not in request.method.degenerate
+        has_moved and bool(intervals.is_identified[k]) and p.name not in request.method.degenerate
         for k, p in enumerate(request.parameters)
     ]
     described = [
@@ -347,6 +350,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(f"{request.search} minimises the points' residuals; {name} is reported, not minimised.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
+    if not has_moved:
+        notes.append(NEVER_MOVED.format(search=request.search))
     notes += notes_on_values(described)
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from formats.diagnosis_records import Diagnosis
 from formats.fit_records import BOUND_NOTE, FitError, FitParameter
 
 FREE_PARAMETERS = (
-    "Not identified: {names}. Read the 90 % interval{of_each}. The fitted value is one of many that follow the takes "
-    "equally well, and rounding may decide which."
+    "Not identified: {names}. Read the 90 % interval{of_each}. Many values in it follow the takes equally well, and "
+    "rounding may decide at which of them a search ends. So tables show none."
 )
 STOPPED_AT_BOUND = (
     f"{BOUND_NOTE} {{names}}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
@@ -22,6 +23,10 @@ STOPPED_AT_BOUND = (
 STOPPED_AT_BOUNDS = (  # where they are several
     f"{BOUND_NOTE} {{names}}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
     "cloth. --bounds only narrows a range. A missing effect may drive them there: hangtime diagnose looks for one."
+)
+NEVER_MOVED = (
+    "Warning: {search} found no candidate better than its start, so every value is the start's. Give more "
+    "--iterations, or use --search least-squares."
 )
 WORSE_THAN_START = (
     "Warning: the fit follows {takes} worse than its initial parameters do: {after:.1f} mm instead of {before:.1f} mm "
@@ -35,6 +40,7 @@ LOWERED_FIGURE = {
     ),
 }
 LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
+LOOKS_FOR_ONE = "hangtime diagnose looks for one"  # as the notes on bounds end
 MORE_TAKES = "fit to takes of this kind of motion as well"
 
 
@@ -52,6 +58,13 @@ def note_on_start(error: FitError, search: str) -> str:
     return WORSE_THAN_START.format(
         takes=takes, after=1e3 * after.mean_m, before=1e3 * before.mean_m, lowered=lowered, advice=advice
     )
+
+
+def notes_beside(notes: Sequence[str], diagnosis: Diagnosis) -> list[str]:
+    """Return a fit's notes where a diagnosis of its takes is known: its finding replaces the advice to diagnose."""
+    names = (" or " if diagnosis.verdict == "ambiguous" else " and ").join(diagnosis.named).replace("_", " ")
+    found = f"the diagnosis beside this fit {f'names {names}' if names else 'names none'}"
+    return [note.replace(LOOKS_FOR_ONE, found).replace(LOOK_FOR_PHYSICS, found) for note in notes]
 
 
 def notes_on_values(described: Sequence[FitParameter]) -> list[str]:

@@ -20,6 +20,7 @@ from fit.effects import LIBRARY
 from fit.errors import FitError
 from fit.folders import NAMED_BESIDE, refuse_unfinished
 from fit.identification.combinations import COMBINATIONS
+from fit.identification.notes_on_values import notes_beside
 from fit.methods import METHODS
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
@@ -123,6 +124,11 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
     try:
         file = path / "fit.json" if path.is_dir() else path
         refuse_unfinished(file)
+        if path.is_dir() and not file.exists() and file.with_name("diagnosis.json").exists():
+            raise FitError(
+                "holds a diagnosis and no fit, and a diagnosis has no fabric", where=path,
+                advice="run `hangtime fit` on its takes, with --out of this folder",
+            )  # fmt: skip
     except OSError as error:
         raise FitError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     result = load_either(file)
@@ -134,6 +140,7 @@ def read_fit(path: Path) -> tuple[FitResult, Path]:
 def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
     """Return a fit with a note if the diagnosis of the same takes names an effect that the fit lacks.
 
+    Its other notes say what this diagnosis found, instead of the advice to diagnose.
     A diagnosis that is damaged or was changed may name one, too.
     """
     if not os.path.lexists(path):
@@ -149,6 +156,8 @@ def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
     is_any = diagnosis.verdict == "ambiguous"
     lacking = [name for name in diagnosis.named if name not in fitted]
     of_same = result.take_contents and sorted(result.take_contents) == sorted(diagnosis.take_contents)
+    if of_same:
+        result = msgspec.structs.replace(result, notes=notes_beside(result.notes, diagnosis))
     if not of_same or not lacking or (is_any and len(lacking) < len(diagnosis.named)):
         return result
     names = (" or " if is_any else " and ").join(name.replace("_", " ") for name in lacking)

@@ -130,15 +130,15 @@ def _is_together(fit: FitResult, diagnosis: Diagnosis) -> bool:
     return fit.take_ids == diagnosis.take_ids
 
 
-def one_of(path: Path) -> FitResult | Diagnosis:
-    """Read a result file, or a folder's fit, or the folder's diagnosis if it holds no fit.
+def one_of(path: Path, *, is_diagnosis: bool = False) -> FitResult | Diagnosis:
+    """Read a result file, or a folder's fit, or the folder's diagnosis if it holds no fit or if this is asked for.
 
     Raises:
         HangtimeError: the path holds no result, or cannot be read.
     """
     if path.is_dir():
         found = results_in(path)
-        result = found.fit or found.diagnosis
+        result = found.diagnosis or found.fit if is_diagnosis else found.fit or found.diagnosis
         if result is not None:
             return result
     refuse_unfinished(path)

@@ -28,6 +28,7 @@ OF_SQUARES = "of squared error above the noise"
 # A fit's error beside a diagnosis is shown where it is off the base model's by more than this share of it. Our
 # choice: closer figures say one thing twice, as the diagnosis fits the base model again.
 FIT_APART = 0.05
+LIKELIER = 0.5  # probability of an effect that the section on the missing force sets beside the force
 RMS = "root mean square"  # the figure of the report and the diagnosis; tables of a fit have mean distances
 
 
@@ -53,6 +54,11 @@ def named(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "ambiguous":
         return f"{names[0]} (as one of {len(names)})"
     return " and ".join(names) or "the best effect"
+
+
+def candidates_of(diagnosis: Diagnosis) -> list[str]:
+    """Return the effects that a diagnosis names, or else those that it finds likelier than not."""
+    return diagnosis.named or [e.id for e in diagnosis.effects if (e.probability or 0.0) >= LIKELIER]
 
 
 def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, str]:

@@ -77,7 +77,8 @@ def compare_command(
     """Set fits, diagnoses or takes side by side.
 
     Fits are compared by parameter, with 90 % intervals. The last column says whether the intervals have a value in
-    common. Of a folder that holds a fit and a diagnosis, the fit is taken.
+    common. Of a folder that holds a fit and a diagnosis, the fit is taken, unless another folder holds a diagnosis
+    alone.
 
     Example: `hangtime compare results other-results`
     """

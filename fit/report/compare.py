@@ -76,8 +76,9 @@ def _columns(paths: Sequence[Path]) -> list[_Column]:
     if len(paths) < 2:
         raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
     found: list[_Column] = []
+    is_diagnosis = _are_diagnoses(paths)
     for path in paths:
-        found.append(_column(path))
+        found.append(_column(path, is_diagnosis=is_diagnosis))
         if found[-1].kind != found[0].kind:
             raise FitError(
                 f"is a {found[-1].kind}, and {paths[0]} is a {found[0].kind}", where=path,
@@ -86,7 +87,15 @@ def _columns(paths: Sequence[Path]) -> list[_Column]:
     return found
 
 
-def _column(path: Path) -> _Column:
+def _are_diagnoses(paths: Sequence[Path]) -> bool:
+    """Return whether diagnoses are compared although a folder holds a fit too: another folder or file has none."""
+    folders = [results_in(path) for path in paths if path.is_dir()]
+    files = [path for path in paths if not path.is_dir()]
+    has_alone = any(one.fit is None for one in folders) or any(path.name.startswith("diagnosis.") for path in files)
+    return has_alone and all(one.diagnosis is not None for one in folders)
+
+
+def _column(path: Path, *, is_diagnosis: bool = False) -> _Column:
     record: dict[str, Any] = {"file": str(path)}
     if path.suffix in (".mcap", ".partial") and not path.is_dir():
         take = read_take(path)
@@ -95,7 +104,7 @@ def _column(path: Path) -> _Column:
             kind="take", rows=_take_rows(known), record=record | known, warnings=doubts_of(take),
             own=(take.take_id, take.report.file if take.report else ""),
         )  # fmt: skip
-    found = one_of(path)
+    found = one_of(path, is_diagnosis=is_diagnosis)
     record |= msgspec.to_builtins(found)
     warnings = flaw_notes(found.notes)
     if isinstance(found, FitResult):

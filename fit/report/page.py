@@ -8,9 +8,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from markupsafe import Markup
 
 from fit.errors import FitError
+from fit.identification.notes_on_values import notes_beside
 from fit.report import answer, sections, terms
 from fit.report.motion import ReportMotion
 from fit.report.origin import Origin
@@ -78,6 +80,8 @@ def _page(
     played: tuple[list[dict[str, Any]], int, str],
 ) -> str:  # fmt: skip
     packed, shown, note = played
+    if fit is not None and diagnosis is not None:
+        fit = msgspec.structs.replace(fit, notes=notes_beside(fit.notes, diagnosis))
     outline = next((motion.outline for motion in motions if motion.outline is not None), None)
     parts = {
         "gap": sections.gap(diagnosis),
@@ -88,7 +92,11 @@ def _page(
         "method": sections.method(fit),
         "effects": sections.effects(diagnosis),
         "where": sections.where(diagnosis, outline),
-        "force": sections.missing_force(diagnosis.missing_force if diagnosis is not None else None, outline),
+        "force": sections.missing_force(
+            diagnosis.missing_force if diagnosis is not None else None,
+            outline,
+            answer.candidates_of(diagnosis) if diagnosis is not None else (),
+        ),
         "next": sections.next_experiment(diagnosis),
         "gates": sections.gates(diagnosis),
         "cost": sections.cost(fit, diagnosis),

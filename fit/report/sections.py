@@ -32,11 +32,18 @@ from fit.report.text import MISSING, duration, instant, number, percent, unit_wo
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import NOT_IDENTIFIED, ErrorFigure, FitParameter, FitResult, warnings_in
-from formats.plain_text import counted
+from formats.plain_text import counted, joined
 
 OWN_FIT = (
-    "The diagnosis fits its base model anew, by a search of its own. So these values may differ from those above. Its "
-    "intervals cover the takes' noise alone, and no other local minima."
+    "The diagnosis fits its base model anew, by a search and on a mesh of its own. So these values may differ from "
+    "those above. So may the parameters at their bounds. Its intervals cover the takes' noise and the ends of its own "
+    "starts that the takes do not tell apart. They do not cover what the fit above found."
+)
+# The base fit minimises the residual, so what an effect shares with damping and stiffness is gone from the pull.
+BESIDE_CANDIDATES = (
+    "This force is what the fitted base model leaves. Its damping and stiffness have taken over what they can of a "
+    "missing effect. So the force may look unlike {effects}, which the refits found. The refits decide the verdict, "
+    "and this description does not."
 )
 OTHER_MINIMA = "the fit above found other values that follow the takes as well"
 SHARE_OF_SQUARES = (
@@ -116,8 +123,8 @@ def errors(
         intro = "Distance between real and simulated points in each frame: the mean over the points, and dashed of all."
     else:
         intro = (
-            f"{MEASURE}, in each frame; thin, the worst point; dashed, all frames. A curve breaks where no free point "
-            "is seen. A worst frame shows half or more of the most free points seen at once."
+            f"{MEASURE}, in each frame; thin, the worst point, which lies above it; dashed, all frames. A curve breaks "
+            "where no free point is seen. A worst frame shows half or more of the most free points seen at once."
         )
         intro += " Dotted, the fit." if any("fit" in motion.shown for motion in motions) else ""
     if not any(charts):
@@ -177,7 +184,7 @@ def _beside(parameters: Sequence[FitParameter], fit: FitResult | None) -> list[F
     found = fit.parameters if fit is not None else []
     free = {(p.name, p.unit) for p in found if p.is_identified is False}
     return [
-        replace(p, is_identified=False, note=f"{OTHER_MINIMA}. {p.note}")
+        replace(p, is_identified=False, note=f"{OTHER_MINIMA}. {p.note[:1].upper()}{p.note[1:]}")
         if (p.name, p.unit) in free and p.is_identified is not False
         else p
         for p in parameters
@@ -242,7 +249,7 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
         body += effect_table(refitted, diagnosis.named)
     if others:
         many = counted(len(others), "effect")
-        about = f"{many} of which the residual shows hardly anything, and how small each could be seen"
+        about = f"{many} of which the residual shows too little for a refit, and how small each could be seen"
         body += piece("parts.html", "details", about, effect_table(others, diagnosis.named), not refitted)
     return body
 
@@ -268,10 +275,12 @@ def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
     return lead(intro) + Markup('<div class="maps">{}</div>').format(maps)
 
 
-def missing_force(found: MissingForce | None, outline: Floats | None = None) -> Markup:
+def missing_force(
+    found: MissingForce | None, outline: Floats | None = None, candidates: Sequence[str] = ()
+) -> Markup:  # fmt: skip
     """Return the section on the missing force, whether or not an effect of the library explains it.
 
-    A force that the noise hides has its sentence alone.
+    A force that the noise hides has its sentence alone. `candidates`: names of effects that are named or likely.
     """
     if found is None:
         return NOTHING
@@ -286,6 +295,9 @@ def missing_force(found: MissingForce | None, outline: Floats | None = None) -> 
         ("place", ", ".join(f"{words(name)} {percent(share)}" for name, share in shares.items()) or MISSING),
     ]
     said = lead("Shares are of the mean squared force per mass.")
+    if candidates:
+        titles = joined([name.replace("_", " ") for name in candidates], last="or")
+        said = lead(BESIDE_CANDIDATES.format(effects=titles)) + said
     return Markup("<p>{}</p>").format(found.sentence) + said + force_map(found.places, outline) + pairs(figures)
 
 

@@ -11,13 +11,16 @@ OF_A_DIAGNOSIS = {
     "Gap": "The error of the simulation on motion that was not used to fit it, as far as it is larger than the "
     "sensor's noise. Below the noise floor nothing can be seen and nothing is claimed.",
     "Gap closed": "How much of the gap disappears once an effect is modelled and everything is fitted again, on motion "
-    "not used to fit. The share is of squared errors, less the square of the noise. 100 % means down to the noise; an "
-    "effect that merely fits noise closes nothing.",
+    "not used to fit. The share is of squared errors, less the square of the noise. 100 % means down to the noise; "
+    "more means that less is left than the noise was estimated to be. An effect that merely fits noise closes nothing.",
+    "Probability": "How the library's effects rank as causes of this gap. It is no test, and considers no cause "
+    "outside the library. Without a held-out take it does not allow for the choice among the effects, so it flatters.",
     "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
-    "maybe not there.",
-    "p-value": "How often data without the effect would look this much like it.",
+    "maybe not there. It reaches zero where the judged takes do not confirm that the effect lowers the error.",
+    "p-value": "How often data without the effect would look this much like it, times the number of effects that were "
+    "tried: those refitted, or without a held-out take all of them.",
     "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
-    "found may still be there below this.",
+    "found may still be there below this. Without a figure, the recording could not have shown the effect.",
 }
 OF_PARAMETERS = {
     "90 % interval": "Of a fitted value, if the model is right. The interval covers the takes' noise and the local "

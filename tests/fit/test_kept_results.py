@@ -25,11 +25,12 @@ from tests.fit.test_command_line import a_swung_take
         ({"spacing": 0.2}, "has another mesh spacing"), ({"effects": {"hem": 0.01}}, "has other effects"),
         ({"parameters": []}, "has other starts or ranges of its parameters"), ({"created": "2020-01-01"}, ""),
         ({"options": {"--gamma": 2.0}}, "has another --gamma"), ({"options": {"--gamma": 1.0}}, ""),
+        ({"options": {"--held-out": "cafe"}}, "is judged on another recording of the same name"),
         ({"options": {}}, ""),  # of an older version
     ],
 )  # fmt: skip
 def test_a_fit_of_the_same_takes_is_kept_where_it_was_made_otherwise(tmp_path, changes, says):
-    new = msgspec.structs.replace(a_fit(), options={"--gamma": 1})
+    new = msgspec.structs.replace(a_fit(), options={"--gamma": 1, "--held-out": "beef"})
     save_fit_result(tmp_path / "fit.json", msgspec.structs.replace(new, **changes, material={}))
     said = set_aside_others(tmp_path / "fit.json", lambda result: True, new)
     assert said == (f"{tmp_path / 'fit.json'} {says}: kept as fit.1.json, with its report." if says else "")
@@ -65,6 +66,19 @@ def test_a_fit_without_a_held_out_take_is_kept_where_one_with_it_follows_and_the
     assert load_fit_result(tmp_path / "out/fit.json").held_out_ids == ["b"]
     assert load_fit_result(tmp_path / "out/fit.1.json").held_out_ids == []
     assert not (tmp_path / "out/fit.2.json").exists()
+
+
+def test_a_fit_judged_on_another_recording_of_the_same_name_is_kept(tmp_path):
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+    words = ("fit", "a.mcap", "--held-out", "b.mcap", "--out", "out", "--method", "kinect-skirt", "--iterations", 1)
+    for hz, is_kept in ((0.9, False), (0.9, False), (0.8, True)):
+        write_take(tmp_path / "b.mcap", a_swung_take("b", hz=hz, seconds=2.0), overwrite=True)
+        done = hangtime_here(*words, "--spacing", 0.15, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        said = "out/fit.json is judged on another recording of the same name: kept as fit.1.json, with its report."
+        assert (said in done.stderr) == is_kept
+        assert "Warning: annealing found no candidate better than its start" in done.stdout
+        assert not any(p.is_identified for p in load_fit_result(tmp_path / "out/fit.json").parameters)
 
 
 @pytest.mark.parametrize("option", [("--iterations", 2), ("--gamma", 1e3)])

@@ -25,8 +25,8 @@ def parameters(count, **state):
 
 @pytest.mark.parametrize(
     ("count", "is_at_bound", "says"),
-    [(1, False, "Not identified: mass. Read the 90 % interval. The"),
-     (2, False, "Not identified: mass, struct. Read the 90 % interval of each. The"),
+    [(1, False, "Not identified: mass. Read the 90 % interval. Many"),
+     (2, False, "Not identified: mass, struct. Read the 90 % interval of each. Many"),
      (1, True, "At its bound: mass. Its range stopped the fit there, so the value says more of the range than"),
      (2, True,
       "At its bound: mass, struct. Their ranges stopped the fit there, so the values say more of the ranges than")],

@@ -124,7 +124,7 @@ def test_warnings_of_a_fit_stand_below_its_table():
 
 def test_of_two_tables_of_parameters_the_second_says_why_its_values_differ():
     found = diagnosis(base_parameters=fit_result().parameters)
-    differ = "So these values may differ from those above."
+    differ = "So these values may differ from those above. So may the parameters at their bounds."
     assert [differ in sections.parameters(fit, found) for fit in (fit_result(), None)] == [True, False]
 
 

@@ -80,7 +80,7 @@ def test_an_effect_at_its_bound_has_no_size_in_any_table(stopped):
     ]  # fmt: skip
     for text in shown:
         assert "0.0481" not in text
-    assert "With hem: closes 8 % of the gap (p = 0.210)." in shown[3]
+    assert "With hem: closes 8 % of the gap [-2 to 15 %] (p = 0.210)." in shown[3]
     rows = {row["effect"]: row["amplitude"] for row in csv.DictReader(io.StringIO(shown[4]))}
     assert (rows["air_drag"], rows["hem"], rows["clip_slip"]) == ("1.31", "", "")
 
@@ -104,7 +104,7 @@ def test_a_fits_terminal_names_the_measure_of_the_report_and_why_its_figures_are
 def test_an_effect_that_was_asked_for_and_may_be_absent_is_told_by_its_interval_alone():
     """A hem of -0.001 to 0.009 kg/m about 0.004."""
     told = as_text(diagnosis_tables(diagnosis(), ("hem", "air_drag")))
-    assert "With hem (-0.001 to 0.009 kg/m, 90 % interval): closes 8 % of the gap (p = 0.210)." in told
+    assert "With hem (-0.001 to 0.009 kg/m, 90 % interval): closes 8 % of the gap [-2 to 15 %] (p = 0.210)." in told
     assert "With air_drag at 1.31: closes 87 % of the gap" in told
 
 

@@ -1,0 +1,122 @@
+"""Parts of a page, and of a comparison, that say one thing in two places agree."""
+
+from __future__ import annotations
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.api.said import next_step
+from fit.api.shown import OWN_BASE_FIT, diagnosis_tables
+from fit.api.tables import as_text
+from fit.identification.notes_on_values import STOPPED_AT_BOUND, notes_beside
+from fit.identification.read_again import read_fit
+from fit.recordings.ready import ready
+from fit.report import sections, terms
+from fit.report.answer import candidates_of
+from fit.report.page import packaged, render_report
+from formats.errors import HangtimeError
+from formats.results import save_diagnosis, save_fit_result
+from tests.fit.export.exported import a_fit
+from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.fit.scenes import hung, sheet, swing, take_of
+from tests.fit.test_command_line import a_swung_take
+
+AT_BOUND = STOPPED_AT_BOUND.format(names="shear_stiffness")
+
+
+def test_only_the_frames_of_a_fit_are_dotted_and_neither_its_worst_point_nor_its_mean():
+    dotted = re.findall(r"^(.*?) \{[^}]*stroke-dasharray: 0 7", packaged("page.css"), re.MULTILINE)
+    assert dotted == [".plot path.is-fit:not(.largest, .mean)"]
+
+
+def test_the_force_is_reconciled_with_the_effects_that_the_refits_found():
+    force = diagnosis().missing_force
+    assert candidates_of(diagnosis()) == ["air_drag"]
+    shown = sections.missing_force(force, None, ["air_drag", "hem"])
+    assert "the force may look unlike air drag or hem, which the refits found" in shown
+    assert "which the refits found" not in sections.missing_force(force)
+    assert "unlike air drag, which" in render_report(fit=None, diagnosis=diagnosis())
+
+
+def test_an_unnamed_effect_that_is_likelier_than_not_is_a_candidate():
+    drag, *others = (msgspec.structs.replace(one, probability=0.1) for one in diagnosis().effects)
+    for chance, found in ((0.5, ["air_drag"]), (0.49, [])):
+        likely = msgspec.structs.replace(drag, probability=chance)
+        assert candidates_of(diagnosis(verdict="unknown", named=[], effects=[likely, *others])) == found
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "the diagnosis beside this fit names air drag."),
+        (
+            {"verdict": "ambiguous", "named": ["air_drag", "air_lift"]},
+            "the diagnosis beside this fit names air drag or air lift.",
+        ),
+        ({"verdict": "several", "named": ["air_drag", "hem"]}, "the diagnosis beside this fit names air drag and hem."),
+        ({"verdict": "unknown", "named": []}, "the diagnosis beside this fit names none."),
+    ],
+)
+def test_notes_say_what_the_diagnosis_beside_a_fit_found(changes, said):
+    (note,) = notes_beside([AT_BOUND], diagnosis(**changes))
+    assert note.endswith(f"A missing effect may drive it there: {said}")
+    assert AT_BOUND.endswith("hangtime diagnose looks for one.")
+
+
+def test_a_page_of_both_and_a_fabric_do_not_send_the_reader_to_the_diagnosis(tmp_path):
+    fit = msgspec.structs.replace(fit_result(), notes=[AT_BOUND])
+    assert "looks for one" in render_report(fit=fit, diagnosis=None)
+    page = render_report(fit=fit, diagnosis=diagnosis())
+    assert "looks for one" not in page
+    assert "the diagnosis beside this fit names air drag" in page
+    known = msgspec.structs.replace(a_fit(), notes=[AT_BOUND], take_contents=["beef"])
+    save_fit_result(tmp_path / "fit.json", known)
+    found = diagnosis(take_ids=known.take_ids, take_contents=known.take_contents)
+    save_diagnosis(tmp_path / "diagnosis.json", found)
+    told = read_fit(tmp_path)[0].notes
+    assert any("the diagnosis beside this fit names air drag" in note for note in told)
+
+
+def test_a_folder_of_a_diagnosis_alone_is_said_to_be_one_where_a_fabric_is_asked_for(tmp_path):
+    save_diagnosis(tmp_path / "diagnosis.json", diagnosis())
+    with pytest.raises(HangtimeError, match="holds a diagnosis and no fit, and a diagnosis has no fabric; run `hang"):
+        read_fit(tmp_path)
+
+
+def test_a_folder_of_both_is_compared_by_its_diagnosis_with_one_of_a_diagnosis_alone(tmp_path):
+    for name in ("both", "alone", "fit"):
+        (tmp_path / name).mkdir()
+    for name in ("both", "alone"):
+        save_diagnosis(tmp_path / name / "diagnosis.json", diagnosis())
+    for name in ("both", "fit"):
+        save_fit_result(tmp_path / name / "fit.json", fit_result())
+    for pair in (("both", "alone"), ("alone", "both"), ("both", "alone/diagnosis.json")):
+        assert re.search(r"^verdict +effect +effect$", hangtime_here("compare", *pair, folder=tmp_path).stdout, re.M)
+    assert "method" in hangtime_here("compare", "both", "fit", folder=tmp_path).stdout
+    assert hangtime_here("compare", "alone", "fit", folder=tmp_path).returncode == 2
+
+
+def test_the_terminal_says_that_the_bounds_of_a_diagnosis_are_those_of_its_own_fit():
+    bounded = msgspec.structs.replace(diagnosis().base_parameters[0], is_at_bound=True, is_identified=False)
+    for one, is_said in ((bounded, True), (msgspec.structs.replace(bounded, is_at_bound=False), False)):
+        assert (OWN_BASE_FIT in as_text(diagnosis_tables(diagnosis(base_parameters=[one])))) == is_said
+
+
+def test_terms_say_what_a_probability_and_more_than_all_of_a_gap_mean():
+    page = terms.reading(diagnosis())
+    assert "It is no test" in page
+    assert "more means that less is left than the noise" in page
+
+
+def test_after_a_fit_of_takes_without_motion_no_diagnosis_is_proposed():
+    time, garment = np.arange(0, 3, 1 / 30), sheet()
+    still = take_of(garment, time, swing(time, amplitude=0.0), hung(garment, time), name="still")
+    assert next_step(ready([a_swung_take(seconds=3.0)], []), "Next: ...") == "Next: ..."
+    said = next_step(ready([still], []), "Next: ...")
+    assert said.startswith(
+        "`hangtime diagnose` would name no effect from these takes. The hanger's smoothed path spans 0 "
+    )

@@ -14,6 +14,7 @@ from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
 from fit.errors import FitError, nearest_first
+from fit.folders import held_out_option
 from fit.gap import edge_driven, from_raw
 from fit.gap import findings as described
 from fit.gap import gates as gate
@@ -195,7 +196,8 @@ def diagnose(
             "--spacing": resolution.spacing,
             "--seed": seed,
             "--add": " ".join(sorted(added)),
-        },
+        }
+        | held_out_option(takes.held_out_contents),
     )
     progress("done", 1.0)
     return Findings(

@@ -34,6 +34,10 @@ BASE_FIT = (
     "its starts is the best refit with an effect. So another library may end it elsewhere. The intervals of its "
     "parameters cover the takes' noise and the ends of those starts that the takes do not tell apart."
 )
+FLOOR = (
+    "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's noise, "
+    "which shakes the simulated cloth, is part of it. `hangtime takes show` gives the points' noise a coordinate."
+)
 LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
 PROBABILITIES = {
     "rules": "Probabilities follow from the share of draws in which an effect is best and worth naming. A draw chooses "
@@ -105,6 +109,8 @@ def describe_effects(
             f"screened only: with {100 * signature.explained:.0f} % of the residual, too little to be worth a refit; "
             "amplitude linearised"
         )
+        if can_show and size >= shown.max():
+            note += f", and large enough to show; --add {name} refits and tests it"
         if hypothesis:
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
         if beside:
@@ -254,6 +260,7 @@ def notes(
         "edge tell how the cloth is held and timed.",
         PROBABILITIES[by],
         BASE_FIT,
+        FLOOR,
     ]
     if floor.is_contradicted:
         said.append(

@@ -59,8 +59,8 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_DIAGNOSED:g} s are needed."
              + _unless(is_long, "Record longer.")),
         Gate(name="motion", passed=is_swung, figure=1e3 * swing, limit=1e3 * HARDLY_MOVED, unit="mm",
-             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at least "
-             f"{1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(is_swung, "Swing it wider.")),
+             sentence=f"The hanger's smoothed path spans {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at "
+             f"least {1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(is_swung, "Swing it wider.")),
         Gate(name="cloth motion", passed=is_moved, figure=1e3 * own, limit=1e3 * least, unit="mm",
              sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take{of_own}. At "
              f"least {LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."

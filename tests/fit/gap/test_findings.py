@@ -117,22 +117,22 @@ def statics(monkeypatch):
 
 @pytest.mark.usefixtures("statics")
 def test_notes_say_what_limits_the_figures_and_nothing_else():
-    assert len(said()) == 4
+    assert len(said()) == 5
     assert "a search of the diagnosis' own" in said()[3]
     assert said()[0] == "Free rollouts, predictable as they are; mesh of 50 mm."
     assert said(is_predictable=False)[0].startswith("Free rollouts, which no pull makes predictable")
     assert said(frequency=1.5, is_predictable=False)[0].startswith("Observer pull of 1.5 Hz; ")
     assert "share of draws" in said()[2]
     assert "masses of the sets" in said(by="evidence")[2]
-    (stated,) = said(stated=2.0)[4:]
+    (stated,) = said(stated=2.0)[5:]
     assert "off by 2.0 mm" in stated
     assert "measured 1.0 mm" in stated
-    (silhouette,) = said(is_static=False)[4:]
+    (silhouette,) = said(is_static=False)[5:]
     assert "silhouette" in silhouette
-    (not_held_out,) = said(held_out=0)[4:]
+    (not_held_out,) = said(held_out=0)[5:]
     assert "No held-out take" in not_held_out
     assert "One or two takes" in said(training=1, held_out=1)[-1]
-    assert len(said(training=2, held_out=1)) == 4
+    assert len(said(training=2, held_out=1)) == 5
 
 
 @pytest.mark.usefixtures("statics")
@@ -145,6 +145,9 @@ def test_every_note_is_shown_whole_and_in_its_order():
         "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit. One "
         "of its starts is the best refit with an effect. So another library may end it elsewhere. The intervals of its "
         "parameters cover the takes' noise and the ends of those starts that the takes do not tell apart.",
+        "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's "
+        "noise, which shakes the simulated cloth, is part of it. `hangtime takes show` gives the points' noise a "
+        "coordinate.",
         "The takes state that their points are off by 2.0 mm. The diagnosis measured 1.0 mm, and takes the noise floor "
         "from that.",
         "Points of a silhouette sit constantly a little beside the material, so each point's mean offset was taken "
@@ -158,7 +161,7 @@ def test_every_note_is_shown_whole_and_in_its_order():
         "holds on held-out takes. Probabilities rank the library's effects as causes of the gap. The p-values test "
         "each effect, and allow for the number of those tried."
     )
-    assert said(held_out=0)[4] == (
+    assert said(held_out=0)[5] == (
         "No held-out take: closure is measured on the motion it was fitted to and flatters. Probabilities flatter too, "
         "because only the p-values allow for the choice among all effects."
     )

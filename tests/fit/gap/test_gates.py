@@ -169,7 +169,8 @@ GATES = [
              "it would pass for an effect. Run `hangtime calibrate` and record with the rig that it writes."),
             ("length", False, 2.0, 2.5, "s", "The shortest take lasts 2.0 s; at least 2.5 s are needed. Record "
              "longer."),
-            ("motion", False, 20.0, 30.0, "mm", "The hanger travels 20 mm in the liveliest take fitted to; at least "
+            ("motion", False, 20.0, 30.0, "mm", "The hanger's smoothed path spans 20 mm in the liveliest take "
+             "fitted to; at least "
              "30 mm are needed. Swing it wider."),
             ("cloth motion", False, 1.0, 2e3 * np.sqrt(3e-6), "mm", "The points move by 1.0 mm against the hanger in "
              "the liveliest take fitted to. At least 2 times their noise of 1.7 mm is needed. Swing faster, or "

@@ -125,7 +125,7 @@ def test_starts_of_the_base_fit_may_differ_by_half_the_log_cost_that_the_best_ef
     bases = [name for name in names if name.startswith("base")]
     limit = 100 * ((found.base.cost / found.best.cost) ** 0.5 - 1)
     assert gate(found.diagnosis, "base fit").limit == pytest.approx(limit, rel=1e-3)
-    assert f"best two of {len(bases)} starts" in gate(found.diagnosis, "base fit").sentence
+    assert f"Of {len(bases)} starts of" in gate(found.diagnosis, "base fit").sentence
 
 
 def test_where_one_effect_leaves_only_noise_no_two_are_fitted_and_every_simulation_is_counted():
@@ -145,10 +145,12 @@ def test_the_next_recording_separates_the_named_effect_from_another_or_from_none
 
 def test_notes_say_what_the_figures_rest_on():
     d = of_a_hem()[2].diagnosis
-    pull, points, probabilities = d.notes
+    pull, points, probabilities, base, noise = d.notes
     assert pull == "Free rollouts, predictable as they are; mesh of 100 mm."
     assert points.startswith("Errors are root mean square distances")
     assert probabilities.startswith("Probabilities follow from the share of draws")
+    assert base.startswith("The base model is fitted by a search of the diagnosis' own")
+    assert noise.startswith("The sensor's noise in this diagnosis is a distance in space")
 
 
 def test_without_a_gap_nothing_is_refitted_and_the_floor_is_of_the_take_judged_on():
@@ -305,7 +307,7 @@ def test_without_held_out_takes_the_closure_is_said_to_flatter():
     found = diagnosed(training, [], world)
     d = found.diagnosis
     assert (d.verdict, d.named, d.gap.is_held_out) == ("effect", ["hem"], False)
-    assert [note.split(":")[0] for note in d.notes[4:]] == ["No held-out take", "One or two takes"]
+    assert [note.split(":")[0] for note in d.notes[5:]] == ["No held-out take", "One or two takes"]
     assert "on the motion it was fitted to (no held-out take)" in d.sentence
     assert FITTED < d.gap.floor_mm.value < 1.25 * FITTED
     # The family of a p-value is every effect that was screened, as the takes chose which are refitted.

@@ -75,7 +75,7 @@ def test_all_fits_of_the_search_are_judged_on_the_held_out_take_and_one_that_was
         left = misses_by(take, points_of(take, world, fitted.vector, sizes))
         assert hypothesis.errors.squared_mm**0.5 == pytest.approx(left, rel=1e-6)
     starts = len(rounds.fits)
-    assert f"best two of {starts} starts" in gate(d, "base fit").sentence
+    assert f"Of {starts} starts of" in gate(d, "base fit").sentence
 
 
 def test_collinear_effects_share_the_mass_and_are_ambiguous():
@@ -135,7 +135,7 @@ def test_a_base_fit_that_comes_nearer_beside_an_effect_is_what_all_later_steps_a
     assert [one.fitted for one in d.base_parameters] == found.base.vector.tolist()
     (take,) = held_out
     assert d.gap.base_mm.value == pytest.approx(misses_by(take, points_of(take, world, found.base.vector)), rel=1e-6)
-    assert "best two of 2 starts" in gate(d, "base fit").sentence
+    assert "Of 2 starts" in gate(d, "base fit").sentence
     limit = 100 * (max(1.15, (found.base.cost / found.best.cost) ** 0.5) - 1)
     assert gate(d, "base fit").limit == pytest.approx(limit, rel=1e-3)
     # The finer mesh closes nothing that the new base fit leaves.

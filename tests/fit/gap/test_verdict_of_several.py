@@ -48,7 +48,7 @@ def test_twins_are_listed_for_two_effects_and_not_of_three():
 
 def test_effects_that_are_named_together_are_described_by_their_fit_together(monkeypatch):
     """Drag alone is fitted at 1.2, beside the hem at 0.6; of two that show, the less visible component is stated."""
-    smallest = {e.name: np.array([0.1, 0.2, np.inf][: len(e.components)]) for e in LIBRARY}
+    smallest = {e.name: e.high * np.array([0.1, 0.2, np.inf][: len(e.components)]) for e in LIBRARY}
     smallest["draught"] = np.array([np.inf, np.inf])
     monkeypatch.setattr("fit.gap.findings.smallest_detectable", lambda evidence: smallest)
     tested = {e.name: 11.9 for e in LIBRARY if not e.in_base}
@@ -60,7 +60,9 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together(mon
     sizes = {f.id: (f.amplitude, f.note) for f in described}
     places = {f.id: f.regions for f in described}
     least = {f.id: f.minimum_detectable for f in described}
-    assert (least["hem"], least["attachment_offset"], least["draught"]) == (0.1, 0.2, None)
+    ends = {e.name: e.high for e in LIBRARY}
+    assert (least["hem"], least["draught"]) == (0.1 * ends["hem"], None)
+    assert least["attachment_offset"] == 0.2 * ends["attachment_offset"]
     assert (places["hem"], places["air_drag"]) == (["bottom left", "bottom centre", "bottom right"], [])
     assert sizes["air_drag"][0] == pytest.approx(0.6)
     assert sizes["air_drag"][1].startswith("amplitude beside")

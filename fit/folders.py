@@ -19,7 +19,7 @@ from formats.results import load_diagnosis, load_fit_result
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
 RESULTS = ("fit.json", "diagnosis.json")
-HELD_OUT = "--held-out"  # key among a result's options, of the content of the takes judged on
+JUDGED_ON = "--held-out"  # key among a result's options, of the content of the takes judged on
 
 
 def held_out_option(contents: Sequence[str]) -> dict[str, str]:
@@ -27,7 +27,7 @@ def held_out_option(contents: Sequence[str]) -> dict[str, str]:
 
     contents: sha256 of each take's content
     """
-    return {HELD_OUT: " ".join(contents)} if contents else {}
+    return {JUDGED_ON: " ".join(contents)} if contents else {}
 
 
 NAMED_BESIDE = f"{WARNING} the diagnosis beside this fit "
@@ -127,7 +127,7 @@ def _made_otherwise(kept: FitResult | Diagnosis, new: FitResult | Diagnosis) -> 
         models = (one.base_parameters if isinstance(one, Diagnosis) else [] for one in (kept, new))
         ranges = [[(p.name, p.initial, p.minimum, p.maximum) for p in parameters] for parameters in models]
     before, after = kept.options, new.options
-    if before.get(HELD_OUT, after.get(HELD_OUT)) != after.get(HELD_OUT):  # none in results of older versions
+    if before.get(JUDGED_ON, after.get(JUDGED_ON)) != after.get(JUDGED_ON):  # none in results of older versions
         return "is judged on another recording of the same name"
     differing += [f"another {name}" for name, value in after.items() if before.get(name, value) != value]
     if not differing and ranges[0] != ranges[1]:

@@ -196,8 +196,8 @@ def diagnose(
             "--spacing": resolution.spacing,
             "--seed": seed,
             "--add": " ".join(sorted(added)),
-        }
-        | held_out_option(takes.held_out_contents),
+            **held_out_option(takes.held_out_contents),
+        },
     )
     progress("done", 1.0)
     return Findings(

@@ -18,7 +18,7 @@ OF_A_DIAGNOSIS = {
     "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
     "maybe not there. It reaches zero where the judged takes do not confirm that the effect lowers the error.",
     "p-value": "How often data without the effect would look this much like it, times the number of effects that were "
-    "tried: those refitted, or without a held-out take all of them.",
+    "tried. These are the refitted ones, or without a held-out take all of them.",
     "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
     "found may still be there below this. Without a figure, the recording could not have shown the effect.",
 }

@@ -358,7 +358,11 @@ def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_n
     assert [(one.take_id, one.state, one.trailing_bytes) for one in found.take_states] == [
         ("a", "sound", 0), ("b", "damaged", 10)
     ]  # fmt: skip
-    assert found.options == {"--model": "si", "--by": "rules", "--spacing": COARSE.spacing, "--seed": 0, "--add": ""}
+    judged = found.options["--held-out"]
+    assert judged not in found.take_contents
+    assert found.options == {
+        "--model": "si", "--by": "rules", "--spacing": COARSE.spacing, "--seed": 0, "--add": "", "--held-out": judged
+    }  # fmt: skip
     assert found.verdict != "inconclusive"
     assert next(g for g in found.gates if g.name == "predictability").passed
 

@@ -152,3 +152,46 @@ def test_a_test_that_fails_without_a_mutant_is_named(checkout, capfd):
     said = capfd.readouterr().err
     assert "tests/p/test_a.py::test_half fails without a mutant" in said
     assert "assert 2.0 == 3" in said
+
+
+def results_with_undecided(root):
+    return {name: code for name, (_, code, *_) in kept.read(root / "kept/p.json")[0].items()}
+
+
+@pytest.mark.slow
+def test_a_mutant_gets_its_long_tests_after_all_have_had_their_short_ones(checkout):
+    """The test that kills the mutants of `half` takes longer than a first turn, and one that never fails does not."""
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    slow = test.read_text().replace("assert half(4)", "import time\n    time.sleep(2.2)\n    assert half(4)")
+    test.write_text(slow + "\n\ndef test_any():\n    note()\n    half(4)\n")
+    found = dict.fromkeys(HALVES, 1) | dict.fromkeys(TWICES, 0)
+    assert run(checkout, HALVES + TWICES) == (HALVES + TWICES, found)
+    ran = [word for word in log.read_text().split() if word.startswith("p.")]
+    assert [ran.count(name) for name in HALVES + TWICES] == [2, 2, 1, 1]
+    assert set(ran[:4]) == {*HALVES, *TWICES}  # the first turns
+    assert set(ran[4:]) == set(HALVES)
+
+
+@pytest.mark.slow
+def test_a_mutant_whose_second_turn_did_not_come_is_undecided(checkout):
+    """It counts as one that lives, and is tested anew."""
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    test.write_text(
+        test.read_text().replace("assert half(4)", "import time\n    time.sleep(2.2)\n    assert half(4)")
+        + "\n\ndef test_any():\n    note()\n    half(4)\n"
+    )
+
+    def interrupt():
+        while not (log.exists() and log.read_text().split().count(HALVES[0]) == 2):
+            time.sleep(0.05)
+        _thread.interrupt_main()
+
+    Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        run(checkout, HALVES[:1])
+    assert results_with_undecided(checkout) == {HALVES[0]: kept.UNDECIDED}
+    assert results(checkout) == {}
+    found = program.tally(AREA, ["p.*"], [], lambda *_: False)
+    assert (found.undecided, found.killed, found.total) == (1, 0, 1)
+    assert not program.show(AREA, found)
+    assert run(checkout, HALVES[:1])[1] == {HALVES[0]: 1}

@@ -64,6 +64,7 @@ class Tally:
 
     - `refused`: mutants that only the type check noticed
     - `wording`: mutants of the wording of a text, which do not count
+    - `undecided`: mutants that passed the tests of their first turn
     - `untested`: mutants without a result
     """
 
@@ -71,13 +72,14 @@ class Tally:
     refused: int = 0
     listed: int = 0
     wording: int = 0
+    undecided: int = 0
     untested: int = 0
     alive: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def total(self) -> int:
         """All mutants that were tested."""
-        return self.killed + self.refused + self.listed + len(self.alive)
+        return self.killed + self.refused + self.listed + self.undecided + len(self.alive)
 
 
 def main() -> int:
@@ -319,6 +321,8 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
                 found.wording += 1
             elif code is None:
                 found.untested += 1
+            elif code == kept.UNDECIDED:
+                found.undecided += 1
             elif status_by_exit_code[code] in KILLED:
                 found.killed += 1
             elif listed(function, change := change_of(diff)):
@@ -339,7 +343,8 @@ def show(area: str, found: Tally) -> bool:
     share = killed / found.total if found.total else 0.0
     died = f"{killed} of {found.total} mutants die ({100 * share:.1f} %), {found.refused} by the type check alone"
     print(
-        f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted; "
+        f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted, "
+        f"{found.undecided} are undecided; "
         f"{found.wording} of wording do not count, {found.untested} are not tested yet"
     )
     return share >= WANTED and not found.alive

@@ -22,6 +22,7 @@ from pathlib import Path
 
 SKIPPED = 34  # mutmut's code of a mutant that is not to be tested
 SURVIVED, WITHOUT_TESTS = 0, 33  # mutmut's codes of one that lives
+UNDECIDED = 35  # mutmut's code of a suspicious one; here, of one that has had some of its tests
 SHORT = 16  # hexadecimal digits of a digest; our choice: two of a million files agree once in 10^7 projects
 
 
@@ -119,7 +120,7 @@ def _kept(store: Path, at: Now) -> dict[str, tuple[int, list[str]]]:
     found = {}
     results, states = read(store)
     for name, (base, code, killer, state) in results.items():
-        if base != at.base.get(name):
+        if base != at.base.get(name) or code == UNDECIDED:
             continue
         files, before, reaching = at.of_tests(name), states[state], at.reached.get(function_of(name), [])
         if code not in {SURVIVED, WITHOUT_TESTS}:
@@ -163,7 +164,7 @@ def keep(store: Path, copy: Path, area: str, at: Now, killed_by: dict[str, str])
     for meta in metas(copy, area):
         for name, code in exit_codes(meta).items():
             if code is not None:
-                killer = None if code in {SURVIVED, WITHOUT_TESTS} else killed_by.get(name)
+                killer = None if code in {SURVIVED, WITHOUT_TESTS, UNDECIDED} else killed_by.get(name)
                 files = at.of_tests(name)
                 rests = {file_of(killer): files.get(file_of(killer), "")} if killer else files
                 number = numbers.setdefault(json.dumps(rests), len(numbers))

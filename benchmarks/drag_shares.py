@@ -15,8 +15,11 @@ fitted drag over 1.2 of every set, then the mean with its standard error over th
 
 A pixel k covers k - 1/2 to k + 1/2, as the plates are drawn and as the tracker moves the outline outwards. So it shows
 the cloth where the ray of its centre k meets one of the triangles between neighbouring drawn points. A triangle's plane
-is linear in inverse depth: 1/z = (1 - b - c) / z_0 + b / z_1 + c / z_2, with barycentric coordinates b and c in the
-image. A piece of less than a pixel has no other centre in it than the one nearest to its middle.
+is linear in inverse depth,
+
+    1/z = (1 - b - c) / z_0 + b / z_1 + c / z_2
+
+with barycentric coordinates b and c in the image. A piece of less than a pixel has no other centre in it than the one nearest to its middle.
 """
 
 from __future__ import annotations

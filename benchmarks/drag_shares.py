@@ -19,7 +19,8 @@ is linear in inverse depth,
 
     1/z = (1 - b - c) / z_0 + b / z_1 + c / z_2
 
-with barycentric coordinates b and c in the image. A piece of less than a pixel has no other centre in it than the one nearest to its middle.
+with barycentric coordinates b and c in the image. A piece of less than a pixel has no other centre in it than the one
+nearest to its middle.
 """
 
 from __future__ import annotations

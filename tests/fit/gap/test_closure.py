@@ -49,6 +49,8 @@ def test_the_error_of_blocks_is_the_mean_over_their_points():
     assert errors.draw(Resampling(picks, 1.0)) == pytest.approx([10.0, 12.0, 4.0])
     assert errors.draw(Resampling(picks, 2.0)) == pytest.approx([10.0, 14.4, 1.6])
     assert level(0.0, 2).draw(Resampling(picks, 2.0)) == pytest.approx(np.zeros(3))
+    small = replace(errors, sums=1e-3 * errors.sums)  # an error of less than a millimetre
+    assert small.draw(Resampling(picks, 2.0)) == pytest.approx([0.010, 0.0144, 0.0016])
 
 
 def test_closure_is_the_share_of_the_gap_that_is_removed():

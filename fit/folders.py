@@ -12,24 +12,13 @@ from pathlib import Path
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.errors import OutputError, ResultError
-from formats.fit_records import BOUND_NOTE, OF_A_TAKE, WARNING, FitResult
+from formats.fit_records import BOUND_NOTE, JUDGED_ON, OF_A_TAKE, WARNING, FitResult
 from formats.outputs import make_output_folder
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
 
 PARTIAL = {"fit": "fit.partial.json", "diagnose": "diagnosis.partial"}  # what an interrupted command keeps
 RESULTS = ("fit.json", "diagnosis.json")
-JUDGED_ON = "--held-out"  # key among a result's options, of the content of the takes judged on
-
-
-def held_out_option(contents: Sequence[str]) -> dict[str, str]:
-    """Return the content of the held-out takes among the options of a result, nothing without any.
-
-    contents: sha256 of each take's content
-    """
-    return {JUDGED_ON: " ".join(contents)} if contents else {}
-
-
 NAMED_BESIDE = f"{WARNING} the diagnosis beside this fit "
 
 

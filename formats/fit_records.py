@@ -13,6 +13,7 @@ AT_BOUND = "at its bound"
 WARNING = "Warning:"  # beginning of every note that warns of the takes or of the figures
 BOUND_NOTE = "At its bound:"  # beginning of the note on parameters at their bounds
 OF_A_TAKE = f"{WARNING} the take "  # beginning of every note that warns of one take
+JUDGED_ON = "--held-out"  # key among a result's options, of the content of the takes judged on
 
 
 class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -46,6 +47,14 @@ def verdict_on(number: FitParameter | Combination) -> str:
 def warnings_in(notes: Sequence[str]) -> list[str]:
     """Return the notes of a result that warn of its takes or of its figures."""
     return [note for note in notes if note.startswith(WARNING)]
+
+
+def held_out_option(contents: Sequence[str]) -> dict[str, str]:
+    """Return the content of the held-out takes among the options of a result, nothing without any.
+
+    contents: sha256 of each take's content
+    """
+    return {JUDGED_ON: " ".join(contents)} if contents else {}
 
 
 class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

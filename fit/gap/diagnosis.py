@@ -14,7 +14,6 @@ from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
 from fit.errors import FitError, nearest_first
-from fit.folders import held_out_option
 from fit.gap import edge_driven, from_raw
 from fit.gap import findings as described
 from fit.gap import gates as gate
@@ -41,6 +40,7 @@ from fit.recordings.recording import Recording
 from fit.runtime import one_thread_of_algebra
 from formats.diagnosis_records import Cost, Diagnosis
 from formats.fault_words import state_of_take
+from formats.fit_records import held_out_option
 from formats.take import Take
 
 Progress = Callable[[str, float], None]

@@ -25,7 +25,6 @@ from fit.cloth.effect import columns_of
 from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import BlowUpError
-from fit.folders import held_out_option
 from fit.identification.combinations import describe_combinations
 from fit.identification.effect_sizes import with_sizes
 from fit.identification.free_intervals import blocks_of, free_intervals
@@ -49,7 +48,7 @@ from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.arrays import Floats
 from formats.fault_words import state_of_take
-from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
+from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure, held_out_option
 from formats.fit_records import FitError as FitErrors
 from formats.impossible_points import describe_impossible
 from formats.sights import BLOCK_SECONDS

@@ -13,7 +13,8 @@ FIT = Path(__file__).resolve().parents[3] / "fit"
 # What both stand on, none of it about cloth: errors, folders, other Pythons, Taichi's start.
 SHARED = (
     "errors.py", "folders.py", "foreign/process.py", "kernel_cache/__init__.py", "kernel_cache/index.py",
-    "kernel_cache/mending.py", "kernel_cache/notes.py", "kernel_cache/place.py", "runtime.py",
+    "kernel_cache/mending.py", "kernel_cache/notes.py", "kernel_cache/place.py",
+    "kernel_cache/writers.py", "runtime.py",
 )  # fmt: skip
 LIBRARIES = ("cryptography", "formats", "msgspec", "numpy", "scipy", "taichi", "typer")
 STANDARD = (

@@ -5,23 +5,27 @@ Both are first written under unfinished names: `NAME.rig.toml.partial` and `NAME
 take has its name has replaced nothing. An import that is killed later leaves files under their unfinished names. Every
 command that reads the take names these files. The next import into the folder renames them where the final names are
 free. One import at a time may change the descriptions of a folder.
+
+A file that is written otherwise than an import writes is put aside before it is replaced: it may be a person's work.
 """
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import itertools
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import msgspec
 
-from formats.descriptions import check_garment, check_rig, dump_description, load_rig, refuse_codes, says
+from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig, refuse_codes, says
 from formats.errors import DescriptionError, OutputError, TakeError
 from formats.garment import Garment
-from formats.left_descriptions import DESCRIBED_BESIDE, is_said, named, prepared_name
+from formats.left_descriptions import DESCRIBED_BESIDE, GARMENT_FILE, is_said, named, prepared_name
 from formats.outputs import check_length, holds, unwritable
 from formats.rig import Rig
 from formats.system_causes import step_to_read
@@ -124,15 +128,46 @@ def described_beside(
                     prepared_name(take, name).unlink(missing_ok=True)
                     continue
                 with contextlib.suppress(OSError):  # it stays, and whoever reads the take names it
+                    _keep_replaced(folder / name, tell_aside)
                     give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
             raise
         for name in changed:
             try:
+                _keep_replaced(folder / name, tell_aside)
                 give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
             except OSError as error:
                 tell_left(name, _irreplaceable(take, name, error))
         if changed:
             sync_folder(folder)
+
+
+def _keep_replaced(path: Path, tell_aside: TellAside | None) -> None:
+    """Give a file that a person may have written a second name before an import replaces it: `garment.kept-1.toml`.
+
+    Raises:
+        OSError: it cannot get a second name.
+    """
+    if not os.path.lexists(path) or not _may_be_by_hand(path):
+        return
+    for number in itertools.count(1):
+        aside = path.with_name(f"{path.stem}.kept-{number}{path.suffix}")
+        if os.path.lexists(aside):
+            continue
+        try:
+            os.link(path, aside, follow_symlinks=False)
+        except OSError:  # a file system without hard links
+            shutil.copy2(path, aside, follow_symlinks=False)
+        break
+    if tell_aside is not None:
+        tell_aside(path, aside)
+
+
+def _may_be_by_hand(path: Path) -> bool:
+    try:
+        written = load_garment(path, anyway=True) if path.name == GARMENT_FILE else load_rig(path, anyway=True)
+        return path.read_text(encoding="utf-8") != dump_description(written)
+    except (OSError, UnicodeDecodeError, DescriptionError):
+        return True
 
 
 def _irreplaceable(take: Path, name: str, error: OSError) -> OutputError:

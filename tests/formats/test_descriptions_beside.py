@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from formats.archive import read_take, write_take
-from formats.descriptions import dump_description, load_rig
+from formats.descriptions import dump_description, load_garment, load_rig
 from formats.descriptions_beside import described_beside, settle
 from formats.errors import OutputError
 from formats.fault_words import unsettled
@@ -75,6 +75,23 @@ def test_an_import_that_may_overwrite_keeps_the_rig_of_a_sensor_and_says_so(tmp_
     assert f"{told}the take's own rig\n" in done.stdout
     assert read_take(tmp_path / "a.mcap").rig.calibration is None
     assert (tmp_path / "garment.toml").exists()
+
+
+def test_an_import_that_may_overwrite_keeps_what_a_person_may_have_written(tmp_path):
+    """A garment and a rig with comments; in turn, so that no kept file is replaced."""
+    swung_cloth(tmp_path / "a.npz")
+    by_hand = [f"# weighed wet\n{dump_description(GARMENT)}", "no garment at all"]
+    rig = f"# measured with a level\n{dump_description(OTHER)}"
+    for number, garment in enumerate(by_hand, 1):
+        (tmp_path / "garment.toml").write_text(garment)
+        (tmp_path / "rig.toml").write_text(rig)
+        done = hangtime_here("import", "a.npz", "--out", ".", "--overwrite", folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        for name in ("garment", "rig"):
+            assert f"{name}.toml: was in the way, and is put aside as {name}.kept-{number}.toml" in done.stdout
+    assert [(tmp_path / f"garment.kept-{number}.toml").read_text() for number in (1, 2)] == by_hand
+    assert (tmp_path / "rig.kept-2.toml").read_text() == rig
+    assert load_garment(tmp_path / "garment.toml") == read_take(tmp_path / "a.mcap").garment
 
 
 def test_an_import_that_may_overwrite_replaces_the_rig_of_another_import(tmp_path):

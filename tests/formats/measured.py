@@ -16,13 +16,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+from firmware_host.oni_records import summarise
 from formats.archive import read_with_report
+from formats.descriptions import load_garment, load_rig
 from formats.errors import HangtimeError
 from formats.importers.marker_files import read_marker_tracks
+from formats.results import load_result
 from formats.toml_files import read_toml
 
 READERS: dict[str, Callable[[Path], object]] = {
-    "take": read_with_report, "toml": read_toml, "markers": read_marker_tracks,
+    "take": read_with_report, "toml": read_toml, "markers": read_marker_tracks, "result": load_result,
+    "garment": load_garment, "rig": load_rig, "oni": summarise,
 }  # fmt: skip
 
 

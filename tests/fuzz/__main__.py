@@ -78,9 +78,14 @@ def main() -> None:
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="archive, c3d, text, oni, toml; default: all")
     parser.add_argument("--seconds", type=int, default=600, help="for all targets together (600)")
     parser.add_argument("--damages", type=int, default=0, help="instead, so many random damages to a take archive")
+    parser.add_argument("--hostile", metavar="WORDS", help="instead, measure the hostile files that WORDS name")
     parser.add_argument("--corpus", type=Path, default=Path(".fuzz"), help="folder of inputs that are kept (.fuzz)")
     parser.add_argument("--only", help=argparse.SUPPRESS)
     words = parser.parse_args()
+    if words.hostile is not None:
+        from tests.fuzz.hostile import measure
+
+        sys.exit(int(bool(measure(words.hostile))))
     if words.damages:
         processes = os.cpu_count() or 1
         jobs = [(words.damages // (10 * processes) + 1, seed) for seed in range(10 * processes)]

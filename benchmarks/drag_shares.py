@@ -11,7 +11,8 @@ The demo's own set comes first. Then the fit's sources of error are added one at
     drawn    the camera's cloth: a pixel that any of the cloth falls into, or a pixel whose centre's ray meets the cloth
 
 Fits are least squares from the truth and from softer, more viscous cloth; the lower cost counts. Every row states the
-fitted drag over 1.2 of every set, then the mean with its standard error over the sets.
+fitted drag over 1.2 as mean with its standard error over the sets, and of every set. The shares at the end are
+differences of two rows within each set, since the sets' own scatter is common to both.
 
 A pixel k covers k - 1/2 to k + 1/2, as the plates are drawn and as the tracker moves the outline outwards. So it shows
 the cloth where the ray of its centre k meets one of the triangles between neighbouring drawn points. A triangle's plane
@@ -70,6 +71,9 @@ TRUTH = np.array([340.0, 40.0, 3e-5, 1.0001e-4, 0.25, PLANTED])
 SOFTER = np.array([310.0, 39.0, 1.7e-5, 4e-3, 0.37, 1.08])
 DRAG, VELOCITY = 5, 4
 PRIOR_SHARE = 0.5  # of the box, deviation of the prior: so weak that the takes decide
+EXACT, HELD_NOISY = "planted law: all parameters", "with noise of the held ends: all"
+AS_DRAWN, CENTRES = "camera, any cloth in a pixel: all", "camera, centres: all"
+SHARES = ((HELD_NOISY, EXACT), (AS_DRAWN, EXACT), (AS_DRAWN, CENTRES), (CENTRES, EXACT))  # rows whose difference counts
 NEAR = LeastSquaresSettings(step=0.01, max_iterations=10, cost_tolerance=1e-4, step_tolerance=1e-4)
 
 
@@ -200,24 +204,32 @@ def main(count: int) -> None:
         "constant law: all parameters": lambda n: fitted(exact(n, True)),
         "planted law, exact points: drag alone": lambda n: fitted(exact(n, False), [DRAG]),
         "planted law: all but velocity damping": lambda n: fitted(exact(n, False), but_velocity),
-        "planted law: all parameters": lambda n: fitted(exact(n, False)),
+        EXACT: lambda n: fitted(exact(n, False)),
         "with noise of the points: all": lambda n: fitted(exact(n, False, POINT_NOISE)),
-        "with noise of the held ends: all": lambda n: fitted(exact(n, False, 0.0, HELD_NOISE)),
+        HELD_NOISY: lambda n: fitted(exact(n, False, 0.0, HELD_NOISE)),
         "camera, any cloth in a pixel: drag alone": lambda n: fitted(seen(n, False), [DRAG]),
-        "camera, any cloth in a pixel: all": lambda n: fitted(seen(n, False)),
+        AS_DRAWN: lambda n: fitted(seen(n, False)),
         "camera, centres: drag alone": lambda n: fitted(seen(n, True), [DRAG]),
-        "camera, centres: all": lambda n: fitted(seen(n, True)),
+        CENTRES: lambda n: fitted(seen(n, True)),
     }
+    rows = dict[str, Floats]()
     for name, step in steps.items():
         found = [step(number) for number in range(count)]
-        drags = np.array([parameters[DRAG] for parameters, _ in found]) / PLANTED
+        drags = rows[name] = np.array([parameters[DRAG] for parameters, _ in found]) / PLANTED
         middle = np.mean([parameters for parameters, _ in found], axis=0)
-        error = drags.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
         print(
-            f"{name:42s} {drags.mean():.3f} +- {error:.3f} ({', '.join(f'{d:.3f}' for d in drags)}); "
+            f"{name:42s} {drags.mean():.3f} +- {standard_error(drags):.3f} ({', '.join(f'{d:.3f}' for d in drags)}); "
             f"bending {middle[2]:.1e} N m, {1e3 * middle[3]:.1f} ms; damping {middle[VELOCITY]:.2f} 1/s; "
             f"{np.mean([mm for _, mm in found]):.1f} mm", flush=True,
         )  # fmt: skip
+    for of, beside in SHARES:
+        share = 100 * (rows[of] - rows[beside])
+        print(f"{of}, beside {beside}: {share.mean():+.1f} +- {standard_error(share):.1f} %")
+
+
+def standard_error(values: Floats) -> float:
+    """Return the standard error of the mean of some values; nan of one."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
 
 
 if __name__ == "__main__":

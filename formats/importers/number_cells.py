@@ -90,7 +90,8 @@ def _line_of(decimal: str, sign: str, end: str) -> re.Pattern[str]:
     """Return the pattern of a line's cells, between which `end` stands, with these separators."""
     point, group = re.escape(decimal), re.escape(sign)
     number = rf"(?:\d{{4,}}+|[1-9]\d{{0,2}}+(?:{group}\d{{3}})*+|\d{{1,3}}+)(?:{point}\d*+)?+|{point}\d++"
-    cell = rf"(?>[+-]?+(?:{number})|(?i:nan)|)"
+    with_power = rf"(?:\d++(?:{point}\d*+)?+|{point}\d++)[eE][+-]?+\d++"  # without thousands separators, as 1.5e+03
+    cell = rf"(?>[+-]?+(?:(?:{number})(?![eE])|{with_power})|(?i:nan)|)"
     return re.compile(rf"{cell}(?:{end}{cell})*+", re.ASCII)
 
 

@@ -156,10 +156,10 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
     readings = [_Reading(decimal) for decimal in DECIMALS.values()]
     widths = Counter(rows.count_cells())
     width = max(widths, key=lambda one: widths[one], default=0)
-    end = rows.separator
     for at, line in enumerate(rows.lines):
         text = rows.with_hyphens(line)
         signs: list[str | None] = [None, None]
+        end, text = rows.in_tabs(at) if '"' in text else (rows.separator, text)
         if '"' not in text and end != ",":
             signs = [sign_of_line(text, end, one.decimal) for one in readings]
         if signs == [None, None]:

@@ -172,6 +172,20 @@ def test_a_lock_that_stays_is_told_with_the_file_to_remove_until_it_is_removed(s
     assert is_told or not said
 
 
+@pytest.mark.parametrize("spelled", ["{folder}/", "{folder}/../{name}", "link"])
+def test_a_folder_that_another_program_spells_otherwise_is_the_same(shared, monkeypatch, tmp_path, spelled):
+    folder, lock = shared
+    (tmp_path / "link").symlink_to(folder)
+    own = str(tmp_path / spelled.format(folder=folder, name=folder.name))
+    monkeypatch.setenv(CACHE, own + "/" if spelled.endswith("/") else own)
+    mend_cache(Path(own))
+    assert lock.exists()
+    monkeypatch.setenv(CACHE, str(tmp_path))
+    (tmp_path / TAICHI_LOCK).touch()
+    mend_cache(tmp_path)
+    assert not (tmp_path / TAICHI_LOCK).exists(), "the other program has chosen another folder"
+
+
 def test_a_lock_that_another_process_may_hold_is_left_alone(shared):
     folder, _ = shared
     (folder / INDEX).write_bytes(b"being written")

@@ -165,10 +165,15 @@ def _added_line(finding: EffectFinding, named: list[str]) -> str:
         if finding.closure.interval is not None:
             low, high = finding.closure.interval
             closed += f" [{100 * low:z.0f} to {100 * high:z.0f} %]"
-    p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
+    p_value = f" (p {_compared(finding.p_value)})" if finding.p_value is not None else ""
     ends, size = finding.amplitude_interval, ""
     if tells_size(finding, named):
         size = f" at {with_unit(short(finding.amplitude), finding.unit)}"
     elif ends is not None:
         size = f" ({with_unit(span_of(ends), finding.unit)}, 90 % interval)"
     return f"With {finding.id}{size}: {closed}{p_value}."
+
+
+def _compared(p_value: float) -> str:
+    """Return a p-value behind its sign; a very small one is no 0."""
+    return "< 0.001" if p_value < 0.001 else f"= {p_value:.3f}"

@@ -159,7 +159,10 @@ def diagnose(
     progress("estimating the missing force", 0.97)
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
-    notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)
+    notes = described.notes(
+        len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by,
+        is_from_effect=search.base is not before if found else bool(search.singles),
+    )  # fmt: skip
     notes += describe_flaws([*training, *held_out])
     notes += described.unseparated(verdict.verdict, proposal)
     camera = describe_camera(train + test)

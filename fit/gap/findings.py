@@ -29,10 +29,11 @@ ONE_END = 0.05  # level of one end of a 90 % interval, and of the tests that agr
 MOST_IDENTIFIED = 0.7  # half of a 90 % interval in logarithms: a factor of two each way; our choice, as before
 NOT_SHOWN = "these takes could not have shown the effect"
 CHOICE_FLATTERS = " Probabilities flatter too, because only the p-values allow for the choice among all effects."
-BASE_FIT = (
-    "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit. One of "
-    "its starts is the best refit with an effect. So another library may end it elsewhere. The intervals of its "
-    "parameters cover the takes' noise and the ends of those starts that the takes do not tell apart."
+BASE_FIT = "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit."
+FROM_EFFECT = "One of its starts is the best refit with an effect. So another library may end it elsewhere."
+WITH_ALL_ENDS = (
+    "The intervals of its parameters cover the takes' noise and the ends of those starts that the takes do not tell "
+    "apart."
 )
 FLOOR = (
     "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's noise, "
@@ -106,8 +107,8 @@ def describe_effects(
         shown = moving[moving <= max(-effect.low, effect.high)]
         can_show = len(shown) > 0
         note = (
-            f"screened only: with {100 * signature.explained:.0f} % of the residual, too little to be worth a refit; "
-            "amplitude linearised"
+            f"screened only: it explains {100 * signature.explained:.0f} % of the residual, and was not chosen for a "
+            "refit; amplitude linearised"
         )
         if can_show and size >= shown.max():
             note += f", and large enough to show; --add {name} refits and tests it"
@@ -247,9 +248,13 @@ def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
 
 
 def notes(
-    training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool, by: str = "rules"
-) -> list[str]:
-    """Return notes on the limits of the diagnosis' figures."""
+    training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool, by: str = "rules",
+    is_from_effect: bool = True,
+) -> list[str]:  # fmt: skip
+    """Return notes on the limits of the diagnosis' figures.
+
+    is_from_effect: whether the base model was fitted again from the best refit with an effect
+    """
     free = (
         "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
     )
@@ -259,7 +264,7 @@ def notes(
         "Errors are root mean square distances of the tracked points that are not on the held edge. Points on the held "
         "edge tell how the cloth is held and timed.",
         PROBABILITIES[by],
-        BASE_FIT,
+        " ".join([BASE_FIT, *([FROM_EFFECT] if is_from_effect else []), WITH_ALL_ENDS]),
         FLOOR,
     ]
     if floor.is_contradicted:

@@ -206,7 +206,7 @@ def _unnamed(evidence: Evidence) -> str:
     title, closed = evidence.observer.library[best].title, evidence.closure_of(evidence.singles[best])
     assert closed is not None
     low, high = closed.interval or (closed.value, closed.value)
-    lacking = joined(what_lacks(evidence, best)) or "most draws name no effect"
+    lacking = joined(what_lacks(evidence, best)) or "fewer than half of the draws name an effect that passes every test"
     return (
         f"There is a gap, and no effect in the library explains it for sure. {title[0].upper()}{title[1:]} would close "
         f"{100 * closed.value:z.0f} % of it [{100 * low:z.0f} to {100 * high:z.0f} %]{beyond_all(closed)}, but the "

@@ -249,7 +249,7 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
         body += effect_table(refitted, diagnosis.named)
     if others:
         many = counted(len(others), "effect")
-        about = f"{many} of which the residual shows too little for a refit, and how small each could be seen"
+        about = f"{many} not chosen for a refit, and how small each could be seen"
         body += piece("parts.html", "details", about, effect_table(others, diagnosis.named), not refitted)
     return body
 

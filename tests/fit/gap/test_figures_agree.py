@@ -11,7 +11,7 @@ import pytest
 from fit.gap.closure import BlockErrors, gain_p_value
 from fit.gap.findings import alike_ends, base_parameters, describe_effects, with_nothing
 from fit.gap.probabilities import probabilities
-from fit.gap.verdict import FAMILY_WISE_LEVEL, decide, what_lacks
+from fit.gap.verdict import FAMILY_WISE_LEVEL, _unnamed, decide, what_lacks
 from fit.methods import SI
 from formats.diagnosis_records import in_percent
 from tests.fit.gap.verdict_scene import BLOCKS, KINDS, evidence_of, hypothesis, like
@@ -65,6 +65,14 @@ def test_each_test_that_an_effect_fails_is_named():
     unsure = dataclasses.replace(lift, fitted=dataclasses.replace(lift.fitted, deviation=np.full(6, 0.65)))
     evidence = dataclasses.replace(evidence, singles={"air_lift": unsure})
     assert what_lacks(evidence, "air_lift") == ["its size may be 0, as far as noise, mesh and solver can tell"]
+
+
+def test_an_unnamed_effect_that_passes_every_test_lacks_draws_of_effects_that_pass():
+    """Draws that name an effect which fails a test do name one, so it is not that most draws name none."""
+    evidence = evidence_of({"air_drag": 6.0})
+    assert what_lacks(evidence, "air_drag") == []
+    said = _unnamed(evidence)
+    assert "too weak to name it: fewer than half of the draws name an effect that passes every test." in said
 
 
 def test_a_closure_of_an_unnamed_effect_has_its_interval_and_its_meaning_beyond_all():

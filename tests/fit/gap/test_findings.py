@@ -269,7 +269,9 @@ def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure
     by_name = {one.id: one for one in others}
     lag, shear = by_name["filter_lag"], by_name["shear_stiffness"]
     assert drag.id == "air_drag"
-    assert lag.note.startswith("screened only")
+    assert lag.note == (
+        "screened only: it explains 30 % of the residual, and was not chosen for a refit; amplitude linearised"
+    )
     assert (lag.closure, lag.p_value, lag.amplitude_interval, lag.fitted_share) == (None, None, None, None)
     assert (lag.probability, lag.amplitude, lag.tested) == (0.0, 0.0, True)
     assert (shear.tested, shear.amplitude, shear.group) == (False, 0.0, "shear_stiffness")

@@ -150,6 +150,7 @@ def test_notes_say_what_the_figures_rest_on():
     assert points.startswith("Errors are root mean square distances")
     assert probabilities.startswith("Probabilities follow from the share of draws")
     assert base.startswith("The base model is fitted by a search of the diagnosis' own")
+    assert "One of its starts is the best refit with an effect." in base
     assert noise.startswith("The sensor's noise in this diagnosis is a distance in space")
 
 
@@ -160,6 +161,8 @@ def test_without_a_gap_nothing_is_refitted_and_the_floor_is_of_the_take_judged_o
     assert HELD_OUT < d.gap.floor_mm.value < 1.15 * HELD_OUT
     assert d.gap.base_mm.value == pytest.approx(HELD_OUT, rel=0.05)
     assert gate(d, "mesh and step").sentence.startswith("There is hardly a gap")
+    assert not any("refit with an effect" in note for note in d.notes)
+    assert not any("too little" in one.note for one in d.effects)  # without a gap, however much an effect explains
 
 
 def test_two_effects_are_named_with_the_twin_of_one_of_them():

@@ -43,6 +43,7 @@ def test_two_effects_are_named_with_their_sizes_and_judged_on_the_held_out_take(
     for name in d.named:
         assert short(finding(d, name).amplitude) in d.sentence
     assert d.notes[2].startswith("Probabilities are masses of the sets of effects")
+    assert not any("best refit with an effect" in note for note in d.notes)  # the base fit is what it was before
 
 
 def test_a_probability_is_the_mass_of_every_set_with_the_effect_and_a_twin_stands_beside_the_named_one():

@@ -300,9 +300,9 @@ def test_effects_with_a_closure_or_a_name_are_refitted_and_the_others_are_counte
     drag, hem, offset, slip = diagnosis().effects
     hem = msgspec.structs.replace(hem, closure=None)
     page = words_on(sections.effects(diagnosis(effects=[drag, hem, offset, slip], named=["hem"])))
-    assert "1 effect of which the residual shows too little for a refit" in page
+    assert "1 effect not chosen for a refit" in page
     page = words_on(sections.effects(diagnosis(effects=[drag, hem, offset, slip], named=[])))
-    assert "2 effects of which the residual shows too little for a refit" in page
+    assert "2 effects not chosen for a refit" in page
     alone = sections.effects(diagnosis(effects=[slip], named=[]))
     assert "everything fitted again" not in words_on(alone)
     assert "<details open" in str(alone)

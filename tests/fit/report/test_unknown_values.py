@@ -106,6 +106,10 @@ def test_an_effect_that_was_asked_for_and_may_be_absent_is_told_by_its_interval_
     told = as_text(diagnosis_tables(diagnosis(), ("hem", "air_drag")))
     assert "With hem (-0.001 to 0.009 kg/m, 90 % interval): closes 8 % of the gap [-2 to 15 %] (p = 0.210)." in told
     assert "With air_drag at 1.31: closes 87 % of the gap" in told
+    drag = next(e for e in diagnosis().effects if e.id == "air_drag")
+    for p_value, words in ((0.0004, "(p < 0.001)."), (0.001, "(p = 0.001)."), (1.0, "(p = 1.000).")):
+        tested = diagnosis(effects=[msgspec.structs.replace(drag, p_value=p_value)])
+        assert words in as_text(diagnosis_tables(tested, ("air_drag",)))
 
 
 @pytest.mark.parametrize(

@@ -161,13 +161,19 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
             f"{evidence.observer.library[name].title} ({with_unit(evidence, name, likeliest)})"
             for name in likeliest.effects
         )
-        return Verdict("unknown", [], f"{gap} The likeliest is {sizes}, and its size may be nothing.")
+        unsure = "There is a gap, and no effect in the library explains it for sure."
+        whose = "its size" if len(likeliest.effects) == 1 else "the size of one of them"
+        said = f"{unsure} {figures} The likeliest is {sizes}, and {whose} may be nothing."
+        return Verdict("unknown", [], said)
     if unknown >= named or hypothesis is None:
         return Verdict("unknown", [], gap + describe_held_edge(evidence))
     if closed is not None and closed.value < SMALLEST_CLOSURE:
         titles = " and ".join(evidence.observer.library[name].title for name in best)
         share = f"{100 * closed.value:z.0f} %"
-        more = f" On the fitted motion {titles} would close the gap; on the held-out motion {share} of the gap closes."
+        more = f" {titles[0].upper()}{titles[1:]} would close {share} of the gap."
+        if evidence.is_held_out:
+            fitted = f" On the fitted motion {titles} would close the gap"
+            more = f"{fitted}; on the held-out motion {share} of the gap closes."
         return Verdict("unknown", [], gap + more)
     others = {name: _instead(shares, best, name) for name in best}
     return _named(evidence, found, hypothesis, {name: held for name, held in others.items() if held})

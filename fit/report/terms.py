@@ -22,6 +22,14 @@ OF_A_DIAGNOSIS = {
     "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
     "found may still be there below this. Without a figure, the recording could not have shown the effect.",
 }
+# In place of those above, where evidence decided: no p-value is computed, and the judged takes change no interval.
+BY_EVIDENCE = {
+    "Probability": "The mass of the sets of effects that hold the effect, weighed on the takes fitted to. All sets "
+    "and an unknown cause are 100 % together.",
+    "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
+    "maybe not there.",
+}
+NO_P_VALUE = "p-value"  # the term that `BY_EVIDENCE` leaves out
 OF_PARAMETERS = {
     "90 % interval": "Of a fitted value, if the model is right. The interval covers the takes' noise and the local "
     "minima that the search found. The interval covers neither missing physics nor the mesh's error. The interval of "
@@ -35,4 +43,7 @@ OF_PARAMETERS = {
 
 def reading(diagnosis: Diagnosis | None) -> Markup:
     """Return the section that explains the terms used on the page."""
-    return piece("parts.html", "reading", (OF_A_DIAGNOSIS if diagnosis is not None else {}) | OF_PARAMETERS)
+    known = OF_A_DIAGNOSIS if diagnosis is not None else {}
+    if diagnosis is not None and diagnosis.options.get("--by") == "evidence":
+        known = {term: said for term, said in (OF_A_DIAGNOSIS | BY_EVIDENCE).items() if term != NO_P_VALUE}
+    return piece("parts.html", "reading", known | OF_PARAMETERS)

@@ -83,6 +83,10 @@ def test_an_effect_that_closes_little_on_other_motion_is_no_cause():
     verdict = decide_by_mass(evidence_of({"air_drag": 11.0}), found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)}))
     assert (verdict.verdict, verdict.named) == ("unknown", [])
     assert "on the held-out motion 19 % of the gap closes." in verdict.sentence
+    judged_on_the_same = dataclasses.replace(evidence_of({"air_drag": 11.0}), is_held_out=False)
+    said = decide_by_mass(judged_on_the_same, found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)})).sentence
+    assert said.endswith(" Air drag would close 19 % of the gap.")
+    assert "on the held-out motion" not in said
 
 
 def test_an_effect_whose_size_may_be_nothing_is_not_named():
@@ -91,6 +95,7 @@ def test_an_effect_whose_size_may_be_nothing_is_not_named():
     assert (verdict.verdict, verdict.named) == ("unknown", [])
     assert "The likeliest is air drag (" in verdict.sentence
     assert "its size may be nothing" in verdict.sentence
+    assert verdict.sentence.startswith("There is a gap, and no effect in the library explains it for sure. ")
     # Where the base model is within the noise as well, there is no gap to explain.
     assert decide_by_mass(evidence_of({"air_drag": 5.0}, base=5.2, sizes=0.01), shares).verdict == "none"
 

@@ -113,6 +113,16 @@ def test_terms_say_what_a_probability_and_more_than_all_of_a_gap_mean():
     assert "more means that less is left than the noise" in page
 
 
+def test_terms_of_a_verdict_by_evidence_tell_of_masses_and_of_no_test():
+    for by, is_tested in (({}, True), ({"--by": "rules"}, True), ({"--by": "evidence"}, False)):
+        page = str(terms.reading(diagnosis(options=by)))
+        assert ("p-value" in page) == is_tested
+        assert ("where the judged takes do not confirm" in page) == is_tested
+        assert ("weighed on the takes fitted to" in page) != is_tested
+        assert ("It is no test" in page) == is_tested
+        assert "An interval that includes zero" in page
+
+
 def test_after_a_fit_of_takes_without_motion_no_diagnosis_is_proposed():
     time, garment = np.arange(0, 3, 1 / 30), sheet()
     still = take_of(garment, time, swing(time, amplitude=0.0), hung(garment, time), name="still")

@@ -75,24 +75,19 @@ def _columns(paths: Sequence[Path]) -> list[_Column]:
     """
     if len(paths) < 2:
         raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
-    found: list[_Column] = []
-    is_diagnosis = _are_diagnoses(paths)
-    for path in paths:
-        found.append(_column(path, is_diagnosis=is_diagnosis))
-        if found[-1].kind != found[0].kind:
+    found = [_column(path) for path in paths]
+    if {one.kind for one in found} == {"fit", "diagnosis"}:  # a folder that holds both may have been meant either way
+        found = [
+            one if one.kind == "diagnosis" else _column(path, is_diagnosis=True)
+            for path, one in zip(paths, found, strict=True)
+        ]
+    for path, one in zip(paths, found, strict=True):
+        if one.kind != found[0].kind:
             raise FitError(
-                f"is a {found[-1].kind}, and {paths[0]} is a {found[0].kind}", where=path,
+                f"is a {one.kind}, and {paths[0]} is a {found[0].kind}", where=path,
                 advice="compare things of one kind",
             )  # fmt: skip
     return found
-
-
-def _are_diagnoses(paths: Sequence[Path]) -> bool:
-    """Return whether diagnoses are compared although a folder holds a fit too: another folder or file has none."""
-    folders = [results_in(path) for path in paths if path.is_dir()]
-    files = [path for path in paths if not path.is_dir()]
-    has_alone = any(one.fit is None for one in folders) or any(path.name.startswith("diagnosis.") for path in files)
-    return has_alone and all(one.diagnosis is not None for one in folders)
 
 
 def _column(path: Path, *, is_diagnosis: bool = False) -> _Column:

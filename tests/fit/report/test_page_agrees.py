@@ -95,7 +95,8 @@ def test_a_folder_of_both_is_compared_by_its_diagnosis_with_one_of_a_diagnosis_a
         save_diagnosis(tmp_path / name / "diagnosis.json", diagnosis())
     for name in ("both", "fit"):
         save_fit_result(tmp_path / name / "fit.json", fit_result())
-    for pair in (("both", "alone"), ("alone", "both"), ("both", "alone/diagnosis.json")):
+    (tmp_path / "kept.json").write_bytes((tmp_path / "alone/diagnosis.json").read_bytes())
+    for pair in (("both", "alone"), ("alone", "both"), ("both", "alone/diagnosis.json"), ("both", "kept.json")):
         assert re.search(r"^verdict +effect +effect$", hangtime_here("compare", *pair, folder=tmp_path).stdout, re.M)
     assert "method" in hangtime_here("compare", "both", "fit", folder=tmp_path).stdout
     assert hangtime_here("compare", "alone", "fit", folder=tmp_path).returncode == 2

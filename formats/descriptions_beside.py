@@ -128,37 +128,38 @@ def described_beside(
                     prepared_name(take, name).unlink(missing_ok=True)
                     continue
                 with contextlib.suppress(OSError):  # it stays, and whoever reads the take names it
-                    _keep_replaced(folder / name, tell_aside)
-                    give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
+                    _put_beside(take, name, tell_aside, overwrite=overwrite)
             raise
         for name in changed:
             try:
-                _keep_replaced(folder / name, tell_aside)
-                give_name(prepared_name(take, name), folder / name, may_replace=overwrite)
+                _put_beside(take, name, tell_aside, overwrite=overwrite)
             except OSError as error:
                 tell_left(name, _irreplaceable(take, name, error))
         if changed:
             sync_folder(folder)
 
 
-def _keep_replaced(path: Path, tell_aside: TellAside | None) -> None:
-    """Give a file that a person may have written a second name before an import replaces it: `garment.kept-1.toml`.
+def _put_beside(take: Path, name: str, tell_aside: TellAside | None, *, overwrite: bool) -> None:
+    """Give a prepared description its final name; a file there by a person becomes `garment.kept-1.toml`.
 
     Raises:
-        OSError: it cannot get a second name.
+        OSError: it cannot be renamed, or the file there cannot be kept.
     """
-    if not os.path.lexists(path) or not _may_be_by_hand(path):
-        return
-    for number in itertools.count(1):
-        aside = path.with_name(f"{path.stem}.kept-{number}{path.suffix}")
-        if os.path.lexists(aside):
-            continue
+    path, aside = take.with_name(name), None
+    if overwrite and os.path.lexists(path) and _may_be_by_hand(path):
+        every = (path.with_name(f"{path.stem}.kept-{number}{path.suffix}") for number in itertools.count(1))
+        aside = next(one for one in every if not os.path.lexists(one))
         try:
             os.link(path, aside, follow_symlinks=False)
         except OSError:  # a file system without hard links
             shutil.copy2(path, aside, follow_symlinks=False)
-        break
-    if tell_aside is not None:
+    try:
+        give_name(prepared_name(take, name), path, may_replace=overwrite)
+    except OSError:
+        if aside is not None:
+            aside.unlink()
+        raise
+    if aside is not None and tell_aside is not None:
         tell_aside(path, aside)
 
 

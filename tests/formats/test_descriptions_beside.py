@@ -221,6 +221,12 @@ def test_a_description_that_cannot_be_replaced_leaves_the_take_its_name_and_is_r
         "and a.mcap is there; remove it, or have its owner do so, then rename a.garment.toml.partial to garment.toml\n"
     )
     assert (tmp_path / "takes/garment.toml").read_text() == dump_description(GARMENT)
+    by_hand = tmp_path / "by-hand"
+    by_hand.mkdir()
+    (by_hand / "garment.toml").write_text(f"# weighed wet\n{dump_description(GARMENT)}")
+    done = hangtime_here("import", "a.npz", "--out", "by-hand", "--overwrite", folder=tmp_path)
+    assert "put aside" not in done.stdout  # since nothing replaced it
+    assert not list(by_hand.glob("*.kept-*"))
     monkeypatch.undo()
     assert settle(tmp_path / "takes") == []
     (tmp_path / "takes/garment.toml").unlink()

@@ -157,13 +157,16 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
     widths = Counter(rows.count_cells())
     width = max(widths, key=lambda one: widths[one], default=0)
     for at, line in enumerate(rows.lines):
-        text = rows.with_hyphens(line)
+        text, end, cells = rows.with_hyphens(line), rows.separator, list[str]()
+        if '"' in text:
+            cells = [cell.strip() for cell in rows[at]]
+            if not any("\t" in cell for cell in cells):
+                text, end = "\t".join(cells), "\t"
         signs: list[str | None] = [None, None]
-        end, text = rows.in_tabs(at) if '"' in text else (rows.separator, text)
         if '"' not in text and end != ",":
             signs = [sign_of_line(text, end, one.decimal) for one in readings]
         if signs == [None, None]:
-            cells = [cell.strip() for cell in rows[at]]
+            cells = cells or [cell.strip() for cell in rows[at]]
             if len(cells) >= width and all(map(_is_of_a_frame, cells)):
                 for one in readings:
                     one.take(cells)

@@ -16,13 +16,14 @@ FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval{of_each}. Many values in it follow the takes equally well, and "
     "rounding may decide at which of them a search ends. So tables show none."
 )
+LOOKS_FOR_ONE = "hangtime diagnose looks for one"
 STOPPED_AT_BOUND = (
     f"{BOUND_NOTE} {{names}}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
-    "--bounds only narrows the range. A missing effect may drive it there: hangtime diagnose looks for one."
+    f"--bounds only narrows the range. A missing effect may drive it there: {LOOKS_FOR_ONE}."
 )
 STOPPED_AT_BOUNDS = (  # where they are several
     f"{BOUND_NOTE} {{names}}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
-    "cloth. --bounds only narrows a range. A missing effect may drive them there: hangtime diagnose looks for one."
+    f"cloth. --bounds only narrows a range. A missing effect may drive them there: {LOOKS_FOR_ONE}."
 )
 NEVER_MOVED = (
     "Warning: {search} found no candidate better than its start, so every value is the start's. Give more "
@@ -40,7 +41,6 @@ LOWERED_FIGURE = {
     ),
 }
 LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
-LOOKS_FOR_ONE = "hangtime diagnose looks for one"  # as the notes on bounds end
 MORE_TAKES = "fit to takes of this kind of motion as well"
 
 

@@ -20,7 +20,7 @@ from fit.gap.floor import neighbour_noise
 from fit.gap.hypotheses import shortlist
 from fit.gap.rounds import Rounds
 from fit.gap.screening import ended_at, screen
-from fit.methods import LEAN, SI
+from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.observer.simulation_error import motion_mm
 from fit.recordings.recording import prepare
@@ -395,10 +395,3 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch)
     monkeypatch.setattr("fit.gap.diagnosis.physics_version", lambda: "another")
     with pytest.raises(FitError, match="another version of Hangtime"):
         diagnose(takes[:1], takes[1:], checkpoint=folder, **options)
-
-
-def test_the_lean_model_leaves_shear_to_the_library():
-    row = LEAN.to_materials(LEAN.initial[None], 0.2)[0]
-    assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
-    names = {p.name for p in LEAN.parameters}
-    assert not {e.in_base for e in LIBRARY if e.in_base} & names

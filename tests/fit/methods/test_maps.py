@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fit.cloth import material as mat
+from fit.effects import LIBRARY
 from fit.errors import FitError
 from fit.methods import (
     KINECT_SKIRT,
@@ -226,3 +227,10 @@ def test_the_kinect_map_by_hand():
     row = find_method("kinect-skirt").to_materials(KINECT_SKIRT.initial[None], 0.2)[0]
     assert row[:7] == pytest.approx([0.2, 300.0, 30.0, 2e-5, 3e-6, 1.2e-3, 0.5 + 1.28233], rel=1e-4)
     assert not row[7:].any()  # what effects switch on
+
+
+def test_the_lean_model_leaves_shear_to_the_library():
+    row = LEAN.to_materials(LEAN.initial[None], 0.2)[0]
+    assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
+    names = {p.name for p in LEAN.parameters}
+    assert not {e.in_base for e in LIBRARY if e.in_base} & names

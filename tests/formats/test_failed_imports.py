@@ -61,7 +61,6 @@ def test_an_archive_that_the_disk_has_no_room_for_leaves_nothing_and_replaces_no
     assert all_below(desk) == before
 
 
-@pytest.mark.unmutated
 def test_a_folder_of_takes_without_permission_stays_as_it_is(desk):
     (desk / "mine").chmod(0o555)
     before = all_below(desk)

@@ -92,7 +92,6 @@ def assert_refused(desk, words, option, sentence):
     assert held_in(desk) == before
 
 
-@pytest.mark.unmutated
 def test_an_unfinished_take_and_a_rig_without_permission_are_reported_as_such(desk):
     """The take also where another one is there; neither says that the rig is another one."""
     for name in ("o/m.mcap.partial", "rigged/rig.toml"):
@@ -114,7 +113,6 @@ def test_an_unfinished_take_and_a_rig_without_permission_are_reported_as_such(de
     assert (desk / "o/m.left-1.mcap.partial").read_text() == "mine"
 
 
-@pytest.mark.unmutated
 def test_a_link_into_a_locked_folder_stops_no_other_recording(desk):
     """Where the garment goes beside a take; `--overwrite` replaces the link."""
     (desk / "locked").mkdir()

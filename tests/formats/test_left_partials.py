@@ -40,7 +40,6 @@ def test_a_file_that_is_unreadable_now_is_put_aside_as_well(raw, tmp_path, made)
     assert (tmp_path / "t.left-1.mcap.partial").read_bytes() == left
 
 
-@pytest.mark.unmutated
 def test_one_that_may_not_be_read_and_written_is_reported_as_such_and_stays(raw, tmp_path):
     """A rename would need no such permission, and would take the file from a recording that somebody else runs."""
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))

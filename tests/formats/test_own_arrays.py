@@ -171,7 +171,6 @@ def test_a_pipe_is_no_export(tmp_path):
     assert "a.npz" in done.stderr
 
 
-@pytest.mark.unmutated
 def test_recordings_in_a_folder_without_permission_keep_no_other_from_being_imported(tmp_path):
     exported(tmp_path)
     hangtime_here("swatch", "g.toml", "--mass", "0.05", folder=tmp_path)

@@ -63,7 +63,6 @@ def test_an_output_that_cannot_be_is_refused_before_the_inputs_are_read(tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["damaged.mcap"]
 
 
-@pytest.mark.unmutated
 def test_a_locked_folder_is_refused_before_the_inputs_are_read(tmp_path):
     """No input is there, so that each command would have named it otherwise."""
     (tmp_path / "locked").mkdir(mode=0o555)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from formats.archive import read_take, verify_take, write_take
 from formats.chunks import Findings, messages_in
@@ -59,7 +58,6 @@ def test_recover_makes_room_in_a_full_header_for_what_is_missing(tmp_path):
     assert after.notes["long"].endswith("é [cut]")
 
 
-@pytest.mark.unmutated
 def test_recover_goes_on_after_a_file_that_cannot_be_written_and_reports_each(tmp_path):
     for name in "abc":
         (tmp_path / name).mkdir()

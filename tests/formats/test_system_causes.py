@@ -95,7 +95,6 @@ def test_every_writer_of_a_folder_asks_for_the_same_step(tmp_path, path, step):
     assert refused.value.advice == "make its folder first, or give another path"
 
 
-@pytest.mark.unmutated
 def test_an_export_under_a_long_name_and_into_a_locked_folder_says_the_true_cause(tmp_path):
     write_take(tmp_path / "a.mcap", a_take(20))
     (tmp_path / f"{LONG}.mcap").hardlink_to(tmp_path / "a.mcap")

@@ -27,7 +27,6 @@ def desk(tmp_path):
     return tmp_path
 
 
-@pytest.mark.unmutated
 def test_of_five_takes_three_that_cannot_be_read_keep_no_command_from_the_other_two(desk):
     """Before, one locked take ended the command, by a look ahead of Typer's own, before any take was read."""
     takes = ("a.mcap", *BAD, "b.mcap")
